@@ -120,7 +120,7 @@ def _sweep() -> dict[str, Any]:
     from guidance.extras import require  # noqa: PLC0415
 
     require("schema sweep", "sim")
-    from guidance.sweeps.sweep_file import Sweep  # noqa: PLC0415 - slow import
+    from guidance.sweeps.plan import Sweep  # noqa: PLC0415 - slow import
 
     return _titled("Sweep", Sweep.model_json_schema())
 

@@ -1,4 +1,4 @@
-"""`guidance sweep` and `compare`: a scenario played a million times over, its report, and two of them side by side."""
+"""`guidance sweep` and `guidance compare`: one scenario played with many values, its report, and comparisons."""
 
 import signal
 import sys
@@ -12,10 +12,10 @@ from guidance.extras import require
 
 
 class _FileFirst(CommandGroup):
-    """`guidance sweep FILE` is `guidance sweep run FILE`, and its help is that of both."""
+    """Makes `guidance sweep FILE` run `guidance sweep run FILE`, and prints the help of both."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - click's
-        """Print the help of `guidance sweep FILE`, then the other commands."""
+        """Print the help of `guidance sweep FILE`, then that of the other commands."""
         command = self.commands["run"]
         command.format_help(command.context_class(command, info_name=ctx.info_name, parent=ctx.parent), formatter)
         super().format_help(ctx, formatter)
@@ -29,25 +29,25 @@ class _FileFirst(CommandGroup):
 sweep = typer.Typer(
     cls=_FileFirst,
     rich_markup_mode="markdown",
-    help="Play a scenario many times with its keys varied: `guidance sweep FILE`, then `guidance sweep report FOLDER`.",
+    help="Play a scenario with many values of its keys: `guidance sweep FILE`, then `guidance sweep report FOLDER`.",
 )
 
 
 @sweep.command()
 def run(
-    file: Annotated[str, typer.Argument(help="A sweep file, or the name of one that comes along: policies, barrier.")],
+    file: Annotated[str, typer.Argument(help="A sweep file, or one of the package: policies, barrier, flown, teams.")],
     way: Annotated[
-        str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights), in place of the file's.")
+        str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights); overrides the file.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes on this machine.", show_default="one a processor")
+        int | None, typer.Option(min=1, help="Processes on this machine.", show_default="one per processor")
     ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(
-            help="Address of a Dask cluster in place of them (extra `cluster`), tcp://HOST:PORT: who reaches it runs "
-            "code on its workers. With tls://HOST:PORT only who has a certificate does; ours is the one of Dask's "
-            "configuration (distributed.comm.tls)."
+            help="Address of a Dask scheduler, used instead of processes (extra `cluster`): tcp://HOST:PORT, or "
+            "tls://HOST:PORT with the certificate of Dask's configuration (distributed.comm.tls). Without TLS, anyone "
+            "who can reach the scheduler can run code on its workers."
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the rows.", show_default="sweeps/FILE-WAY")] = None,
@@ -55,15 +55,15 @@ def run(
         int | None,
         typer.Option(
             min=1,
-            help="Rows written at a time.",
-            show_default="about 10 s of work, and four chunks a worker at least; a flight each with --as fast",
+            help="Rows in one file.",
+            show_default="about 10 s of work, at least four chunks per worker; one flight with --as fast",
         ),
     ] = None,
 ) -> None:
     """Play every row of a sweep and write the rows as Parquet, chunk by chunk.
 
-    What was interrupted, even by kill -9, goes on with the same command: chunks that are there are not computed again.
-    The rows are the same on any number of workers. A row whose values allow no game is kept, with its reason.
+    To continue after an interruption, even by kill -9, run the same command: existing chunks are kept. The rows do not
+    depend on the number of workers. A row whose values allow no game is written with the reason.
 
     A sweep file names a scenario and any of its keys:
 
@@ -80,10 +80,13 @@ def run(
         "evader.position_m" = { disc = 40, about_m = [0.0, 50.0] }
         "pursuer.position_m[2]" = { uniform = [10.0, 60.0] }
 
-    Distributions: uniform, log_uniform, normal, choice, disc, annulus. Every key as in the scenario, with its unit.
+    Distributions: uniform, log_uniform, normal, choice, disc, annulus. Keys and units are those of the scenario.
 
-    - `guidance sweep policies`: one that comes along
-    - `guidance sweep policies --as fast --workers 2 --out flown`: the same, flown by the mock
+    Sweeps of the package: `policies` (ways to pursue, random states), `barrier` (who wins on which side), `flown`
+    (flights of the mock with a noisy sensor), `teams` (one to six pursuers against six evaders).
+
+    - `guidance sweep policies`: a sweep of the package
+    - `guidance sweep policies --as fast --workers 2 --out flown`: the same with flights of the mock
     - `python -c "import pyarrow.parquet as pq; print(pq.read_table('sweeps/policies-maths/rows'))"`: the rows
     """
     require("guidance sweep", "sim")
@@ -100,16 +103,18 @@ def run(
 
 @sweep.command()
 def report(
-    folder: Annotated[Path, typer.Argument(help="The folder that guidance sweep wrote; it need not be complete.")],
+    folder: Annotated[Path, typer.Argument(help="The folder of a sweep; it may be incomplete.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the report.", show_default="FOLDER/report")] = None,
-    worst: Annotated[int, typer.Option(min=0, help="Worst cases of each pair of policies, as scenario files.")] = 3,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what report.json holds.")] = False,
+    worst: Annotated[int, typer.Option(min=0, help="Worst games of each pair of policies, as scenario files.")] = 3,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the content of report.json.")] = False,
 ) -> None:
-    """Tell what came out: who captures how often, how much is lost against the game's value, and where it was worst.
+    """Report captures and regret for each pair of policies and each swept value.
 
-    For every pair of policies: how the games ended, the probability of capture with its 95 % interval (Wilson's), the
-    regret's mean with its 95 % interval (Student's t) and its quantiles. Writes report.json, pictures as PNG and PDF,
-    and the worst cases as scenario files, ready for `guidance fly` and `guidance scenario run`.
+    Regret is what the pursuer lost against the game's value. With one key on the grid, the report is a curve: captures,
+    mean regret, and its median with the spread from 5 % to 95 % of the games, for each value. With two keys it is a
+    map. 95 % intervals (Wilson's, Student's t) are given for random draws only. Reasons of invalid rows are listed.
+
+    Writes report.json, pictures as PNG and PDF, and the worst games as scenario files for `guidance scenario run`.
     """
     require("guidance sweep report", "sim", "plot")
     from guidance.sweeps.report import write_report  # noqa: PLC0415 - matplotlib takes a second
@@ -120,21 +125,21 @@ def report(
 
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="An outcome (JSON), or a sweep's folder.")],
-    b: Annotated[Path, typer.Argument(metavar="B", help="The same, to hold against it.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="Another of the same kind.")],
     column: Annotated[
-        str, typer.Option("--by", help="Column whose largest differences are listed (sweeps only).")
+        str, typer.Option("--by", help="Sweeps: list the rows with the largest differences in this column.")
     ] = "achieved",
-    rows: Annotated[int, typer.Option(min=0, help="How many of the largest differences are listed.")] = 10,
+    rows: Annotated[int, typer.Option(min=0, help="Sweeps: number of rows to list.")] = 10,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Hold two outcomes, or two sweeps, against each other; differences are B minus A.
+    """Compare two outcomes or two sweeps; differences are B minus A.
 
-    Two outcomes, as `guidance scenario run FILE --json` prints them: column by column. Two sweeps: the means of all
-    columns and the probability of capture, with 95 % intervals of their differences, and the rows that differ most.
-    Rows pair where both sweeps have the same values and seeds in them, and the intervals are then those of the paired
-    differences; else the two are taken as independent.
+    Outcomes, as `guidance scenario run FILE --json` writes them, are compared column by column. Sweeps are compared by
+    the share of captures and the means of all columns, with 95 % intervals of the differences, and by the rows that
+    differ most. If both vary the same values, rows with equal values and seeds are paired (Student's t of the paired
+    differences); otherwise the samples are independent (Welch's t).
 
-    - `guidance compare maths.json flown.json`: the same scenario, in mathematics and flown
+    - `guidance compare maths.json flown.json`: one scenario, played as maths and flown
     - `guidance compare sweeps/flown-maths sweeps/flown-fast`: the same for a sweep
     - `guidance compare old new --by regret --rows 20`: two versions of a policy
     """

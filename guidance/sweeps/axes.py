@@ -1,42 +1,47 @@
-"""An axis of a sweep: a key of the scenario with the values it takes, on a grid or at random, and its columns.
+"""An axis of a sweep: one key of the scenario, as `evader.position_m[0]`, with its values on a grid or at random.
 
-A key is named as `pursuer.speed_m_s` or `evader.position_m[0]`.
+A random draw depends on the seed and the key only. So it is equal for all policies, grid points and workers.
 """
 
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
+from scipy import stats
 
 from guidance.config import as_toml
 from guidance.errors import ConfigError
-from guidance.sweeps.distributions import DISTRIBUTIONS, Annulus, Distribution, distribution_of
+from guidance.strategies import uniform
+
+Seeds = NDArray[np.int64]
 
 _PART = re.compile(r"(?P<name>[a-z_][a-z0-9_]*)(?P<places>(\[\d+\])*)")
 
 _FIXED = {
     "title": "it names the scenario",
-    "description": "it says what the scenario is about",
-    "game": "give each game a sweep of its own, and compare the two",
-    "seed": "use seeds = 100, or a list of them",
+    "description": "it describes the scenario",
+    "game": "use one sweep for each game and compare them",
+    "seed": "use seeds = 100, or a list of seeds",
     "expect": "a sweep has a report and no expectations",
     "policy": "use policies = [{ pursuer = …, evader = … }]",
-    "waypoints_m": "it belongs to a policy; put it into the scenario",
-    "track": "it belongs to a policy; put it into the scenario",
+    "waypoints_m": "set it in the scenario, beside its policy",
+    "track": "set it in the scenario, beside its policy",
 }
-"""What is not swept, and what is to be done instead."""
+"""Keys that cannot be swept, and what to do instead."""
 
 _RANGE = {"from", "to", "count"}
 
 
 class Key(NamedTuple):
-    """A key of a scenario: its text, and the way to it by name and place."""
+    """A key of a scenario: its text, and its path of names and places."""
 
     text: str
     path: tuple[str | int, ...]
@@ -47,16 +52,16 @@ class Key(NamedTuple):
 
 
 def key_of(text: str) -> Key:
-    """Read a key's name.
+    """Parse a key.
 
     Raises:
-        ConfigError: If it is none, or one that is not swept.
+        ConfigError: If it is not a key, or cannot be swept.
     """
     path: list[str | int] = []
     for part in text.split("."):
         found = _PART.fullmatch(part)
         if found is None:
-            raise ConfigError(f"{text!r}: must be a scenario's key as in pursuer.speed_m_s or evader.position_m[0]")
+            raise ConfigError(f"{text!r}: must be a scenario's key, as pursuer.speed_m_s or evader.position_m[0]")
         path.append(found["name"])
         path.extend(int(place) for place in re.findall(r"\d+", found["places"]))
     names = [part for part in path if isinstance(part, str)]
@@ -66,23 +71,66 @@ def key_of(text: str) -> Key:
     return Key(text, tuple(path))
 
 
-def placed(node: Any, path: tuple[str | int, ...], value: Any) -> Any:  # noqa: ANN401 - any part of a document
-    """Return a copy of a part of a document with a value at a path; nothing that is given is changed.
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A continuous distribution of SciPy. A draw outside a key's range makes an invalid row.
 
-    Raises:
-        LookupError: If an element is asked for where there is no vector, or beyond its end.
+    Attributes:
+        frozen: SciPy's distribution with its parameters.
     """
-    if not path:
-        return value
-    head, rest = path[0], path[1:]
-    if isinstance(head, int):
-        if not isinstance(node, (list, tuple)) or head >= len(node):
-            raise LookupError(head)
-        elements = list(node)
-        elements[head] = placed(elements[head], rest, value)
-        return elements
-    section = node or {}
-    return {**section, head: placed(section.get(head), rest, value)}
+
+    frozen: Any
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """Draw one value for each seed."""
+        # Rounding can put a draw just outside the support.
+        return list(np.clip(self.frozen.ppf(uniform(seed, stream, 0)), *self.frozen.support()).tolist())
+
+    def extremes(self) -> list[Any]:
+        """Return the bounds, or the median of an unbounded distribution."""
+        ends = [float(end) for end in self.frozen.support()]
+        return ends if all(map(math.isfinite, ends)) else [float(self.frozen.median())]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One of several equally likely values."""
+
+    values: tuple[Any, ...]
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """Draw one value for each seed."""
+        places = (uniform(seed, stream, 0) * len(self.values)).astype(int)
+        return [self.values[place] for place in places.tolist()]
+
+    def extremes(self) -> list[Any]:
+        """Return all values."""
+        return list(self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class Annulus:
+    """A position (x, y), m, uniform by area between two radii about a centre."""
+
+    inner_m: float
+    outer_m: float
+    centre_m: tuple[float, float]
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """Draw one position for each seed."""
+        inner, outer = self.inner_m**2, self.outer_m**2
+        radius = np.sqrt(inner + (outer - inner) * uniform(seed, stream, 0))
+        angle = 2.0 * np.pi * uniform(seed, stream, 1)
+        x, y = self.centre_m
+        return list(np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist())
+
+    def extremes(self) -> list[Any]:
+        """Return the outermost positions along both axes."""
+        (x, y), r = self.centre_m, self.outer_m
+        return [[x + r, y], [x - r, y], [x, y + r], [x, y - r]]
+
+
+Distribution: TypeAlias = Number | Choice | Annulus
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +139,8 @@ class Axis:
 
     Attributes:
         key: Of the scenario.
-        values: On a grid; empty if drawn at random.
-        distribution: What it is drawn from at random; None on a grid.
+        values: On a grid; empty for a random axis.
+        distribution: Of a random axis; None on a grid.
     """
 
     key: Key
@@ -101,15 +149,15 @@ class Axis:
 
     @property
     def stream(self) -> int:
-        """The key's own stream of random numbers, whatever else is swept."""
+        """Number of the key's own stream of random numbers."""
         return int.from_bytes(blake2b(self.key.text.encode(), digest_size=7).digest(), "big")
 
     def extremes(self) -> list[Any]:
-        """Values to check before anything runs: all of a grid's, a distribution's bounds."""
+        """Return the values to check before anything runs."""
         return list(self.values) if self.distribution is None else self.distribution.extremes()
 
     def settings(self, value: Any) -> Iterator[tuple[Key, Any]]:  # noqa: ANN401 - any value of a scenario's key
-        """What a value sets: a place at random sets x and y and leaves the height."""
+        """Yield the keys that a value sets; an annulus sets x and y and keeps the height."""
         if isinstance(self.distribution, Annulus):
             yield self.key.at(0), value[0]
             yield self.key.at(1), value[1]
@@ -118,18 +166,18 @@ class Axis:
 
     @property
     def width(self) -> int:
-        """How many columns a vector has of its own; 0 for one column."""
+        """Number of columns of a vector, one for each element; 0 for a single column."""
         shapes = {len(value) if _is_vector(value) else 0 for value in self.extremes()}
         return shapes.pop() if len(shapes) == 1 else 0
 
     def columns(self) -> dict[str, pa.DataType]:
-        """The columns that show the values, one for each element of a vector."""
+        """Return names and types of the columns that hold the values."""
         if self.width:
             return {self.key.at(place).text: pa.float64() for place in range(self.width)}
         return {self.key.text: _type_of(self.extremes())}
 
     def cells(self, values: Sequence[Any]) -> Iterator[pa.Array]:
-        """Values as columns, in the order of `columns`."""
+        """Yield values as columns, in the order of `columns`."""
         if self.width:
             table = np.array(values, dtype=np.float64).reshape(len(values), self.width)
             yield from (pa.array(column) for column in table.T)
@@ -141,10 +189,10 @@ class Axis:
 
 
 def grid_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
-    """Read an axis of the grid: a list of values, or `{ from = 1, to = 5, count = 9 }`.
+    """Parse an axis of the grid: a list of values, or `{ from = 1, to = 5, count = 9 }`.
 
     Raises:
-        ConfigError: If it is neither, or the key is none that is swept.
+        ConfigError: If it is neither, or the key cannot be swept.
     """
     key = key_of(text)
     if isinstance(spec, Mapping):
@@ -158,33 +206,33 @@ def grid_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
     return Axis(key, tuple(spec))
 
 
-def random_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401
-    """Read an axis drawn at random; see `distribution_of`.
+def random_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
+    """Parse a random axis: `{ uniform = [1, 5] }`, `{ disc = 40, about_m = [0, 10] }`.
 
     Raises:
-        ConfigError: If it is none, or the key is none that is swept.
+        ConfigError: If the distribution is unknown or its numbers are wrong, or the key cannot be swept.
     """
     key = key_of(text)
-    distribution = distribution_of(text, spec if isinstance(spec, Mapping) else {str(spec): None})
+    distribution = _distribution(text, spec if isinstance(spec, Mapping) else {str(spec): None})
     if isinstance(distribution, Annulus) and not str(key.path[-1]).endswith("position_m"):
         raise ConfigError(
-            f"random.{text} = {as_toml(spec)}: a disc or an annulus is a place: for pursuer.position_m or "
+            f"random.{text} = {as_toml(spec)}: a disc or an annulus is a position: use it for pursuer.position_m or "
             "evader.position_m as a whole; give each number of another key its own distribution"
         )
     return Axis(key, distribution=distribution)
 
 
 def flat(table: Mapping[str, Any], prefix: str = "", *, tables: bool = False) -> dict[str, Any]:
-    """Bring `pursuer.speed_m_s = …`, which TOML takes for tables in tables, back to whole keys.
+    """Turn nested tables, as TOML reads `pursuer.speed_m_s = …`, into keys with dots.
 
     Args:
         table: Of a sweep file.
-        prefix: The tables around it.
-        tables: Whether the values are tables, as distributions are; one with a value in it is a value then.
+        prefix: Names of the enclosing tables.
+        tables: Whether the values are tables, as distributions are.
     """
     found: dict[str, Any] = {}
     for name, value in table.items():
-        inner = isinstance(value, Mapping) and not set(value) & {*_RANGE, *DISTRIBUTIONS} and bool(value)
+        inner = isinstance(value, Mapping) and not set(value) & {*_RANGE, *_KINDS} and bool(value)
         if inner and not (tables and any(not isinstance(part, Mapping) for part in value.values())):
             found |= flat(value, f"{prefix}{name}.", tables=tables)
         else:
@@ -192,22 +240,93 @@ def flat(table: Mapping[str, Any], prefix: str = "", *, tables: bool = False) ->
     return found
 
 
+def _distribution(name: str, table: Mapping[str, Any]) -> Distribution:
+    kinds = [kind for kind in table if kind in _KINDS]
+    if len(kinds) != 1 or set(table) - {kinds[0], "about_m"}:
+        allowed = "; ".join(form for _, form in _KINDS.values())
+        raise ConfigError(f"random.{name} = {as_toml(table)}: must be one of {allowed}")
+    read, form = _KINDS[kinds[0]]
+    if "about_m" in table and kinds[0] not in {"disc", "annulus"}:
+        raise ConfigError(f"random.{name}.about_m: only with disc or annulus")
+    try:
+        return read(table)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"random.{name} = {as_toml(table)}: must be {form}") from error
+
+
+def _pair(value: Any) -> tuple[float, float]:  # noqa: ANN401 - from a file
+    low, high = map(_number, value)
+    if not math.isfinite(low + high):
+        raise ValueError
+    return low, high
+
+
+def _rising(value: Any, *, above: float = -math.inf) -> tuple[float, float]:  # noqa: ANN401 - from a file
+    low, high = _pair(value)
+    if not above < low < high:
+        raise ValueError
+    return low, high
+
+
+def _uniform(table: Mapping[str, Any]) -> Distribution:
+    low, high = _rising(table["uniform"])
+    return Number(stats.uniform(low, high - low))
+
+
+def _normal(table: Mapping[str, Any]) -> Distribution:
+    mean, deviation = _pair(table["normal"])
+    if deviation <= 0.0:
+        raise ValueError
+    return Number(stats.norm(mean, deviation))
+
+
+def _choice(table: Mapping[str, Any]) -> Distribution:
+    if not isinstance(table["choice"], list) or not table["choice"]:
+        raise ValueError
+    return Choice(tuple(table["choice"]))
+
+
+def _annulus(table: Mapping[str, Any]) -> Distribution:
+    inner, outer = _pair((0.0, table["disc"]) if "disc" in table else table["annulus"])
+    if not 0.0 <= inner < outer:
+        raise ValueError
+    return Annulus(inner, outer, _pair(table.get("about_m", (0.0, 0.0))))
+
+
+_KINDS: Final[Mapping[str, tuple[Callable[[Mapping[str, Any]], Distribution], str]]] = MappingProxyType(
+    {
+        "uniform": (_uniform, "{ uniform = [low, high] } with low < high"),
+        "log_uniform": (
+            lambda table: Number(stats.loguniform(*_rising(table["log_uniform"], above=0.0))),
+            "{ log_uniform = [low, high] } with 0 < low < high",
+        ),
+        "normal": (_normal, "{ normal = [mean, deviation] } with a deviation above 0"),
+        "choice": (_choice, "{ choice = [value, …] }"),
+        "disc": (_annulus, "{ disc = radius } in m, with about_m = [x, y] if its centre is not zero"),
+        "annulus": (
+            _annulus,
+            "{ annulus = [inner, outer] } in m, 0 <= inner < outer, with about_m = [x, y] if its centre is not zero",
+        ),
+    }
+)
+
+
 def _spaced(text: str, spec: Mapping[str, Any]) -> tuple[float, ...]:
     begin, end = (_number(spec.get(name)) for name in ("from", "to"))
     count = spec.get("count")
     if set(spec) != _RANGE or not math.isfinite(begin - end) or not isinstance(count, int) or count < 2 or begin == end:
         raise ConfigError(
-            f"grid.{text} = {as_toml(spec)}: must be {{ from = …, to = …, count = … }}: two different numbers, and how "
-            "many values, 2 at least, are spread evenly from one to the other"
+            f"grid.{text} = {as_toml(spec)}: must be {{ from = …, to = …, count = … }}: two different numbers, and the "
+            "number of evenly spaced values, at least 2"
         )
     return tuple(np.linspace(begin, end, count).tolist())
 
 
-def _number(value: Any) -> float:  # noqa: ANN401
+def _number(value: Any) -> float:  # noqa: ANN401 - from a file
     return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else math.nan
 
 
-def _is_vector(value: Any) -> bool:  # noqa: ANN401
+def _is_vector(value: Any) -> bool:  # noqa: ANN401 - from a file
     return isinstance(value, list) and bool(value) and all(isinstance(one, (int, float)) for one in value)
 
 

@@ -1,35 +1,29 @@
-"""`guidance compare`: two outcomes or two sweeps, what differs by row and by statistic. Differences are B − A."""
+"""`guidance compare`: two outcomes or two sweeps, by row and by statistic. Differences are B − A."""
 
-import heapq
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from pyarrow import parquet
+import pyarrow.compute as pc
+from numpy.typing import NDArray
 from rich.table import Table
+from scipy import stats
 
 from guidance.errors import ConfigError
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
-from guidance.sweeps.folder import Folder, read_folder
-from guidance.sweeps.pairing import pair_numbers, paired, rows_pair
-from guidance.sweeps.plan import ROW
-from guidance.sweeps.statistics import (
-    NONE,
-    Interval,
-    Moments,
-    difference_of_means,
-    difference_of_shares,
-    mean,
-    share,
-)
+from guidance.sweeps.folder import PAIR, POINT, SEED, Folder, read_folder
+from guidance.sweeps.plan import ROW, Plan
 
+Array = NDArray[np.float64]
+
+CONFIDENCE: Final = 0.95
+CAPTURED: Final = "captured"
 COLUMNS: Final = (
     "predicted",
     "achieved",
@@ -42,162 +36,140 @@ COLUMNS: Final = (
 )
 """Columns whose means are compared."""
 
-CAPTURED: Final = "captured"
-_READ: Final = [ROW, "end", *COLUMNS]
+_MAY_DIFFER: Final = {"scenario", "policies", "title", "description", "as", "seeds", "rows"}
+"""Keys of two sweep files that may differ if their rows are to be paired."""
 
 
-@dataclass(slots=True)
-class RowGroup:
-    """Rows of one pair of policies in A and of that in B which it is held against.
+class Interval(NamedTuple):
+    """An estimate with its 95 % confidence interval; NaN if unknown."""
 
-    Attributes:
-        a: Name of the policies in A.
-        b: Name of the policies in B.
-        rows_a: How many rows A has; games, captures and moments likewise.
-        rows_b: How many rows B has.
-        apart: Moments of the differences of paired rows.
-        of_a: Moments of A.
-        of_b: Moments of B.
-    """
+    estimate: float
+    low: float
+    high: float
 
-    a: str
-    b: str
-    rows_a: int = 0
-    rows_b: int = 0
-    apart: dict[str, Moments] = field(default_factory=dict)
-    of_a: dict[str, Moments] = field(default_factory=dict)
-    of_b: dict[str, Moments] = field(default_factory=dict)
 
-    def add(self, a: pa.Table | None, b: pa.Table | None) -> None:
-        """Add rows of either, or of both where they pair."""
-        numbers = [None if table is None else _numbers(table) for table in (a, b)]
-        for name in (CAPTURED, *COLUMNS):
-            for given, kept in zip(numbers, (self.of_a, self.of_b), strict=True):
-                if given is not None:
-                    kept[name] = kept.get(name, NONE).joined(given[name])
-            if numbers[0] is not None and numbers[1] is not None:
-                self.apart[name] = self.apart.get(name, NONE).joined(numbers[1][name] - numbers[0][name])
-        self.rows_a += 0 if a is None else a.num_rows
-        self.rows_b += 0 if b is None else b.num_rows
+def share(successes: int, of: int) -> Interval:
+    """Return a probability with Wilson's interval."""
+    if of == 0:
+        return Interval(math.nan, math.nan, math.nan)
+    low, high = stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson")
+    return Interval(successes / of, float(low), float(high))
 
-    def difference(self, name: str) -> Interval:
-        """Return the difference of a column's means, or of the shares that were captured."""
-        if self.apart:
-            return mean(self.apart[name])
-        of_a, of_b = self.of_a.get(name, NONE), self.of_b.get(name, NONE)
-        if name == CAPTURED:
-            return difference_of_shares(*(share(round(one.mean * one.count), one.count) for one in (of_a, of_b)))
-        return difference_of_means(of_a, of_b)
+
+def mean(numbers: Array) -> Interval:
+    """Return a mean with Student's t interval."""
+    average = float(numbers.mean()) if numbers.size else math.nan
+    return _interval(average, float(stats.sem(numbers)) if numbers.size > 1 else math.nan, numbers.size - 1)
+
+
+def difference_of_means(a: Array, b: Array) -> Interval:
+    """Return mean b − mean a of independent samples with Welch's t interval."""
+    if min(a.size, b.size) < 2:
+        return Interval(float(b.mean() - a.mean()) if a.size and b.size else math.nan, math.nan, math.nan)
+    apart, errors = float(b.mean() - a.mean()), np.array([stats.sem(a), stats.sem(b)]) ** 2
+    total = float(errors.sum())
+    freedom = total**2 / float((errors**2 / [a.size - 1, b.size - 1]).sum()) if total else 1.0
+    return _interval(apart, math.sqrt(total), freedom)
+
+
+def _interval(estimate: float, error: float, freedom: float) -> Interval:
+    half = error * float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, freedom)) if freedom > 0 else math.nan
+    return Interval(estimate, estimate - half, estimate + half)
 
 
 def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str, Any]:
-    """Compare two sweeps; return the comparison as plain values, NaN as null.
+    """Compare two sweeps; return plain values, NaN as None.
 
     Args:
         a: One sweep.
         b: The other.
-        column: What the rows are compared by.
-        rows: How many of the largest differences are listed.
+        column: Rows are compared by this column.
+        rows: Number of the largest differences to list.
 
     Raises:
-        ConfigError: If the column is none that can be compared.
+        ConfigError: If the column cannot be compared, or a sweep has teams.
     """
     if column not in COLUMNS:
         raise ConfigError(f"--by {column}: allowed are {', '.join(COLUMNS)}")
     for folder in (a, b):
         if folder.plan.teams:
-            raise ConfigError(f"{folder.path}: has teams, whose rows are evaders; see each with guidance sweep report")
-    pairing = rows_pair(a.plan, b.plan)
-    matched = pair_numbers(a.plan, b.plan)
+            raise ConfigError(f"{folder.path}: has teams, whose rows are evaders; use guidance sweep report for each")
+    matched = matched_pairs(a.plan, b.plan)
+    paired = bool(matched) and _swept(a.plan) == _swept(b.plan)
+    tables = [_read(folder) for folder in (a, b)]
     names = [[f"{pair.pursuer} / {pair.evader}" for pair in folder.plan.pairs] for folder in (a, b)]
-    largest: list[tuple[Any, ...]] = []
-    if matched is None:
-        groups = {0: RowGroup("all rows", "all rows")}
-    else:
-        groups = {number: RowGroup(names[0][number], names[1][other]) for number, other in matched.items()}
-    if pairing:
-        for side in paired(a, b, _READ):
-            for number in np.unique(side.pair).tolist():
-                mask = pa.array(side.pair == number)
-                groups[number].add(side.a.filter(mask), side.b.filter(mask))
-            largest = heapq.nlargest(rows, [*largest, *_largest(side.a, side.b, column, rows)])
-    else:
-        _add_apart(a, groups, {number: number for number in matched} if matched else None, first=True)
-        _add_apart(b, groups, {other: number for number, other in matched.items()} if matched else None, first=False)
-    compared: dict[str, Any] = plain(
-        {
-            "paired": pairing,
-            "intervals": "95 %: Student's t of the paired differences"
-            if pairing
-            else "95 %: Welch's t for means, Newcombe's for shares",
-            "groups": [_summed_up(group) for group in groups.values() if group.rows_a or group.rows_b],
-            "largest": [
-                {"row_a": -one[2], "row_b": one[3], "end_a": one[4], "end_b": one[5], "column": column}
-                | {"a": one[6], "b": one[7], "difference": one[7] - one[6]}
-                for one in largest
-            ],
-        }
+    groups: list[dict[str, Any]] = []
+    largest: list[dict[str, Any]] = []
+    if not matched:
+        groups.append(_group("all rows", "all rows", *tables, paired=False))
+    for one, other in matched.items():
+        first, second = (
+            table.filter(pc.equal(table[PAIR], number)) for table, number in zip(tables, (one, other), strict=True)
+        )
+        if paired:
+            both = first.join(second, [POINT, SEED], join_type="inner", right_suffix=" in B").sort_by(ROW)
+            first, second = (
+                both,
+                both.select([f"{name} in B" for name in first.column_names if name not in (POINT, SEED)]),
+            )
+            second = second.rename_columns([name.removesuffix(" in B") for name in second.column_names])
+            largest += _largest(first, second, column, rows)
+        if first.num_rows or second.num_rows:
+            groups.append(_group(names[0][one], names[1][other], first, second, paired=paired))
+    largest.sort(key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"]))))
+    means = "Student's t of the paired differences" if paired else "Welch's t"
+    found: dict[str, Any] = plain(
+        {"paired": paired, "intervals": f"95 %: {means}", "groups": groups, "largest": largest[:rows]}
     )
-    return compared
+    return found
 
 
-def _add_apart(folder: Folder, groups: dict[int, RowGroup], matched: dict[int, int] | None, *, first: bool) -> None:
-    """Add a sweep's rows that pair with none."""
-    for part in folder.parts:
-        table = parquet.read_table(part, columns=_READ)
-        pairs = folder.plan.cases(table[ROW].to_numpy()).pair
-        for number in np.unique(pairs).tolist():
-            if matched is not None and number not in matched:
-                continue
-            rows = table.filter(pa.array(pairs == number))
-            group = groups[0 if matched is None else matched[number]]
-            group.add(rows, None) if first else group.add(None, rows)
+def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
+    """Match the pairs of policies of two sweeps: by name if they share any, otherwise by place; empty if neither."""
+    shared = {a.pairs.index(pair): b.pairs.index(pair) for pair in a.pairs if pair in b.pairs}
+    if shared or len(a.pairs) != len(b.pairs):
+        return shared
+    return {number: number for number in range(len(a.pairs))}
 
 
-def _numbers(table: pa.Table) -> dict[str, Any]:
-    end = np.array(table["end"].to_pylist(), dtype=object)
-    captured = np.where(end == "invalid", math.nan, end == CAPTURED)
-    return {CAPTURED: captured.astype(np.float64), **{name: table[name].to_numpy() for name in COLUMNS}}
+def _swept(plan: Plan) -> dict[str, Any]:
+    return {name: value for name, value in plan.document["sweep"].items() if name not in _MAY_DIFFER}
 
 
-def _largest(a: pa.Table, b: pa.Table, column: str, count: int) -> Iterator[tuple[Any, ...]]:
-    """Yield rows that ended otherwise, and those furthest apart in a column, as they are ordered and shown."""
-    ends = a["end"].to_pylist(), b["end"].to_pylist()
-    values = a[column].to_numpy(), b[column].to_numpy()
-    otherwise = np.array([one != other for one, other in zip(*ends, strict=True)])
-    apart = np.nan_to_num(np.abs(values[1] - values[0]), nan=0.0)
-    for place in np.lexsort((-apart, ~otherwise))[:count].tolist():
-        if not otherwise[place] and apart[place] == 0.0:
-            return
-        numbers = -a[ROW][place].as_py(), b[ROW][place].as_py()
-        shown = ends[0][place], ends[1][place], float(values[0][place]), float(values[1][place])
-        yield (bool(otherwise[place]), float(apart[place]), *numbers, *shown)
+def _read(folder: Folder) -> pa.Table:
+    table = folder.table([ROW, "end", *COLUMNS])
+    end = pc.cast(table["end"], pa.string())
+    captured = pc.if_else(pc.equal(end, "invalid"), math.nan, pc.cast(pc.equal(end, CAPTURED), pa.float64()))
+    return table.set_column(table.column_names.index("end"), "end", end).append_column(CAPTURED, captured)
 
 
-def _summed_up(group: RowGroup) -> dict[str, Any]:
-    return {
-        "a": group.a,
-        "b": group.b,
-        "rows_a": group.rows_a,
-        "rows_b": group.rows_b,
-        "columns": {
-            name: {
-                "a": _mean_of(group.of_a, name),
-                "b": _mean_of(group.of_b, name),
-                "difference": group.difference(name),
-            }
-            for name in (CAPTURED, *COLUMNS)
-        },
-    }
+def _group(name_a: str, name_b: str, a: pa.Table, b: pa.Table, *, paired: bool) -> dict[str, Any]:
+    columns = {}
+    for name in (CAPTURED, *COLUMNS):
+        of_a, of_b = a[name].to_numpy(), b[name].to_numpy()
+        known = [numbers[np.isfinite(numbers)] for numbers in (of_a, of_b)]
+        apart = of_b - of_a if paired else np.empty(0)
+        difference = mean(apart[np.isfinite(apart)]) if paired else difference_of_means(*known)
+        columns[name] = {"a": mean(known[0]).estimate, "b": mean(known[1]).estimate, "difference": difference}
+    return {"a": name_a, "b": name_b, "rows_a": a.num_rows, "rows_b": b.num_rows, "columns": columns}
 
 
-def _mean_of(moments: dict[str, Moments], name: str) -> float:
-    known = moments.get(name, NONE)
-    return known.mean if known.count else math.nan
+def _largest(a: pa.Table, b: pa.Table, column: str, count: int) -> list[dict[str, Any]]:
+    """Return paired rows with different ends, then those with the largest differences."""
+    apart = b[column].to_numpy() - a[column].to_numpy()
+    size = np.nan_to_num(np.abs(apart))
+    same = np.array(a["end"].to_pylist()) == np.array(b["end"].to_pylist())
+    order = np.lexsort((-size, same))[:count]
+    return [
+        {"row_a": one[ROW], "row_b": other[ROW], "end_a": one["end"], "end_b": other["end"], "column": column}
+        | {"a": one[column], "b": other[column], "difference": other[column] - one[column]}
+        for place in order[~same[order] | (size[order] > 0.0)].tolist()
+        for one, other in [(a.slice(place, 1).to_pylist()[0], b.slice(place, 1).to_pylist()[0])]
+    ]
 
 
 def compare_outcomes(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
-    """Compare two outcomes column by column; the difference of what are no numbers is null."""
+    """Compare two outcomes column by column; the difference of values that are not numbers is None."""
     return {
         name: {"a": value, "b": b[name], "difference": _difference(value, b[name])}
         for name, value in a.items()
@@ -214,31 +186,31 @@ def read_outcome(path: Path) -> dict[str, Any]:
     """Read an outcome that `guidance scenario run --json` wrote.
 
     Raises:
-        ConfigError: If it is none.
+        ConfigError: If it cannot be read, or is something else.
     """
     try:
         outcome = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:
-        raise ConfigError(f"{path}: is no JSON ({error})") from error
+        raise ConfigError(f"{path}: not valid JSON ({error})") from error
     if not isinstance(outcome, dict) or not {"end", "winner", *COLUMNS} <= set(outcome):
-        raise ConfigError(f"{path}: is no outcome; it must be what guidance scenario run FILE --json wrote")
+        raise ConfigError(f"{path}: not an outcome; it must be what guidance scenario run FILE --json wrote")
     return outcome
 
 
 def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) -> None:
-    """Compare two sweeps' folders or two outcomes' files, and print what came out.
+    """Compare two sweeps' folders or two outcomes' files, and print the comparison.
 
     Args:
         a: A sweep's folder or an outcome's JSON file.
         b: Another of the same kind.
-        column: What a sweep's rows are compared by.
-        rows: How many of the largest differences are listed.
-        as_json: Whether plain JSON is printed.
+        column: Rows of sweeps are compared by this column.
+        rows: Number of the largest differences to list.
+        as_json: Print JSON.
 
     Raises:
-        ConfigError: If they are neither.
+        ConfigError: If they are neither, or one of each.
     """
     if a.is_dir() != b.is_dir():
         raise ConfigError(f"{a}, {b}: must be two outcomes or two sweeps, not one of each")
@@ -251,44 +223,38 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
         return
     there = console()
     there.print(f"A {a}\nB {b}", soft_wrap=True)
-    tables = _sweeps(compared) if "groups" in compared else [_outcomes(compared)]
-    for table in tables:
+    for table in _sweeps(compared) if "groups" in compared else [_outcomes(compared)]:
         there.print(table)
 
 
 def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Table:
-    rows = [(name, *(_said(values[part]) for part in ("a", "b", "difference"))) for name, values in compared.items()]
+    rows = [(name, *(_cell(values[part]) for part in ("a", "b", "difference"))) for name, values in compared.items()]
     return sheet(("column", "A", "B", "B − A"), rows)
 
 
 def _sweeps(compared: Mapping[str, Any]) -> list[Table]:
     tables = []
-    words = "paired rows" if compared["paired"] else "rows that do not pair: what is swept differs"
+    kind = "paired rows" if compared["paired"] else "independent rows (the sweeps vary different values)"
     for group in compared["groups"]:
         policies = group["a"] if group["a"] == group["b"] else f"{group['a']}, in B {group['b']}"
         count = str(group["rows_a"]) if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
         rows = []
         for name, values in group["columns"].items():
             apart = values["difference"]
-            reach = f"{_said(apart['low'])} to {_said(apart['high'])}"
-            shown = "share captured" if name == CAPTURED else name
-            rows.append((shown, _said(values["a"]), _said(values["b"]), _said(apart["estimate"]), reach))
-        tables.append(sheet(("mean of", "A", "B", "B − A", "95 %"), rows, title=f"{policies}: {count} {words}"))
+            reach = f"{_cell(apart['low'])} to {_cell(apart['high'])}"
+            heading = "share captured" if name == CAPTURED else name
+            rows.append((heading, _cell(values["a"]), _cell(values["b"]), _cell(apart["estimate"]), reach))
+        tables.append(sheet(("mean of", "A", "B", "B − A", "95 %"), rows, title=f"{policies}: {count} {kind}"))
     if compared["largest"]:
         column = compared["largest"][0]["column"]
         headings = ("row in A", "row in B", "end in A", "end in B", f"{column} in A", "in B", "B − A")
-        largest: list[Sequence[str]] = [
-            (
-                *(str(row[name]) for name in ("row_a", "row_b", "end_a", "end_b")),
-                *(_said(row[name]) for name in ("a", "b", "difference")),
-            )
-            for row in compared["largest"]
-        ]
+        keys = ("row_a", "row_b", "end_a", "end_b", "a", "b", "difference")
+        largest: list[Sequence[str]] = [[_cell(row[key]) for key in keys] for row in compared["largest"]]
         tables.append(sheet(headings, largest, title="the rows that differ most"))
     return tables
 
 
-def _said(value: Any) -> str:  # noqa: ANN401 - any column
+def _cell(value: Any) -> str:  # noqa: ANN401 - any column
     if isinstance(value, float):
         return f"{value:.5g}"
     if isinstance(value, list):

@@ -1,15 +1,16 @@
-"""A sweep on disk: a manifest that says what it is, and one Parquet file for each chunk, there whole or not at all.
+"""A sweep on disk: a manifest, and one Parquet file for each chunk.
 
-A file is written under another name, brought to the disk and then renamed, so that whatever happens to the process or
-to the power, a chunk that is there is complete and one that is not is computed again.
+A file is written under a temporary name, synchronised to the disk and then renamed. So a chunk is complete or missing,
+also after a crash or a power failure, and missing chunks are computed again.
 """
 
 import errno
 import json
+import math
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -22,12 +23,14 @@ from pyarrow import parquet
 from guidance.errors import ConfigError, OutputError
 from guidance.files import private_file, private_folder
 from guidance.log.provenance import PACKAGE, commit
-from guidance.sweeps.chunk import chunks_of, rows_of
-from guidance.sweeps.plan import Plan, plan_of
+from guidance.sweeps.plan import ROW, Plan, plan_of
 
 MANIFEST: Final = "sweep.json"
 ROWS: Final = "rows"
-"""Folder of the Parquet files, and of nothing else: every tool reads it as one table."""
+"""Folder of the Parquet files only, so that other tools can read it as one table."""
+
+PAIR, POINT, SEED = "pair", "point", "case_seed"
+"""Columns that `Folder.table` adds: number of the pair of policies, of the grid point, and the seed."""
 
 _FORMAT: Final = 1
 _PARTIAL: Final = ".partial"
@@ -36,12 +39,12 @@ Write = Callable[[Path, bytes], None]
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all.
+    """Write a file completely or not at all.
 
     Raises:
-        OSError: If it cannot be written; then nothing of it is left.
+        OSError: If it cannot be written; no partial file is left.
     """
-    partial = path.with_name(f".{path.name}{_PARTIAL}")  # hidden, so that nobody takes it for rows
+    partial = path.with_name(f".{path.name}{_PARTIAL}")  # hidden from tools that read the folder
     try:
         with private_file(partial).open("wb") as stream:
             stream.write(content)
@@ -58,10 +61,10 @@ class Folder:
     """A sweep's folder.
 
     Attributes:
-        path: Where it is.
-        plan: What it is a sweep of.
+        path: Of the folder.
+        plan: What is swept.
         chunk_rows: Rows of a chunk.
-        write: How a file is written.
+        write: Writes a file.
     """
 
     path: Path
@@ -71,62 +74,67 @@ class Folder:
 
     @property
     def chunks(self) -> int:
-        """How many chunks the whole sweep has."""
-        return chunks_of(self.plan, self.chunk_rows)
+        """Number of chunks of the whole sweep."""
+        return math.ceil(self.plan.rows / self.chunk_rows)
 
     def part(self, chunk: int) -> Path:
-        """Return where a chunk's rows are, or will be."""
+        """Return the path of a chunk's file."""
         return self.path / ROWS / f"part-{chunk:06d}.parquet"
 
     def rows(self, chunk: int) -> range:
         """Return the numbers of a chunk's rows."""
-        return rows_of(self.plan, chunk, self.chunk_rows)
-
-    def _whole(self, count: int, chunk: int) -> bool:
-        """Say whether so many rows are a chunk's: one for each game, or in games of teams one for each evader."""
-        games = len(self.rows(chunk))
-        return count >= games if self.plan.teams else count == games
+        return range(chunk * self.chunk_rows, min(self.plan.rows, (chunk + 1) * self.chunk_rows))
 
     def has(self, chunk: int) -> bool:
-        """Whether a chunk is there with all of its rows."""
-        part = self.part(chunk)
+        """Whether a chunk's file has all rows: one for each game, with teams one for each evader."""
+        part, games = self.part(chunk), len(self.rows(chunk))
         try:
-            return part.is_file() and self._whole(parquet.read_metadata(part).num_rows, chunk)
-        except pa.ArrowInvalid:  # damaged by something else than a sweep
+            count = parquet.read_metadata(part).num_rows if part.is_file() else -1
+        except pa.ArrowInvalid:  # damaged
             return False
+        return count >= games if self.plan.teams else count == games
 
     def keep(self, chunk: int, content: bytes) -> None:
         """Write a chunk's file.
 
         Raises:
-            OutputError: If it cannot be written. All chunks written before stay.
+            OutputError: If it cannot be written. Earlier chunks are kept.
         """
         try:
             self.write(self.part(chunk), content)
         except OSError as error:
             reason = "the disk is full" if error.errno == errno.ENOSPC else error.strerror or str(error)
             raise OutputError(
-                f"{self.part(chunk)}: cannot be written ({reason}); all rows written before are kept: make room, and "
-                "the same command goes on from there"
+                f"{self.part(chunk)}: cannot be written ({reason}); earlier rows are kept: make room, then run the "
+                "same command to continue"
             ) from error
 
     @property
     def parts(self) -> list[Path]:
-        """The files of the chunks that are there, in the order of their rows."""
+        """The existing files, in the order of their rows."""
         return [self.part(chunk) for chunk in range(self.chunks) if self.part(chunk).is_file()]
+
+    def table(self, columns: Sequence[str]) -> pa.Table:
+        """Read columns of all rows, with `PAIR`, `POINT` and `SEED`; texts are dictionary encoded."""
+        texts = [name for name in columns if pa.types.is_string(self.plan.schema.field(name).type)]
+        tables = [parquet.read_table(part, columns=list(columns), read_dictionary=texts) for part in self.parts]
+        table = pa.concat_tables(tables).unify_dictionaries()
+        for name, values in zip((PAIR, POINT, SEED), self.plan.places(table[ROW].to_numpy()), strict=True):
+            table = table.append_column(name, pa.array(values))
+        return table
 
 
 def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callable[[], int]) -> Folder:
-    """Begin a sweep in a folder, or go on with the one that is there.
+    """Begin a sweep in a folder, or continue the one in it.
 
     Args:
         path: The folder.
         plan: What is swept.
-        chunk_rows: Rows of a chunk as asked for, None if not.
-        default_rows: Tells the rows of a chunk where nothing was asked for and nothing is there.
+        chunk_rows: Rows of a chunk; None takes those of the folder, or the default.
+        default_rows: Returns the rows of a chunk for a new folder.
 
     Raises:
-        ConfigError: If the folder holds another sweep, or something else.
+        ConfigError: If the folder holds another sweep, or other files.
         OutputError: If it cannot be written.
     """
     try:
@@ -134,7 +142,7 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callabl
         if (path / MANIFEST).is_file():
             return _resumed(path, plan, chunk_rows)
         if any(child for child in path.iterdir() if not child.name.startswith(".") and child.name != ROWS):
-            raise ConfigError(f"--out {path}: holds files and no sweep ({MANIFEST}); give a new folder")
+            raise ConfigError(f"--out {path}: has files but no sweep ({MANIFEST}); choose a new folder")
         private_folder(path / ROWS)
         rows = chunk_rows or default_rows()
         manifest = {
@@ -153,29 +161,27 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callabl
 
 
 def read_folder(path: Path) -> Folder:
-    """Open the folder of a sweep to read it.
+    """Open the folder of a sweep for reading.
 
     Raises:
-        ConfigError: If it is none.
+        ConfigError: If it is not one, or has no rows yet.
     """
     manifest = _manifest(path)
     folder = Folder(path, plan_of(manifest), manifest["chunk_rows"])
     if not folder.parts:
-        raise ConfigError(
-            f"{path}: no row of this sweep has been written yet; go on with guidance sweep … --out {path}"
-        )
+        raise ConfigError(f"{path}: this sweep has no rows yet; continue it with guidance sweep … --out {path}")
     return folder
 
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Keep a second process from writing into a folder.
+    """Lock a folder against a second process that writes into it.
 
     Raises:
-        ConfigError: If one does already.
+        ConfigError: If another process has locked it.
         OutputError: If the folder cannot be written.
     """
-    if sys.platform == "win32":  # has no advisory locks on files; both would write the same bytes there
+    if sys.platform == "win32":  # has no fcntl; two processes would write equal bytes
         yield
         return
     import fcntl  # noqa: PLC0415 - not on every system
@@ -188,7 +194,9 @@ def alone(path: Path) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise ConfigError(f"--out {path}: another process is writing this sweep; wait for it, or end it") from None
+            raise ConfigError(
+                f"--out {path}: another process is writing this sweep; wait until it ends, or stop it"
+            ) from None
         yield
 
 
@@ -199,14 +207,16 @@ def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
         differing = [name for name, value in plan.decisive.items() if was[name] != value]
         raise ConfigError(
             f"--out {path}: holds another sweep ({', '.join(differing)} differ{'s' * (len(differing) == 1)}); "
-            "give another folder"
+            "choose another folder"
         )
     if manifest["versions"] != _versions():
         was, now = manifest["versions"], _versions()
         changed = [f"{name} {was.get(name)}, now {now[name]}" for name in now if was.get(name) != now[name]]
-        raise ConfigError(f"--out {path}: was begun with {'; '.join(changed)}: rows could differ; give another folder")
+        raise ConfigError(
+            f"--out {path}: was begun with {'; '.join(changed)}: rows could differ; choose another folder"
+        )
     if chunk_rows not in {None, manifest["chunk_rows"]}:
-        raise ConfigError(f"--chunk {chunk_rows}: this sweep was begun with {manifest['chunk_rows']}; leave it out")
+        raise ConfigError(f"--chunk {chunk_rows}: this sweep was begun with {manifest['chunk_rows']}; omit the option")
     return Folder(path, plan, manifest["chunk_rows"])
 
 
@@ -214,14 +224,14 @@ def _manifest(path: Path) -> Mapping[str, Any]:
     try:
         manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise ConfigError(f"{path}: is no sweep's folder; it has no {MANIFEST}") from None
+        raise ConfigError(f"{path}: not the folder of a sweep: it has no {MANIFEST}") from None
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path / MANIFEST}: cannot be read ({error})") from error
     if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
-        raise ConfigError(f"{path / MANIFEST}: must be a sweep's, of format {_FORMAT}")
+        raise ConfigError(f"{path / MANIFEST}: must be the manifest of a sweep, format {_FORMAT}")
     return manifest
 
 
 def _versions() -> dict[str, str]:
-    """What the numbers depend on."""
+    """Versions that the rows depend on."""
     return {"python": platform.python_version(), **{name: version(name) for name in (PACKAGE, "numpy", "pyarrow")}}

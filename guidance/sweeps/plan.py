@@ -1,43 +1,122 @@
-"""A sweep laid out: which values, policies and seed a row has, and in which columns of Arrow it is told.
+"""The sweep file, and what follows from it: policies, seed and values of every row, and the columns of the table.
 
-A pure function of the plan and the row's number.
+A row depends on the plan and the row's number only.
 """
 
+import itertools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
-from guidance.config import find
+from guidance.config import Section, find, load
 from guidance.errors import ConfigError
 from guidance.sim.outcome import Outcome
+from guidance.sim.scenario import EvaderPolicy, PursuerPolicy
 from guidance.sim.scenario_file import FOLDER as SCENARIOS
 from guidance.sim.scenario_file import has_teams, load_any
 from guidance.sim.team_maths import TeamOutcome
-from guidance.sweeps.axes import Axis
-from guidance.sweeps.sweep_file import Pair, Sweep, Way
+from guidance.sweeps.axes import Axis, flat, grid_axis, random_axis
 
-_KINDS: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
+Way = Literal["maths", "fast"]
+"""How a row is run: as point masses, or as a flight of the mock in virtual time."""
 
-ROW = "row"
+FOLDER: Final = "sweeps"
+ROW: Final = "row"
 Rows = NDArray[np.int64]
 
-
-def _schema(row: type) -> pa.Schema:
-    words = pa.list_(pa.string())
-    return pa.schema([(name, _KINDS.get(kind, words)) for name, kind in row.__annotations__.items()])
+_TYPES: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 
 
-SCHEMA: Final = _schema(Outcome)
-TEAM_SCHEMA: Final = _schema(TeamOutcome)
+class Pair(NamedTuple):
+    """Policies of both players; None is the scenario's own."""
+
+    pursuer: str | None
+    evader: str | None
+
+
+class Policies(Section):
+    """Policies of both players; every pursuer's policy plays every evader's."""
+
+    pursuer: PursuerPolicy | tuple[PursuerPolicy, ...] | None = Field(
+        None, description="one or several; default: the scenario's own"
+    )
+    evader: EvaderPolicy | tuple[EvaderPolicy, ...] | None = Field(None, description="likewise")
+
+    def pairs(self) -> Iterator[Pair]:
+        """Yield every pursuer's policy with every evader's."""
+        one, other = (names if isinstance(names, tuple) else (names,) for names in (self.pursuer, self.evader))
+        return itertools.starmap(Pair, itertools.product(one, other))
+
+
+class Seeds(Section):
+    """Seeds: `count` of them beginning with `from`, or a list."""
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    begin: int = Field(0, alias="from", ge=0, description="the first")
+    count: int = Field(1, ge=1, description="how many")
+    values: tuple[Annotated[int, Field(ge=0)], ...] = Field((), alias="list", description="these, instead of both")
+
+
+def _seeds(given: Any) -> Any:  # noqa: ANN401 - from a file
+    if isinstance(given, int) and not isinstance(given, bool):
+        return {"count": given}
+    return {"list": given, "count": max(1, len(given))} if isinstance(given, list) else given
+
+
+class Sweep(Section):
+    """A whole sweep file.
+
+    Seeds change fastest from row to row, then the grid, then the policies. A random draw depends on the seed and the
+    key only, so rows with equal seeds can be compared pairwise.
+    """
+
+    title: str = Field("", description="a few words")
+    description: str = Field("", description="what it shows, and why it is as it is")
+    scenario: str = Field(description="a scenario's name or path; beside the sweep's file, or with the package")
+    way: Way = Field("maths", alias="as", description="maths: point masses; fast: flights of the mock in virtual time")
+    rows: int | None = Field(None, ge=1, description="number of rows, instead of seeds")
+    seeds: Annotated[Seeds | None, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds | None)] = (
+        Field(None, description="how many, a list, or { from = 100, count = 50 }")
+    )
+    grid: dict[str, Any] = Field({}, description="keys of the scenario and their values; all combinations are played")
+    random: dict[str, Any] = Field({}, description="keys of the scenario and their distributions; one draw a seed")
+    policies: tuple[Policies, ...] = Field((), description="which policies play; default: the scenario's own")
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The axes of the grid, then the random ones."""
+        grid, random = flat(self.grid), flat(self.random, tables=True)
+        return (
+            *(grid_axis(key, spec) for key, spec in grid.items()),
+            *(random_axis(key, spec) for key, spec in random.items()),
+        )
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """The pairs of policies."""
+        return tuple(pair for given in self.policies for pair in given.pairs()) or (Pair(None, None),)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.rows is not None and self.seeds is not None:
+            raise ValueError("rows, seeds: give only one; rows = seeds × grid points × pairs of policies")
+        if len(set(self.pairs)) < len(self.pairs):
+            twice = next(pair for pair in self.pairs if self.pairs.count(pair) > 1)
+            raise ValueError(f"policies: {twice.pursuer} against {twice.evader} is given twice")
+        if self.seeds is not None and len(set(self.seeds.values)) < len(self.seeds.values):
+            raise ValueError(f"seeds = {list(self.seeds.values)}: a seed is given twice")
+        return self
 
 
 class Cases(NamedTuple):
@@ -45,8 +124,8 @@ class Cases(NamedTuple):
 
     Attributes:
         row: Numbers of the rows, (n,).
-        pair: Which pair of policies, (n,).
-        point: Which point of the grid, (n,).
+        pair: Numbers of the pairs of policies, (n,).
+        point: Numbers of the grid points, (n,).
         seed: (n,).
         values: Of every axis, n each.
     """
@@ -60,11 +139,11 @@ class Cases(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep laid out; small, and the same wherever it is unpacked.
+    """A sweep with its scenario; small, and equal wherever it is unpickled.
 
     Attributes:
         sweep: The sweep file.
-        scenario: The scenario that is varied, as plain values with every default filled in.
+        scenario: The scenario as plain values, with all defaults filled in.
         way: "maths" or "fast".
     """
 
@@ -74,28 +153,28 @@ class Plan:
 
     @cached_property
     def teams(self) -> bool:
-        """Whether the scenario is one of teams: then a game has a row in the table for every evader."""
+        """Whether teams play; then a game has one table row for each evader."""
         return has_teams(self.scenario)
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        """What is swept."""
+        """The swept keys."""
         return self.sweep.axes
 
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
-        """The pairs of policies, the scenario's own by their names."""
+        """The pairs of policies, with the names of the scenario's own."""
         own = {player: policy_in(self.scenario[player]) for player in ("pursuer", "evader")}
         return tuple(Pair(pair.pursuer or own["pursuer"], pair.evader or own["evader"]) for pair in self.sweep.pairs)
 
     @cached_property
     def points(self) -> int:
-        """How many points the grid has."""
+        """Number of grid points."""
         return math.prod(len(axis.values) for axis in self.axes if axis.distribution is None)
 
     @property
     def seeds(self) -> int:
-        """How many seeds there are."""
+        """Number of seeds."""
         if self.sweep.rows is not None:
             return self.sweep.rows // (self.points * len(self.pairs))
         given = self.sweep.seeds
@@ -103,18 +182,21 @@ class Plan:
 
     @property
     def rows(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return self.seeds * self.points * len(self.pairs)
 
-    def cases(self, row: Rows) -> Cases:
-        """Lay out rows by their numbers, (n,): seeds change fastest, so that games played in one batch are alike."""
+    def places(self, row: Rows) -> tuple[Rows, Rows, Rows]:
+        """Return pair of policies, grid point and seed of rows, (n,) each."""
         rest, number = np.divmod(row, self.seeds)
         pair, point = np.divmod(rest, self.points)
         given = self.sweep.seeds
         if given is not None and given.values:
-            seed = np.array(given.values, dtype=np.int64)[number]
-        else:
-            seed = number + (0 if given is None else given.begin)
+            return pair, point, np.array(given.values, dtype=np.int64)[number]
+        return pair, point, number + (0 if given is None else given.begin)
+
+    def cases(self, row: Rows) -> Cases:
+        """Return what rows play, by their numbers (n,)."""
+        pair, point, seed = self.places(row)
         values: list[list[Any]] = []
         size = self.points
         for axis in self.axes:
@@ -125,77 +207,74 @@ class Plan:
                 values.append([axis.values[place] for place in (point // size % len(axis.values)).tolist()])
         return Cases(row, pair, point, seed, tuple(values))
 
-    def row_of(self, pair: Rows, point: Rows, seed: Rows) -> Rows:
-        """Return the number of a case's row, (n,); -1 where the sweep has no such seed."""
-        given = self.sweep.seeds
-        if given is not None and given.values:
-            order = np.argsort(given.values)
-            place = np.searchsorted(np.array(given.values)[order], seed)
-            number = order[np.minimum(place, len(order) - 1)]
-            there = np.array(given.values)[number] == seed
-        else:
-            number = seed - (0 if given is None else given.begin)
-            there = (number >= 0) & (number < self.seeds)
-        return np.where(there, (pair * self.points + point) * self.seeds + number, -1)
-
-    @cached_property
-    def swept(self) -> dict[str, pa.DataType]:
-        """Names and types of the columns that show what is swept."""
-        return {name: kind for axis in self.axes for name, kind in axis.columns().items()}
-
     @cached_property
     def schema(self) -> pa.Schema:
-        """The columns of the sweep's table: the row's number, what is swept, and the outcome."""
-        return pa.schema([(ROW, pa.int64()), *self.swept.items(), *(TEAM_SCHEMA if self.teams else SCHEMA)])
+        """Columns of the table: number of the row, swept values, outcome."""
+        swept = (column for axis in self.axes for column in axis.columns().items())
+        outcome = (TeamOutcome if self.teams else Outcome).__annotations__
+        texts = pa.list_(pa.string())
+        return pa.schema(
+            [(ROW, pa.int64()), *swept, *((name, _TYPES.get(kind, texts)) for name, kind in outcome.items())]
+        )
 
     @cached_property
     def document(self) -> dict[str, Any]:
-        """The plan as plain values, for the sweep's folder; `plan_of` reads it."""
+        """The plan as plain values for the sweep's folder; `plan_of` reads it."""
         sweep = self.sweep.model_dump(mode="json", by_alias=True, exclude_unset=True)
         return {"as": self.way, "sweep": sweep, "scenario": dict(self.scenario)}
 
     @cached_property
     def decisive(self) -> dict[str, Any]:
-        """The part of the document that decides the rows: all but what is only said about them."""
-        said = {"sweep": {"title", "description"}, "scenario": {"description"}}
+        """The part of the document that determines the rows: without titles and descriptions."""
+        texts = {"sweep": {"title", "description"}, "scenario": {"description"}}
         return {
-            name: {key: value for key, value in part.items() if key not in said[name]} if name in said else part
+            name: {key: value for key, value in part.items() if key not in texts[name]} if name in texts else part
             for name, part in self.document.items()
         }
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of what is decisive."""
+        """SHA-256 of the decisive part."""
         return sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
 
 
 def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the tables of a team
-    """Return how a player plays, or a team; different policies in it are joined by "+"."""
+    """Return the policy of a player or a team; different policies of a team are joined by "+"."""
     groups = section if isinstance(section, (list, tuple)) else [section]
     return "+".join(dict.fromkeys(str(group["policy"]) for group in groups))
 
 
 def plan_of(document: Mapping[str, Any]) -> Plan:
-    """Lay out a sweep from the document of a plan."""
+    """Return the plan of a document."""
     return Plan(Sweep.model_validate(document["sweep"]), document["scenario"], document["as"])
 
 
+def load_sweep(name: str) -> tuple[Path, Sweep]:
+    """Read a sweep by path, or by the name of one that comes with the package.
+
+    Raises:
+        ConfigError: If there is none, or a key is wrong.
+    """
+    path = find(name, FOLDER)
+    return path, load(Sweep, path)
+
+
 def laid_out(sweep: Sweep, path: Path, way: Way | None = None) -> Plan:
-    """Lay out a sweep that was read from a file.
+    """Return the plan of a sweep file.
 
     Args:
         sweep: The sweep file.
-        path: Where it was; a scenario is looked for beside it first.
-        way: In place of the file's.
+        path: Its path; a scenario beside it is preferred.
+        way: Overrides the file's.
 
     Raises:
-        ConfigError: If the scenario is none, a key is swept twice, or the rows do not come out even.
+        ConfigError: If the scenario is wrong, a key is swept twice, or `rows` is not a multiple of the combinations.
     """
     beside = path.parent / sweep.scenario
     found, scenario = load_any(str(beside) if beside.is_file() else str(find(sweep.scenario, SCENARIOS)))
     plan = Plan(sweep, scenario.model_dump(mode="json"), way or sweep.way)
     if plan.teams and plan.way != "maths":
-        raise ConfigError(f'{path}: as = "{plan.way}": {found.name} has teams, which only mathematics plays yet')
+        raise ConfigError(f'{path}: as = "{plan.way}": {found.name} has teams, which can only be played as maths')
     try:
         columns = [name for axis in plan.axes for name in axis.columns()]
     except ConfigError as error:
@@ -206,7 +285,7 @@ def laid_out(sweep: Sweep, path: Path, way: Way | None = None) -> Plan:
     step = plan.points * len(plan.pairs)
     if sweep.rows is not None and sweep.rows % step:
         raise ConfigError(
-            f"{path}: rows = {sweep.rows}: must be a multiple of {step} ({plan.points} points of the grid × "
+            f"{path}: rows = {sweep.rows}: must be a multiple of {step} ({plan.points} grid points × "
             f"{len(plan.pairs)} pairs of policies); the nearest is {max(1, round(sweep.rows / step)) * step}"
         )
     return plan

@@ -1,140 +1,326 @@
-"""`guidance sweep report`: what a sweep came to, for each pair of policies, in a table, as JSON and in pictures."""
+"""`guidance sweep report`: results by policies and by swept key, in the terminal, as JSON and as pictures."""
 
+import itertools
 import json
 import math
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import tomli_w
+from numpy.typing import NDArray
 from rich.console import Console
+from rich.table import Table
 
 from guidance.errors import OutputError
 from guidance.files import private_folder
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
-from guidance.sweeps.drawing import draw_all
-from guidance.sweeps.folder import Folder, read_folder, write_whole
-from guidance.sweeps.statistics import mean, share
-from guidance.sweeps.tally import QUANTILES, Tally, Worst, tallied, write_worst
+from guidance.sweeps.axes import Axis
+from guidance.sweeps.compare import CAPTURED, Interval, mean, share
+from guidance.sweeps.drawing import Key, draw_all, key_label
+from guidance.sweeps.folder import PAIR, POINT, Folder, read_folder, write_whole
+from guidance.sweeps.plan import ROW, Plan
+from guidance.sweeps.rows import scenario_of
+
+QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 1.0)
+_SHOWN: Final = {"5 %": "0.05", "median": "0.5", "95 %": "0.95", "max": "1"}
+_BINS: Final = 10
+_NO_INTERVAL: Final = Interval(math.nan, math.nan, math.nan)
+_COLUMNS: Final = ("end", "predicted_winner", "predicted", "regret", "final_distance_m", "game_time_s", "reason")
+
+
+class Worst(NamedTuple):
+    """A row with a bad result: its scenario file, its number, pair of policies, end, and regret (NaN if none)."""
+
+    path: Path
+    row: int
+    pair: int
+    end: str
+    regret: float
 
 
 def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
-    """Print a sweep's table, write its report, and return the files.
+    """Print a sweep's tables, write its report, and return the files.
 
     Args:
         path: Folder of the sweep.
         out: Folder of the report.
-        worst: How many of the worst games of each pair of policies get a scenario file.
-        as_json: Whether the summary is printed as JSON instead of the table.
+        worst: Number of scenario files for each pair of policies, of the games with the worst results.
+        as_json: Print the JSON instead of the tables.
 
     Raises:
-        ConfigError: If the folder is no sweep's, or empty.
+        ConfigError: If the folder is not that of a sweep, or empty.
         OutputError: If the report cannot be written.
     """
     folder = read_folder(path)
-    tallies = tallied(folder, worst=worst)
-    unit = "s" if folder.plan.scenario["game"] == "pe" else "m"
-    title = folder.plan.sweep.title or str(folder.plan.scenario["title"])
+    plan = folder.plan
+    table = _read(folder)
+    keys = [key for axis in plan.axes for key in _keys(plan, axis, table)]
     try:
         private_folder(out)
-        cases = list(write_worst(folder, tallies, out))
-        summary = summed_up(folder, tallies, cases, unit)
-        write_whole(out / "report.json", (json.dumps(summary, indent=1) + "\n").encode())
-        pictures = draw_all(tallies, cases, title=f"{title}, {folder.plan.way}", unit=unit, out=out)
+        cases = list(_write_worst(folder, table, out, worst))
+        report = summed_up(plan, table, keys, cases)
+        write_whole(out / "report.json", (json.dumps(report, indent=1) + "\n").encode())
+        regrets = [_finite(table.filter(pc.equal(table[PAIR], number))["regret"]) for number in range(len(plan.pairs))]
+        pictures = draw_all(report, keys, regrets, out)
     except OSError as error:
         raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from error
     if as_json:
-        sys.stdout.write(json.dumps(summary, indent=1) + "\n")
+        sys.stdout.write(json.dumps(report, indent=1) + "\n")
     else:
-        _show(console(), folder, tallies, unit)
+        _show(console(), report, keys)
     return [out / "report.json", *pictures, *(case.path for case in cases)]
 
 
-def summed_up(folder: Folder, tallies: Sequence[Tally], cases: Sequence[Worst], unit: str) -> dict[str, Any]:
-    """Return the report as plain values; what is not known is null.
+def _read(folder: Folder) -> pa.Table:
+    swept = [column for axis in folder.plan.axes for column in axis.columns()]
+    table = folder.table([ROW, *swept, *_COLUMNS])
+    end = pc.cast(table["end"], pa.string())
+    table = table.append_column("game", pc.cast(pc.not_equal(end, "invalid"), pa.int64()))
+    return table.append_column(CAPTURED, pc.cast(pc.equal(end, CAPTURED), pa.int64()))
+
+
+def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
+    """Yield what to group by: the values of a grid, and of each random number ten even bins."""
+    if axis.distribution is None:
+        if len(axis.values) < 2:
+            return
+        size, before = plan.points, 0
+        for other in plan.axes:
+            size //= len(other.values) or 1
+            if other is axis:
+                break
+        before = size
+        labels = tuple(f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values)
+        numbers = all(isinstance(value, (int, float)) for value in axis.values)
+        centres = axis.values if numbers else range(len(labels))
+        places = table[POINT].to_numpy() // before % len(axis.values)
+        yield Key(axis.key.text, labels, tuple(map(float, centres)), places, grid=True)
+        return
+    for column in axis.columns():
+        if not pa.types.is_floating(table[column].type):
+            values = pc.unique(table[column]).to_pylist()
+            order = {value: place for place, value in enumerate(sorted(values, key=str))}
+            places = np.array([order[value] for value in table[column].to_pylist()])
+            yield Key(column, tuple(map(str, order)), tuple(map(float, range(len(order)))), places, grid=False)
+            continue
+        numbers = table[column].to_numpy()
+        edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
+        labels = tuple(f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(edges.tolist()))
+        centres = tuple((0.5 * (edges[1:] + edges[:-1])).tolist())
+        yield Key(column, labels, centres, np.searchsorted(edges[1:-1], numbers, side="right"), grid=False)
+
+
+def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], cases: Sequence[Worst]) -> dict[str, Any]:
+    """Return the report as plain values; None if unknown.
 
     Args:
-        folder: The sweep.
-        tallies: One a pair of policies.
-        cases: The rows that went worst.
-        unit: Of the regret, `s` or `m`.
+        plan: Of the sweep.
+        table: Its rows.
+        keys: To group by.
+        cases: Rows with the worst results.
     """
-    summary: dict[str, Any] = plain(
+    for key in keys:
+        table = table.append_column(_place(key), pa.array(key.places))
+    grid = [key for key in keys if key.grid]
+    by_key = {key.column: _groups(plan, table, [key]) for key in keys}
+    by_point = _groups(plan, table, grid) if len(grid) == 2 else {}
+    whole = _groups(plan, table, [])
+    report: dict[str, Any] = plain(
         {
-            "title": folder.plan.sweep.title,
-            "scenario": folder.plan.scenario["title"],
-            "as": folder.plan.way,
-            "digest": folder.plan.digest,
-            "rows": sum(tally.rows for tally in tallies),
-            "rows_planned": folder.plan.rows,
-            "unit": unit,
-            "intervals": "95 %: Wilson's for probabilities, Student's t for means",
-            "policies": [_of_pair(tally) for tally in tallies],
+            "title": plan.sweep.title or plan.scenario["title"],
+            "scenario": plan.scenario["title"],
+            "as": plan.way,
+            "digest": plan.digest,
+            "rows": table.num_rows,
+            "rows_planned": plan.rows,
+            "teams": plan.teams,
+            "unit": "s" if plan.scenario["game"] == "pe" else "m",
+            "intervals": "95 %, of random draws only: Wilson's for probabilities, Student's t for means",
+            "policies": [
+                {"pursuer": pair.pursuer, "evader": pair.evader, "ends": _ends(table, number), **whole[number][0]}
+                | {"by_key": {column: found[number] for column, found in by_key.items()}}
+                | {"by_point": by_point.get(number, [])}
+                for number, pair in enumerate(plan.pairs)
+                if number in whole
+            ],
+            "invalid": _reasons(table),
             "worst": [
-                {
-                    "file": case.path.name,
-                    "row": case.row,
-                    "pursuer": case.tally.pair.pursuer,
-                    "evader": case.tally.pair.evader,
-                    "end": case.end,
-                    "regret": case.regret,
-                }
+                {"file": case.path.name, "row": case.row, "end": case.end, "regret": case.regret}
+                | plan.pairs[case.pair]._asdict()
                 for case in cases
             ],
         }
     )
-    return summary
+    return report
 
 
-def _of_pair(tally: Tally) -> dict[str, Any]:
-    quantiles = zip(QUANTILES, tally.quantiles(), strict=False)
+def _place(key: Key) -> str:
+    return f"place of {key.column}"
+
+
+def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
+    """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
+    names = [PAIR, *map(_place, keys)]
+    grouped = table.group_by(names).aggregate(
+        [("game", "sum"), (CAPTURED, "sum"), ("regret", "list"), ("predicted", "mean"), ("game_time_s", "min_max")]
+    )
+    mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
+    found: dict[int, list[dict[str, Any]]] = {}
+    for row in grouped.sort_by([(name, "ascending") for name in names]).to_pylist():
+        at = {key.column: key.labels[row[_place(key)]] for key in keys}
+        times = row["game_time_s_min_max"]
+        drawn = any(axis.distribution is not None for axis in plan.axes) or times["min"] != times["max"]
+        found.setdefault(row[PAIR], []).append(
+            ({"at": at} if keys else {}) | _summary(row, intervals=drawn and not mixed and not plan.teams)
+        )
+    return found
+
+
+def _summary(row: Mapping[str, Any], *, intervals: bool) -> dict[str, Any]:
+    regrets = np.array(row["regret_list"], dtype=np.float64)
+    regrets = regrets[np.isfinite(regrets)]
+    captured, regret = share(row["captured_sum"], row["game_sum"]), mean(regrets)
+    if not intervals:
+        captured, regret = (_NO_INTERVAL._replace(estimate=one.estimate) for one in (captured, regret))
+    quantiles = np.quantile(regrets, QUANTILES).tolist() if regrets.size else []
     return {
-        "pursuer": tally.pair.pursuer,
-        "evader": tally.pair.evader,
-        "rows": tally.rows,
-        "games": tally.valid,
-        "ends": dict(tally.ends),
-        "capture": share(tally.ends["captured"], tally.valid),
-        "predicted_mean": mean(tally.predicted),
-        "regret_games": tally.regret.count,
-        "regret_mean": mean(tally.regret),
-        "regret_quantiles": {f"{quantile:g}": value for quantile, value in quantiles},
-        "capture_by_key": {
-            bins.column: [
-                {"at": label, "games": int(games), **share(int(captures), int(games))._asdict()}
-                for label, games, captures in zip(bins.labels, tally.games[place], tally.captures[place], strict=True)
-            ]
-            for place, bins in enumerate(tally.bins)
-        },
+        "games": row["game_sum"],
+        "capture": captured,
+        "predicted_mean": row["predicted_mean"],
+        "regret_games": regrets.size,
+        "regret_mean": regret,
+        "regret_quantiles": {f"{one:g}": value for one, value in zip(QUANTILES, quantiles, strict=False)},
     }
 
 
-def _show(there: Console, folder: Folder, tallies: Sequence[Tally], unit: str) -> None:
-    rows = sum(tally.rows for tally in tallies)
-    counted = (
-        f"{rows} evaders of {folder.plan.rows} games" if folder.plan.teams else f"{rows} of {folder.plan.rows} rows"
-    )
-    there.print(f"{counted}, as {folder.plan.way}; regret in {unit}")
+def _ends(table: pa.Table, pair: int) -> dict[str, int]:
+    counts = pc.value_counts(pc.cast(table.filter(pc.equal(table[PAIR], pair))["end"], pa.string())).to_pylist()
+    return {one["values"]: one["counts"] for one in counts}
+
+
+def _reasons(table: pa.Table) -> list[dict[str, Any]]:
+    """Return why rows are invalid or failed, with an example of each reason; its numbers differ from row to row."""
+    wrong = table.filter(pc.is_in(pc.cast(table["end"], pa.string()), pa.array(["invalid", "failed"])))
+    found: dict[str, dict[str, Any]] = {}
+    for row, reason in zip(wrong[ROW].to_pylist(), wrong["reason"].to_pylist(), strict=True):
+        kind = re.sub(r"-?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
+        found.setdefault(kind, {"rows": 0, "row": row, "reason": reason})["rows"] += 1
+    return sorted(found.values(), key=lambda one: -int(one["rows"]))
+
+
+def _finite(column: pa.ChunkedArray) -> NDArray[np.float64]:
+    numbers = column.to_numpy()
+    return np.sort(numbers[np.isfinite(numbers)])
+
+
+def _write_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> Iterator[Worst]:
+    """Write the worst rows of every pair of policies as `worst-001.toml` and so on, the worst of all first.
+
+    A game that the pursuer should have won and lost is worse than any regret; its final distance orders it.
+    """
+    end, regret = np.array(table["end"].to_pylist()), table["regret"].to_numpy()
+    foretold = np.array(table["predicted_winner"].to_pylist()) == "pursuer"
+    lost = foretold & ~np.isin(end, [CAPTURED, "invalid"])
+    badness = np.nan_to_num(np.where(lost, table["final_distance_m"].to_numpy(), regret))
+    row, pair = table[ROW].to_numpy(), table[PAIR].to_numpy()
+    order = np.lexsort((row, -badness, ~lost))
+    order = order[(lost | np.isfinite(regret))[order]]
+    best = np.concatenate([order[pair[order] == number][:count] for number in range(len(folder.plan.pairs))])
+    for number, place in enumerate(sorted(best.astype(int).tolist(), key=order.tolist().index), 1):
+        scenario = scenario_of(folder.plan, int(row[place]))
+        path, names = out / f"worst-{number:03d}.toml", folder.plan.pairs[pair[place]]
+        played = f"{names.pursuer} against {names.evader}: {end[place]}"
+        about = f"Row {row[place]} of the sweep {folder.plan.digest[:12]}, {played}."
+        if not isinstance(scenario, str):
+            document = {**scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True), "description": about}
+            write_whole(path, tomli_w.dumps(document).encode())
+            yield Worst(path, int(row[place]), int(pair[place]), str(end[place]), float(regret[place]))
+
+
+def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
+    unit, grid = report["unit"], [key for key in keys if key.grid]
+    count, planned = report["rows"], report["rows_planned"]
+    counted = f"{count} evaders of {planned} games" if report["teams"] else f"{count} of {planned} rows"
+    there.print(f"{counted}, as {report['as']}")
+    there.print(f"regret, {unit}: what the pursuer lost against the game's value; below 0, what the evader lost")
     ends, regrets = [], []
-    for tally in tallies:
-        captured, regret = share(tally.ends["captured"], tally.valid), mean(tally.regret)
-        others = ", ".join(f"{count} {end}" for end, count in sorted(tally.ends.items()) if end != "captured")
-        reach = f"{captured.low:.4f} to {captured.high:.4f}"
-        policies = [str(policy) for policy in tally.pair]
-        ends.append((*policies, str(tally.valid), f"{captured.estimate:.4f}", reach, others or "-"))
-        reach = f"{_short(regret.low)} to {_short(regret.high)}"
-        quantiles = [_short(value) for value in tally.quantiles()] or ["-"] * len(QUANTILES)
-        regrets.append((*policies, _short(regret.estimate), reach, *quantiles))
-    headings = ("pursuer", "evader", "mean regret", "95 %", *(_percent(one) for one in QUANTILES))
-    there.print(sheet(("pursuer", "evader", "games", "captured", "95 %", "other rows"), ends, left=(0, 1)))
-    there.print(sheet(headings, regrets, left=(0, 1)))
+    for one in report["policies"]:
+        others = ", ".join(f"{count} {end}" for end, count in sorted(one["ends"].items()) if end != CAPTURED)
+        ends.append(
+            (one["pursuer"], one["evader"], str(one["games"]), _number(one["capture"]["estimate"]), others or "-")
+        )
+        quantiles = [_number(one["regret_quantiles"].get(name)) for name in _SHOWN.values()]
+        regrets.append((one["pursuer"], one["evader"], _with_interval(one["regret_mean"]), *quantiles))
+    there.print(sheet(("pursuer", "evader", "games", "captured", "other ends"), ends, left=(0, 1)))
+    there.print(sheet(("pursuer", "evader", "mean regret", *_SHOWN), regrets, left=(0, 1)))
+    alike = [one for one in report["policies"] if grid and _alike(one, grid)]
+    for one in report["policies"]:
+        if one not in alike:
+            for table in _maps(one, grid) if len(grid) == 2 else (_curve(one, key) for key in grid):
+                there.print()
+                there.print(table)
+    if alike:
+        names = ", ".join(f"{one['pursuer']} against {one['evader']}" for one in alike)
+        there.print(f"\nequal for all values of {', '.join(key.column for key in grid)}: {names}")
+    for one in report["invalid"]:
+        there.print(f"\n{one['rows']} rows are invalid or failed, as row {one['row']}: {one['reason']}", soft_wrap=True)
 
 
-def _short(value: float) -> str:
-    """Four digits, and nothing of what rounding leaves of a zero."""
-    return "-" if math.isnan(value) else f"{0.0 if abs(value) < 5e-5 else value:.4g}"
+def _alike(policies: Mapping[str, Any], grid: Sequence[Key]) -> bool:
+    """Whether captures and regret are equal for all values of all keys."""
+    groups = [group for key in grid for group in policies["by_key"][key.column]]
+    found = [(one["capture"]["estimate"], *one["regret_quantiles"].values()) for one in groups]
+    return all(len(one) == len(found[0]) and np.allclose(one, found[0], atol=1e-6) for one in found)
 
 
-def _percent(quantile: float) -> str:
-    return "max" if quantile == 1.0 else f"{100.0 * quantile:g} %"
+def _curve(policies: Mapping[str, Any], key: Key) -> Table:
+    rows = []
+    for one in policies["by_key"][key.column]:
+        quantiles = [_number(one["regret_quantiles"].get(name)) for name in list(_SHOWN.values())[:3]]
+        rows.append((one["at"][key.column], _share(one["capture"]), _with_interval(one["regret_mean"]), *quantiles))
+    title = f"{policies['pursuer']} against {policies['evader']}, by {key_label(key.column)}"
+    return sheet(("", "captured", "mean regret", *list(_SHOWN)[:3]), rows, left=(), title=title)
+
+
+def _maps(policies: Mapping[str, Any], grid: Sequence[Key]) -> Iterator[Table]:
+    first, second = grid
+    for measure, name in (("capture", "captured"), ("regret_mean", "mean regret")):
+        cells = {
+            tuple(one["at"].values()): _percent(one[measure]["estimate"])
+            if measure == "capture"
+            else _number(one[measure]["estimate"])
+            for one in policies["by_point"]
+        }
+        rows = [(down, *(cells.get((down, across), "") for across in second.labels)) for down in first.labels]
+        keys = f"{key_label(first.column)} (down) and {key_label(second.column)} (across)"
+        title = f"{policies['pursuer']} against {policies['evader']}: {name} by {keys}"
+        yield sheet(("", *second.labels), rows, left=(), title=title)
+
+
+def _share(interval: Mapping[str, float | None]) -> str:
+    low, high = interval["low"], interval["high"]
+    reach = "" if low is None or high is None else f" ({100.0 * low:.0f}-{100.0 * high:.0f})"
+    return _percent(interval["estimate"]) + reach
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100.0 * share:.3g} %"
+
+
+def _with_interval(interval: Mapping[str, float | None]) -> str:
+    """Return an estimate, with half the width of its interval if that is known."""
+    if interval["low"] is None or interval["high"] is None:
+        return _number(interval["estimate"])
+    return f"{_number(interval['estimate'])} ± {0.5 * (interval['high'] - interval['low']):.2g}"
+
+
+def _number(value: float | None) -> str:
+    """Return three digits; rounding errors of zero as 0."""
+    return "-" if value is None else f"{0.0 if abs(value) < 5e-5 else value:.3g}"

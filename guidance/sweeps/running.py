@@ -1,49 +1,145 @@
-"""What `guidance sweep FILE` does: what is there already is left, the rest is computed and written as it is done.
+"""`guidance sweep FILE`: compute the chunks that are missing in a folder, and write each as soon as it is done.
 
-How far it is, a bar shows on a terminal, and a plain line now and then elsewhere.
+This process, processes on this machine and a Dask cluster are `concurrent.futures` executors, used in the same way.
 """
 
+import math
+import multiprocessing
+import os
+import signal
+import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
-import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, GuidanceError, LinkError
+from guidance.extras import require
 from guidance.screen import console, redraws
-from guidance.sweeps.chunk import rows_for
-from guidance.sweeps.executors import Executor, executor, workers_by_default
 from guidance.sweeps.folder import MANIFEST, Folder, alone, opened
-from guidance.sweeps.plan import Plan, laid_out
-from guidance.sweeps.row_scenarios import Scenarios, check
-from guidance.sweeps.sweep_file import Way, load_sweep
+from guidance.sweeps.plan import Plan, Way, laid_out, load_sweep
+from guidance.sweeps.rows import ChunkSize, check, chunk_size, computed, refuse_without_games, uncollected
 
-Told = Callable[[int], None]
-"""Is told how many rows were written just now."""
+CONNECT_S = 10.0
+_AHEAD: Final = 3
+"""Chunks submitted for each worker."""
+_DEATHS: Final = 5
+"""The sweep gives up when this many workers have died of one chunk."""
+_SHOW_S: Final = 0.5
+_LINE_S: Final = 10.0
+"""Least time between two lines of progress where nothing can be redrawn."""
 
-SAMPLE = 1000
-"""So many rows are looked at before anything runs."""
+_UNITS: Final[dict[Way, str]] = {"maths": "games", "fast": "flights"}
 
-UNITS: dict[Way, str] = {"maths": "games", "fast": "flights"}
-LINE_S = 10.0
-"""Where nothing can be redrawn, so often at most."""
+OnKept = Callable[[int], None]
+"""Called with the number of rows that were just written, also with 0 while waiting."""
+
+
+class Workers(NamedTuple):
+    """How to start an executor, and how many chunks to submit ahead."""
+
+    start: Callable[[], Executor]
+    ahead: int
+
+
+class ThisProcess(Executor):
+    """Runs a call when it is submitted."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ANN401 - any call
+        """Run it; the future is done."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+SERIAL: Final = Workers(ThisProcess, 1)
+
+
+@contextmanager
+def workers_of(count: int, scheduler: str | None) -> Iterator[Workers]:
+    """Connect to a cluster, or prepare processes on this machine; end them afterwards.
+
+    Args:
+        count: Number of processes; 1 is this process.
+        scheduler: Address of a Dask scheduler instead. With tls:// the certificates are those of Dask's configuration
+            (`distributed.comm.tls`).
+
+    Raises:
+        ConfigError: If Dask is not installed, or certificates are missing.
+        LinkError: If the cluster cannot be reached, or refuses our certificate.
+    """
+    if scheduler is not None:
+        with _client(scheduler) as client:
+            size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+            yield Workers(lambda: client.get_executor(pure=False, retries=0), _AHEAD * size)
+    elif count == 1:
+        yield SERIAL
+    else:
+        yield Workers(lambda: _processes(count), _AHEAD * count)
+
+
+def _processes(count: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker)
+
+
+def _begin_worker() -> None:
+    """Leave Ctrl-C to the parent process, and end with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
+    require(f"--scheduler {scheduler}", "cluster")
+    import dask  # noqa: PLC0415 - takes half a second
+    from distributed import Client  # noqa: PLC0415
+
+    dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS})
+    try:
+        with uncollected():  # a failed client that is collected here waits for the lock that this call holds
+            client = Client(scheduler, timeout=CONNECT_S)
+    except TypeError as error:  # raised by Dask without certificates
+        raise ConfigError(
+            f"--scheduler {scheduler}: TLS needs a certificate; name its files in Dask's configuration, "
+            f"distributed.comm.tls ca-file, client.cert and client.key ({error})"
+        ) from error
+    except (OSError, ValueError, AssertionError) as error:
+        reason = str(error) or "check the protocol, tcp:// or tls://, and the certificates"
+        raise LinkError(f"--scheduler {scheduler}: no answer from a Dask scheduler ({reason})") from error
+    try:
+        client.wait_for_workers(1, timeout=CONNECT_S)
+    except TimeoutError as error:
+        client.close()
+        raise LinkError(f"--scheduler {scheduler}: has no workers; start some: dask worker {scheduler}") from error
+    return client
 
 
 class Work(NamedTuple):
-    """What is to be done in a folder: chunks that are not there, and how many rows are."""
+    """What to do in a folder: the missing chunks, the number of rows already there, and the time of a chunk, s."""
 
     folder: Folder
     missing: list[int]
     rows_there: int
+    chunk_s: float = math.nan
 
 
 def planned(name: str, way: Way | None = None) -> Plan:
-    """Read a sweep by path or name, and check it as far as that can be done without running it.
+    """Read a sweep by path or name and check it.
 
     Raises:
         ConfigError: With the key, the value and what is allowed.
@@ -60,206 +156,223 @@ def begun(plan: Plan, out: Path, chunk_rows: int | None, workers: int = 1) -> Wo
     Args:
         plan: What is swept.
         out: The folder.
-        chunk_rows: Rows of a chunk; None chooses so that a chunk takes some seconds and every worker has several.
-        workers: How many will compute them.
+        chunk_rows: Rows of a chunk; None chooses by playing some.
+        workers: Number of processes.
 
     Raises:
-        ConfigError: If the folder is another's, or its rows allow no game.
+        ConfigError: If the folder belongs to another sweep, or all rows are invalid.
         OutputError: If it cannot be written.
     """
     refuse_without_games(plan)
-    folder = opened(out, plan, chunk_rows, lambda: rows_for(plan, workers))
+    tried: list[ChunkSize] = []
+
+    def default() -> int:
+        tried.append(chunk_size(plan, workers))
+        return tried[0].rows
+
+    folder = opened(out, plan, chunk_rows, default)
     missing = [chunk for chunk in range(folder.chunks) if not folder.has(chunk)]
-    return Work(folder, missing, plan.rows - sum(len(folder.rows(chunk)) for chunk in missing))
+    there = plan.rows - sum(len(folder.rows(chunk)) for chunk in missing)
+    return Work(folder, missing, there, tried[0].lasts_s if tried else math.nan)
 
 
-def refuse_without_games(plan: Plan) -> None:
-    """Refuse a sweep whose rows allow no game, as far as rows spread over all of it tell.
-
-    Raises:
-        ConfigError: With the commonest reason.
-    """
-    rows = np.unique(np.linspace(0, plan.rows - 1, SAMPLE).round().astype(np.int64))
-    found = list(Scenarios(plan).of(plan.cases(rows)))
-    reasons = Counter(one for one in found if isinstance(one, str))
-    if reasons.total() == len(found):
-        reason, count = reasons.most_common(1)[0]
-        raise ConfigError(f"no row allows a game, of {len(found)} looked at; {count} of them because of\n  {reason}")
-
-
-def finish(work: Work, executor: Executor, told: Told) -> None:
-    """Compute and write what is missing.
+def finish(work: Work, workers: Workers, on_kept: OnKept) -> None:
+    """Compute and write the missing chunks.
 
     Raises:
-        OutputError: If a chunk cannot be written; those before it stay.
-        GuidanceError: If one cannot be computed.
+        OutputError: If a chunk cannot be written; earlier chunks are kept.
+        GuidanceError: If a chunk cannot be computed.
     """
-    folder = work.folder
-    for done in executor.work(folder.plan, ((chunk, folder.rows(chunk)) for chunk in work.missing)):
-        folder.keep(done.chunk, done.content)
-        told(len(folder.rows(done.chunk)))
+    folder, pending = work.folder, deque(work.missing)
+    running: dict[Future[bytes], int] = {}
+    deaths = Counter[int]()
+    executor = workers.start()
+    try:
+        while pending or running:
+            while pending and len(running) < workers.ahead:
+                chunk = pending.popleft()
+                running[_submitted(executor, folder, chunk)] = chunk
+            finished, _ = wait(running, timeout=_SHOW_S, return_when=FIRST_COMPLETED)
+            lost = [chunk for future in finished if not _kept(folder, chunk := running.pop(future), future, on_kept)]
+            on_kept(0)
+            if lost:  # the death of one worker breaks the pool: repeat everything that was running
+                deaths.update(lost)
+                if max(deaths.values()) >= _DEATHS:
+                    raise _deadly(deaths.most_common(1)[0][0])
+                pending.extendleft([*lost, *running.values()])
+                running.clear()
+                executor.shutdown(wait=True)
+                executor = workers.start()
+    finally:
+        for future in running:
+            future.cancel()
+        executor.shutdown(wait=False)
+        for process in multiprocessing.active_children():
+            process.terminate()
+
+
+def _kept(folder: Folder, chunk: int, future: Future[bytes], on_kept: OnKept) -> bool:
+    """Write a chunk; return False if its worker died."""
+    try:
+        content = future.result()
+    except BrokenProcessPool:
+        return False
+    except Exception as error:
+        raise _explained(error, chunk) from error
+    folder.keep(chunk, content)
+    on_kept(len(folder.rows(chunk)))
+    return True
+
+
+def _submitted(executor: Executor, folder: Folder, chunk: int) -> Future[bytes]:
+    try:
+        return executor.submit(computed, folder.plan, folder.rows(chunk))
+    except BrokenProcessPool as error:  # a worker died just now
+        failed: Future[bytes] = Future()
+        failed.set_exception(error)
+        return failed
+
+
+def _explained(error: Exception, chunk: int) -> Exception:
+    """Return what to tell the user about an error of a chunk, or the error itself."""
+    if type(error).__name__ == "KilledWorker":  # Dask's
+        return _deadly(chunk)
+    if isinstance(error, ModuleNotFoundError):
+        return ConfigError(f"--scheduler: its workers lack a package ({error}); install pursuit-guidance there")
+    return error
+
+
+def _deadly(chunk: int) -> GuidanceError:
+    return LinkError(f"chunk {chunk} ended {_DEATHS} workers; if they ran out of memory, use a smaller --chunk")
 
 
 def run_sweep(
     name: str, *, way: Way | None, workers: int | None, scheduler: str | None, out: Path | None, chunk: int | None
 ) -> Path:
-    """Run a sweep, or go on with it; return its folder.
+    """Run a sweep, or continue it; return its folder.
 
     Args:
-        name: A file, or one of those that come along.
-        way: How each row is run; None takes what the file says.
-        workers: How many processes; None takes one a processor.
-        scheduler: Address of a Dask scheduler, None for processes of our own.
-        out: The folder; None names it after the sweep.
-        chunk: Rows in one file; None chooses.
+        name: A file, or the name of a sweep that comes with the package.
+        way: Overrides the file's.
+        workers: Number of processes; default: number of processors.
+        scheduler: Address of a Dask scheduler, used instead of processes.
+        out: The folder; default: named after the sweep.
+        chunk: Rows in one file; default: chosen by playing some.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For everything that the user can correct.
     """
     there = console(stderr=True)
     plan = planned(name, way)
     path = out if out is not None else Path("sweeps") / f"{Path(name).stem}-{plan.way}"
-    unit = UNITS[plan.way]
-    size = workers if workers is not None else workers_by_default()
+    unit = _UNITS[plan.way]
+    size = workers if workers is not None else os.cpu_count() or 1
     with alone(path):
         there.print(f"[bold]{plan.sweep.title or Path(name).stem}[/bold]: {plan.rows} {unit}")
         if chunk is None and plan.way == "maths" and not (path / MANIFEST).is_file():
-            there.print("a few are played first, to see how long they take")
+            there.print("playing some first, to measure how long they take")
         work = begun(plan, path, chunk, size)
         count = len(work.missing)
         if work.rows_there:
-            there.print(f"{work.rows_there} of them there already")
-        if count:
-            size = min(size, count)
-            there.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}")
-            begun_s = time.monotonic()
-            with (
-                shown(there, plan.rows, work.rows_there, unit=unit) as progress,
-                executor(size, scheduler, progress.played) as working,
-            ):
-                _finish(work, working, progress.kept)
-            took_s = time.monotonic() - begun_s
-            rows = plan.rows - work.rows_there
-            there.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} a second")
+            there.print(f"{work.rows_there} of them are there already")
+        if not count:
+            return path
+        size = min(size, count)
+        expected_s = work.chunk_s * math.ceil(count / size) if scheduler is None else math.nan
+        takes = "" if math.isnan(expected_s) else f"; about {_clock(expected_s)}"
+        there.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}{takes}")
+        begun_s = time.monotonic()
+        with shown(work, unit, expected_s) as progress, workers_of(size, scheduler) as working:
+            try:
+                finish(work, working, progress)
+            except KeyboardInterrupt:
+                raise Interrupted(progress.kept, plan.rows) from None
+        took_s = time.monotonic() - begun_s
+        rows = plan.rows - work.rows_there
+        there.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} per second")
     return path
 
 
-def _finish(work: Work, working: Executor, told: Told) -> None:
-    """As `finish`; who interrupts it learns what there is."""
-    kept = work.rows_there
-
-    def count(rows: int) -> None:
-        nonlocal kept
-        kept += rows
-        told(rows)
-
-    try:
-        finish(work, working, count)
-    except KeyboardInterrupt:
-        raise Interrupted(kept, work.folder.plan.rows) from None
-
-
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C; its text says what was kept."""
+    """Ctrl-C, with a message that says what is kept."""
 
     def __init__(self, kept: int, rows: int) -> None:
-        said = f"{kept} of {rows} rows are kept" if kept else "no row had been written yet"
-        super().__init__(f"interrupted: {said}; the same command goes on from there")
+        there = f"{kept} of {rows} rows are kept" if kept else "no rows were written yet"
+        super().__init__(f"interrupted: {there}; run the same command to continue")
 
 
 def _by(size: int, scheduler: str | None) -> str:
     if scheduler is not None:
-        return f"by the cluster at {scheduler}"
-    return "by this process" if size == 1 else f"by {size} processes"
+        return f"on the cluster at {scheduler}"
+    return "in this process" if size == 1 else f"in {size} processes"
 
 
 def checked_way(text: str | None) -> Way | None:
-    """Read --as.
+    """Check the option --as.
 
     Raises:
-        ConfigError: If it is neither.
+        ConfigError: If it is neither maths nor fast.
     """
-    for way in UNITS:
+    for way in _UNITS:
         if text == way:
             return way
     if text is None:
         return None
-    raise ConfigError(f"--as {text}: allowed are {', '.join(UNITS)}; fly in real time with guidance scenario run")
+    raise ConfigError(f"--as {text}: allowed are {', '.join(_UNITS)}; for real time use guidance scenario run")
 
 
 class Shown:
-    """What is shown of a sweep while it lasts.
+    """Progress on the terminal; call it with the number of rows that were just written.
 
     Args:
-        rows: How many there will be.
-        there: How many there are already, which count for nothing in the rate.
-        unit: What a row is: "games" or "flights".
+        work: What is to be done.
+        unit: "games" or "flights".
+        expected_s: How long it should take; NaN if unknown.
+        show: Prints rows kept and the text beside them.
+        every_s: Least time between two prints.
     """
 
-    def __init__(self, rows: int, there: int, unit: str) -> None:
-        self._rows, self._there, self._unit = rows, there, unit
-        self._played = self._kept = 0
-        self._begun_s = time.monotonic()
+    def __init__(
+        self, work: Work, unit: str, expected_s: float, show: Callable[[int, str], None], every_s: float
+    ) -> None:
+        self.kept = self._before = work.rows_there
+        self._rows = work.folder.plan.rows
+        self._unit, self._expected_s = unit, expected_s
+        self._show, self._every_s = show, every_s
+        self._begun_s = self._shown_s = time.monotonic()
 
-    @property
-    def done(self) -> int:
-        """Rows that were played, kept or not. What a worker that died had played is played again."""
-        return min(self._rows, self._there + max(self._played, self._kept))
+    def __call__(self, rows: int) -> None:
+        """Count rows, and show them if it is time."""
+        self.kept += rows
+        now_s = time.monotonic()
+        if now_s - self._shown_s >= self._every_s:
+            self._shown_s = now_s
+            self._show(self.kept, self._text(now_s - self._begun_s))
 
-    def played(self, count: int) -> None:
-        """So many more games have ended."""
-        self._played += count
-        self._show()
-
-    def kept(self, count: int) -> None:
-        """So many more rows were written."""
-        self._kept += count
-        self._show()
-
-    def _rate(self) -> float:
-        return max(1e-9, self.done - self._there) / max(1e-9, time.monotonic() - self._begun_s)
-
-    def _show(self) -> None:
-        """Show it, if it is time."""
-
-
-class _Lines(Shown):
-    def __init__(self, console: Console, rows: int, there: int, unit: str) -> None:
-        super().__init__(rows, there, unit)
-        self._console = console
-        self._said_s = self._begun_s
-
-    def _show(self) -> None:
-        if time.monotonic() - self._said_s < LINE_S:
-            return
-        self._said_s = time.monotonic()
-        rate = self._rate()
-        self._console.print(
-            f"{self.done} of {self._rows} {self._unit}, {self._there + self._kept} kept, {rate:.3g} a second, "
-            f"{_clock((self._rows - self.done) / rate)} left"
-        )
-
-
-class _Bar(Shown):
-    def __init__(self, bar: Progress, rows: int, there: int, unit: str) -> None:
-        super().__init__(rows, there, unit)
-        self._bar = bar
-        self._task = bar.add_task("", total=rows, completed=there, rate="")
-
-    def _show(self) -> None:
-        rate = f"{self._rate():.3g} {self._unit}/s, {self._there + self._kept} kept"
-        self._bar.update(self._task, completed=self.done, rate=rate)
+    def _text(self, passed_s: float) -> str:
+        done = self.kept - self._before
+        if not done:
+            left_s = self._expected_s - passed_s
+            return "" if math.isnan(left_s) else f"about {_clock(max(0.0, left_s))} left"
+        rate = done / max(1e-9, passed_s)
+        return f"{rate:.3g} {self._unit}/s, {_clock((self._rows - self.kept) / rate)} left"
 
 
 @contextmanager
-def shown(console: Console, rows: int, there: int, *, unit: str) -> Iterator[Shown]:
-    """Show rows as they are played and written; arguments as `Shown`."""
-    if not redraws(console):
-        yield _Lines(console, rows, there, unit)
+def shown(work: Work, unit: str, expected_s: float) -> Iterator[Shown]:
+    """Show progress as a bar on a terminal, otherwise as a line now and then; arguments of `Shown`."""
+    there, rows = console(stderr=True), work.folder.plan.rows
+    if not redraws(there):
+
+        def line(kept: int, text: str) -> None:
+            there.print(f"{kept} of {rows} {unit}{', ' if text else ''}{text}")
+
+        yield Shown(work, unit, expected_s, line, _LINE_S)
         return
-    columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        yield _Bar(bar, rows, there, unit)
+    columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
+    with Progress(*columns, console=there, transient=True) as bar:
+        task = bar.add_task("", total=rows, completed=work.rows_there, text="")
+        yield Shown(work, unit, expected_s, lambda kept, text: bar.update(task, completed=kept, text=text), 0.0)
 
 
 def _clock(seconds: float) -> str:

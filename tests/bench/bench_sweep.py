@@ -1,33 +1,31 @@
-"""Speed of sweeps, as numbers side by side of one run: `python tests/bench/bench_sweep.py [--quick] [--million]`.
+"""Speed of sweeps: `python tests/bench/bench_sweep.py [--quick] [--million]`.
 
-Printed: games a second of a maths sweep on one core, and what of that is building and checking the scenarios; maths
-sweeps with wind against those without; flights a second on one core and with two workers; our executor against a bare
-pool of processes for the same chunks; and with --million one million games end to end: wall time, peak memory of this
-process and of its largest worker, size on disk, report.
+Prints: games per second of the sweep "policies" on one core, of each pair of policies; the shares of building scenarios
+and of playing them; sweeps with wind against those without; flights per second on one core and with two workers; and
+with --million one million games from the file to the report: wall time, peak memory of this process and of its largest
+worker, size on disk.
 """
 
 import argparse
 import contextlib
 import gc
 import io
-import multiprocessing
 import resource
 import shutil
 import sys
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-import psutil
 
+from guidance.config import find
 from guidance.sim.maths import play
-from guidance.sweeps.chunk import as_table, computed, rows_of, table_of
-from guidance.sweeps.executors import executor
+from guidance.sweeps.folder import opened
+from guidance.sweeps.plan import FOLDER
 from guidance.sweeps.report import write_report
-from guidance.sweeps.row_scenarios import Scenarios
-from guidance.sweeps.running import planned, run_sweep
+from guidance.sweeps.rows import Scenarios, as_table, computed, table_of
+from guidance.sweeps.running import Work, finish, planned, run_sweep, workers_of
 
 GAMES = """
 title = "Short chases"
@@ -82,6 +80,23 @@ def processor_s():
     )
 
 
+def bench_policies(folder, seeds):
+    """The bundled sweep with other numbers of seeds, one core, in this process."""
+    text = find("policies", FOLDER).read_text(encoding="utf-8").replace("seeds = 1000", "seeds = SEEDS")
+    plan, _ = planned_from(text, folder, seeds)
+    table_of(plan, range(2))  # imports
+    total = 0.0
+    print(f'the sweep "policies" with {seeds:,} seeds, one core')
+    for number, pair in enumerate(plan.pairs):
+        started = time.process_time()
+        computed(plan, range(number * seeds, (number + 1) * seeds))
+        took = time.process_time() - started
+        total += took
+        print(f"  {seeds / took:8,.0f} games/s, {pair.pursuer} against {pair.evader}")
+    good = "met" if plan.rows / total >= 2500 else "NOT MET"
+    print(f"  {plan.rows / total:8,.0f} games/s of all; required 2,500: {good}")
+
+
 def bench_maths(folder, rows):
     """One core, in this process."""
     plan, _ = planned_from(GAMES, folder, rows)
@@ -100,11 +115,11 @@ def bench_maths(folder, rows):
     put = time.process_time()
     gc.enable()
     lasted = sum(outcome.game_time_s for outcome in outcomes) / rows
-    print(f"a maths sweep of {rows:,} games of {lasted:.1f} s on average, in one chunk, one core")
-    print(f"  {rows / whole:8,.0f} games/s, {rows * lasted / 0.02 / whole / 1e6:.2f} million cycles/s")
-    print(f"  {(built - started) / rows * 1e6:8.1f} µs a game to build and check its scenario")
-    print(f"  {(played - built) / rows * 1e6:8.1f} µs a game to play it")
-    print(f"  {(put - played) / rows * 1e6:8.1f} µs a game to put it into a table")
+    print(f"{rows:,} games of {lasted:.1f} s on average, in one chunk, one core")
+    print(f"  {rows / whole:8,.0f} games/s")
+    print(f"  {(built - started) / rows * 1e6:8.1f} µs per game to build and validate its scenario")
+    print(f"  {(played - built) / rows * 1e6:8.1f} µs per game to play it")
+    print(f"  {(put - played) / rows * 1e6:8.1f} µs per game to put it into a table")
 
 
 def bench_wind(folder, rows):
@@ -137,52 +152,21 @@ def bench_flights(folder, flights):
     flown = sum(table["duration_s"].to_pylist())
     print(f"a fast sweep of {flights} flights of {flown / flights:.0f} s on average")
     print(f"  {flights / cpu:8.3f} flights/s of processor time on one core, {flown / cpu:.1f} × real time")
-    with executor(2, None) as working:
-        chunks = [(chunk, rows_of(plan, chunk, 1)) for chunk in range(flights)]
-        list(working.work(plan, chunks[:2]))  # the workers have imported what they need
-        began = time.perf_counter()
-        list(working.work(plan, chunks[2:]))
-        two = (time.perf_counter() - began) / (flights - 2)
+    began = time.perf_counter()
+    work = Work(opened(folder / "flights", plan, 1, lambda: 1), list(range(flights)), 0)
+    with workers_of(2, None) as working:
+        finish(work, working, lambda _: None)
+    two = (time.perf_counter() - began) / flights
     print(
-        f"  {flights / wall:8.3f} flights/s of wall time alone, {1 / two:.3f} with two workers: "
+        f"  {flights / wall:8.3f} flights/s of wall time alone, {1 / two:.3f} with two workers and their start: "
         f"{wall / flights / two:.2f} times as fast"
     )
 
 
-def bench_executor(folder, rows, size):
-    """The same chunks by our executor and by a bare pool of processes, in turns; starting them is not counted."""
-    plan, _ = planned_from(GAMES, folder, rows)
-    chunks = [(chunk, rows_of(plan, chunk, size)) for chunk in range(-(-rows // size))]
-    spawn = multiprocessing.get_context("spawn")
-    with executor(2, None) as working, ProcessPoolExecutor(2, mp_context=spawn) as pool:
-        list(working.work(plan, chunks[:2]))
-        list(pool.map(computed, [plan] * 2, [numbers for _, numbers in chunks[:2]]))
-        took = {"executor": [], "pool": []}
-        for _ in range(5):
-            began = clocks_s()
-            by_executor = {done.chunk: done.content for done in working.work(plan, chunks)}
-            took["executor"].append(clocks_s() - began)
-            began = clocks_s()
-            by_pool = list(pool.map(computed, [plan] * len(chunks), [numbers for _, numbers in chunks]))
-            took["pool"].append(clocks_s() - began)
-    same = [by_executor[chunk] for chunk, _ in chunks] == by_pool
-    ours, plain = (np.min(took[name], axis=0) for name in ("executor", "pool"))
-    print(f"{rows:,} games in {len(chunks)} chunks by two workers, the best of five; the same bytes: {same}")
-    for name, a, b in zip(("wall time", "processor time"), ours, plain, strict=True):
-        more = f"{a / b:.3f} ×, {(a - b) / len(chunks) * 1e3:+.1f} ms a chunk"
-        print(f"  {a:8.2f} s of {name} by our executor, {b:.2f} s by a bare pool: {more}")
-
-
-def clocks_s():
-    """Wall time, and processor time of this process and of its living children."""
-    me = psutil.Process()
-    times = [one.cpu_times() for one in (me, *me.children(recursive=True))]
-    return np.array([time.perf_counter(), sum(one.user + one.system for one in times)])
-
-
 def bench_end_to_end(folder, rows):
-    """From the file to the report."""
-    _, path = planned_from(GAMES, folder, rows // 2, '["optimal", "pure_pursuit"]')
+    """From the file to the report, with the states of the sweep "policies"."""
+    text = find("policies", FOLDER).read_text(encoding="utf-8").replace("seeds = 1000", "seeds = SEEDS")
+    _, path = planned_from(text, folder, rows // 8)
     out = folder / "out"
     began, used = time.perf_counter(), processor_s()
     run_sweep(str(path), way=None, workers=2, scheduler=None, out=out, chunk=None)
@@ -217,10 +201,9 @@ def main():
         if given.million:
             bench_end_to_end(folder, 1_000_000 // share)
             return
+        bench_policies(folder, 1000 // share)
         bench_maths(folder, 16384 // share)
         bench_wind(folder, 400 // share)
-        bench_executor(folder, 65536 // share, 4096 // share)
-        bench_executor(folder, 2048 // share, 16)  # chunks too small for any use: what one costs to hand out
         bench_flights(folder, max(4, 20 // share))
     finally:
         shutil.rmtree(folder)

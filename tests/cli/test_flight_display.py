@@ -2,7 +2,6 @@
 
 import io
 import math
-from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -14,7 +13,6 @@ from guidance.session.mission import Progress
 from guidance.session.result import FlightResult
 from guidance.sim.outcome import outcome_of
 from guidance.sim.scenario_file import load_scenario
-from guidance.sweeps.drawing import _differs
 from guidance.viz.scenario_picture import _score
 
 
@@ -68,10 +66,3 @@ def test_a_hold_by_an_operator_says_so_and_how_to_continue():
 )
 def test_an_alarm_says_by_how_much_in_which_unit(violation, words):
     assert Alarm(violation, 1.789).words == words
-
-
-@pytest.mark.parametrize(
-    ("captures", "differs"), [(([100, 100, 100],), False), (([100, 50, 100],), True), (([97, 100, 99],), False)]
-)
-def test_capture_is_drawn_over_a_key_only_where_it_depends_on_it(captures, differs):
-    assert _differs([SimpleNamespace(captures=captures, games=([100, 100, 100],))], 0) is differs

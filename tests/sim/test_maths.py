@@ -86,7 +86,9 @@ def test_held_velocities_come_near_to_a_rollout_without_cycles():
         pursuer={"policy": "pure_pursuit", "position_m": [9.0, 0.0, 15.0]}, evader={"policy": "pure_evade"}
     )
     P, E = starts([chase])
-    exact = rollout(stack([chase]).game, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", stepping=Exact(0.02))
+    exact = rollout(
+        stack([chase]).game, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", stepping=Exact(0.02)
+    )
     assert play([chase])[0].game_time_s == pytest.approx(float(exact.time_s[0]), abs=0.02)
 
 

@@ -4,12 +4,10 @@ import tomllib
 import pytest
 
 from guidance.config import parse
-from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder
-from guidance.sweeps.plan import laid_out
-from guidance.sweeps.row_scenarios import check
-from guidance.sweeps.running import begun, finish
-from guidance.sweeps.sweep_file import Sweep
+from guidance.sweeps.plan import Sweep, laid_out
+from guidance.sweeps.rows import check
+from guidance.sweeps.running import SERIAL, begun, finish
 
 SCENARIO = """
 title = "Short"
@@ -49,7 +47,7 @@ policies = [{ pursuer = ["optimal", "pure_pursuit"], evader = ["optimal", "rando
 
 @pytest.fixture
 def short(tmp_path):
-    """A folder with a scenario of two seconds and a sweep of 24 rows over it."""
+    """A folder with a scenario of two seconds and a sweep of 24 rows."""
     (tmp_path / "short.toml").write_text(SCENARIO)
     (tmp_path / "sweep.toml").write_text(SWEEP)
     return tmp_path
@@ -65,17 +63,17 @@ def plan_from(short):
 
 @pytest.fixture(scope="session")
 def mixed_once(tmp_path_factory):
-    """A sweep with captures, games out of time and rows without a game, in three chunks."""
+    """A sweep with captures, time-outs and invalid rows, in three chunks."""
     folder = tmp_path_factory.mktemp("mixed")
     (folder / "short.toml").write_text(SCENARIO)
     plan = _planned(MIXED, folder)
-    finish(begun(plan, folder / "out", 64), SerialExecutor(), lambda _: None)
+    finish(begun(plan, folder / "out", 64), SERIAL, lambda _: None)
     return folder / "out"
 
 
 @pytest.fixture
 def mixed(mixed_once, tmp_path):
-    """A copy of the mixed sweep, to do with as a test likes."""
+    """A copy of the mixed sweep that a test may change."""
     return read_folder(shutil.copytree(mixed_once, tmp_path / "out"))
 
 

@@ -11,12 +11,10 @@ from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.sim.maths import play
 from guidance.sim.outcome import outcome_json
-from guidance.sweeps.compare import compare_sweeps
-from guidance.sweeps.executors import SerialExecutor
+from guidance.sweeps.compare import compare_sweeps, difference_of_means, matched_pairs, mean, share
 from guidance.sweeps.folder import read_folder
-from guidance.sweeps.pairing import pair_numbers, rows_pair
-from guidance.sweeps.running import begun, finish
-from guidance.sweeps.tally import scenario_of
+from guidance.sweeps.rows import scenario_of
+from guidance.sweeps.running import SERIAL, begun, finish
 
 BASE = """
 scenario = "short.toml"
@@ -33,7 +31,7 @@ policies = [{ pursuer = PURSUERS, evader = "random_turns" }]
 def swept(plan_from, tmp_path):
     def make(name, text=BASE, pursuers='"optimal"', chunk=7):
         plan = plan_from(text.replace("PURSUERS", pursuers))
-        finish(begun(plan, tmp_path / name, chunk), SerialExecutor(), lambda _: None)
+        finish(begun(plan, tmp_path / name, chunk), SERIAL, lambda _: None)
         return read_folder(tmp_path / name)
 
     return make
@@ -41,6 +39,23 @@ def swept(plan_from, tmp_path):
 
 def regrets(folder):
     return pa.concat_tables([parquet.read_table(part) for part in folder.parts])["regret"].to_numpy()
+
+
+def test_intervals_are_scipys():
+    rng = np.random.default_rng(1)
+    a, b = rng.normal(0.0, 1.0, 30), rng.normal(0.5, 3.0, 12)
+    expected = stats.ttest_ind(b, a, equal_var=False).confidence_interval()
+    assert difference_of_means(a, b)[1:] == pytest.approx((expected.low, expected.high))
+    expected = stats.ttest_1samp(a, 0.0).confidence_interval()
+    assert mean(a)[1:] == pytest.approx((expected.low, expected.high))
+
+
+def test_too_few_numbers_have_no_interval():
+    assert np.isnan(mean(np.empty(0))).all()
+    assert np.isnan(mean(np.array([4.0]))[1:]).all()
+    assert np.isnan(share(0, 0)).all()
+    assert difference_of_means(np.array([1.0]), np.array([3.0])).estimate == 2.0
+    assert difference_of_means(np.ones(3), np.ones(4)) == (0.0, 0.0, 0.0)
 
 
 def test_sweeps_of_two_policies_pair_row_by_row(swept):
@@ -62,7 +77,7 @@ def test_sweeps_of_two_policies_pair_row_by_row(swept):
     assert [row["difference"] for row in compared["largest"]] == pytest.approx(apart[order].tolist())
 
 
-def test_a_sweep_equals_itself_in_everything(swept):
+def test_a_sweep_does_not_differ_from_itself(swept):
     a, b = swept("a"), swept("b", chunk=20)
     compared = compare_sweeps(a, b, column="achieved", rows=5)
     assert compared["largest"] == []
@@ -70,19 +85,18 @@ def test_a_sweep_equals_itself_in_everything(swept):
         assert column["difference"] == {"estimate": 0.0, "low": 0.0, "high": 0.0}
 
 
-def test_fewer_seeds_and_other_places_in_the_list_of_policies_pair_all_the_same(swept):
+def test_rows_pair_by_seed_and_policy_whatever_their_order(swept):
     a = swept("a", pursuers='["optimal", "lead_pursuit"]')
     b = swept("b", BASE.replace("seeds = 10", "seeds = [7, 3, 12]"), pursuers='["lead_pursuit", "pure_pursuit"]')
     compared = compare_sweeps(a, b, column="achieved", rows=5)
-    assert pair_numbers(a.plan, b.plan) == {1: 0}
+    assert matched_pairs(a.plan, b.plan) == {1: 0}
     assert [group["rows_a"] for group in compared["groups"]] == [4]
     assert compared["groups"][0]["columns"]["achieved"]["difference"]["estimate"] == 0.0
 
 
-def test_sweeps_over_other_values_are_taken_as_independent(swept):
+def test_sweeps_over_different_values_are_independent(swept):
     a, b = swept("a"), swept("b", BASE.replace("[8, 14]", "[10, 14]"))
     compared = compare_sweeps(a, b, column="regret", rows=5)
-    assert not rows_pair(a.plan, b.plan)
     assert not compared["paired"]
     expected = stats.ttest_ind(regrets(b), regrets(a), equal_var=False).confidence_interval()
     found = compared["groups"][0]["columns"]["regret"]["difference"]
@@ -91,13 +105,13 @@ def test_sweeps_over_other_values_are_taken_as_independent(swept):
     assert compared["largest"] == []
 
 
-def test_a_column_that_is_none_is_refused_and_the_others_are_named(swept):
+def test_an_unknown_column_is_refused_with_those_allowed(swept):
     a = swept("a")
     with pytest.raises(ConfigError, match="--by speed: allowed are predicted, achieved"):
         compare_sweeps(a, a, column="speed", rows=1)
 
 
-def test_the_command_compares_sweeps_and_outcomes_on_screen_and_as_json(swept, tmp_path):
+def test_the_command_compares_sweeps_and_outcomes(swept, tmp_path):
     a, b = swept("a"), swept("b", pursuers='"pure_pursuit"')
     shown = CliRunner().invoke(app, ["compare", str(a.path), str(b.path), "--rows", "2"])
     assert "20 paired rows" in shown.stdout
@@ -114,9 +128,9 @@ def test_the_command_compares_sweeps_and_outcomes_on_screen_and_as_json(swept, t
 
 
 @pytest.mark.parametrize(
-    ("content", "words"), [("{", "is no JSON"), ('{"a": 1}', "is no outcome"), (None, "cannot be read")]
+    ("content", "words"), [("{", "not valid JSON"), ('{"a": 1}', "not an outcome"), (None, "cannot be read")]
 )
-def test_what_is_no_outcome_is_refused(tmp_path, content, words):
+def test_a_file_that_is_not_an_outcome_is_refused(tmp_path, content, words):
     path = tmp_path / "a.json"
     if content is not None:
         path.write_text(content)

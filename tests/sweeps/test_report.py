@@ -1,8 +1,6 @@
 import json
 import math
 
-import numpy as np
-import pyarrow as pa
 import pytest
 from pyarrow import parquet
 from scipy import stats
@@ -12,54 +10,126 @@ from guidance.cli.sweep import sweep as app
 from guidance.sim.maths import play
 from guidance.sim.scenario_file import load_scenario
 from guidance.sweeps.drawing import key_label
-from guidance.sweeps.report import write_report
-from guidance.sweeps.tally import QUANTILES, bins_of, tallied
+from guidance.sweeps.folder import read_folder
+from guidance.sweeps.report import QUANTILES, write_report
+from guidance.sweeps.running import SERIAL, begun, finish
 
 
 def rows_of(folder):
-    return pa.concat_tables([parquet.read_table(part) for part in folder.parts]).to_pandas()
+    return parquet.read_table(folder.path / "rows").to_pandas()
 
 
-def test_the_tally_is_that_of_all_rows_at_once(mixed):
+@pytest.fixture
+def report_of(tmp_path):
+    """Writes the report of a folder and reads it."""
+
+    def make(folder, worst=2):
+        write_report(folder.path, tmp_path / "report", worst=worst)
+        return json.loads((tmp_path / "report" / "report.json").read_text())
+
+    return make
+
+
+@pytest.fixture
+def swept(plan_from, tmp_path):
+    """Runs a sweep of the short scenario."""
+
+    def make(text):
+        finish(begun(plan_from('scenario = "short.toml"\n' + text), tmp_path / "swept", 64), SERIAL, lambda _: None)
+        return read_folder(tmp_path / "swept")
+
+    return make
+
+
+def test_the_results_of_each_pair_of_policies_are_those_of_its_rows(mixed, report_of):
     everything = rows_of(mixed)
     assert {"captured", "time_up", "invalid"} <= set(everything["end"])
-    for tally in tallied(mixed, worst=2):
+    for found in report_of(mixed)["policies"]:
         rows = everything[
-            (everything.pursuer_policy == tally.pair.pursuer) & (everything.evader_policy == tally.pair.evader)
+            (everything.pursuer_policy == found["pursuer"]) & (everything.evader_policy == found["evader"])
         ]
-        assert dict(tally.ends) == rows["end"].value_counts().to_dict()
+        assert found["ends"] == rows["end"].value_counts().to_dict()
+        assert found["games"] == (rows["end"] != "invalid").sum()
         known = rows["regret"].dropna()
-        assert tally.regret.mean == pytest.approx(known.mean())
-        assert tally.quantiles() == pytest.approx(known.quantile(list(QUANTILES)).tolist())
-        for bins, games, captures in zip(tally.bins, tally.games, tally.captures, strict=True):
-            assert games.sum() == (rows["end"] != "invalid").sum()
-            assert captures.sum() == (rows["end"] == "captured").sum()
-            if bins.values:
-                for value, count in zip(bins.values, captures, strict=True):
-                    assert count == ((rows[bins.column] == value) & (rows["end"] == "captured")).sum()
+        assert found["regret_mean"]["estimate"] == pytest.approx(known.mean())
+        assert list(found["regret_quantiles"].values()) == pytest.approx(known.quantile(list(QUANTILES)).tolist())
 
 
-def test_the_worst_are_those_lost_against_the_prediction_and_then_by_regret(mixed):
+def test_groups_of_a_key_and_of_two_keys_are_those_of_their_rows(mixed, report_of):
+    everything = rows_of(mixed)
+    for found in report_of(mixed)["policies"]:
+        rows = everything[
+            (everything.pursuer_policy == found["pursuer"]) & (everything.evader_policy == found["evader"])
+        ]
+        for column in ("evader.speed_m_s", "evader.position_m[0]"):
+            assert sum(group["games"] for group in found["by_key"][column]) == found["games"]
+        assert len(found["by_point"]) == 4
+        for group in found["by_point"]:
+            speeds, limit = group["at"].values()
+            there = rows[(rows["pursuer.speed_set"] == speeds) & (rows["time_limit_s"] == float(limit))]
+            games = there[there["end"] != "invalid"]
+            assert group["games"] == len(games)
+            if len(games):
+                assert group["capture"]["estimate"] == pytest.approx((games["end"] == "captured").mean())
+            if there["regret"].notna().any():
+                assert group["regret_mean"]["estimate"] == pytest.approx(there["regret"].mean())
+
+
+def test_only_random_draws_have_intervals(mixed, swept, report_of):
+    group = report_of(mixed)["policies"][0]["by_point"][0]
+    expected = stats.binomtest(round(group["capture"]["estimate"] * group["games"]), group["games"])
+    low, high = expected.proportion_ci(method="wilson")
+    assert (group["capture"]["low"], group["capture"]["high"]) == pytest.approx((low, high))
+    fixed = report_of(swept('seeds = 5\n[grid]\n"evader.speed_m_s" = [1.0, 3.0]\n'))["policies"][0]
+    assert {one["regret_mean"]["low"] for one in fixed["by_key"]["evader.speed_m_s"]} == {None}
+    assert fixed["capture"]["low"] is None
+
+
+def test_a_mean_of_random_draws_has_students_interval(swept, report_of):
+    random = 'seeds = 30\n[random]\n"evader.speed_m_s" = { uniform = [1.0, 3.0] }\n'
+    folder = swept(random + '[[policies]]\npursuer = "pure_pursuit"\nevader = "random_turns"\n')
+    regret = report_of(folder)["policies"][0]["regret_mean"]
+    numbers = rows_of(folder)["regret"]
+    low, high = stats.t.interval(0.95, 29, numbers.mean(), stats.sem(numbers))
+    assert (regret["low"], regret["high"]) == pytest.approx((low, high))
+
+
+def test_reasons_of_invalid_rows_are_counted(mixed, report_of):
+    report = report_of(mixed)
+    everything = rows_of(mixed)
+    assert sum(one["rows"] for one in report["invalid"]) == (everything["end"] == "invalid").sum()
+    assert len(report["invalid"]) == 1
+    assert "must be above 1" in report["invalid"][0]["reason"]
+
+
+def test_the_worst_rows_are_lost_games_then_those_with_the_largest_regret(mixed, report_of):
     everything = rows_of(mixed).set_index("row")
-    for tally in tallied(mixed, worst=1000):
-        ends = [bad.end for bad in tally.ranked]
-        assert "invalid" not in ends
-        lost = ends.count("time_up")
-        assert ends == ["time_up"] * lost + ["captured"] * (len(ends) - lost)
-        distance = [everything.loc[bad.row, "final_distance_m"] for bad in tally.ranked[:lost]]
-        regret = [bad.regret for bad in tally.ranked[lost:]]
-        assert distance == sorted(distance, reverse=True)
-        assert regret == sorted(regret, reverse=True)
-        assert [bad.row for bad in tallied_one(mixed, tally.pair, 3).ranked] == [bad.row for bad in tally.ranked[:3]]
+    worst = report_of(mixed, worst=1000)["worst"]
+    ends = [case["end"] for case in worst]
+    assert "invalid" not in ends
+    lost = ends.count("time_up")
+    assert ends == ["time_up"] * lost + ["captured"] * (len(ends) - lost)
+    distance = [everything.loc[case["row"], "final_distance_m"] for case in worst[:lost]]
+    regret = [case["regret"] for case in worst[lost:]]
+    assert distance == sorted(distance, reverse=True)
+    assert regret == sorted(regret, reverse=True)
 
 
-def tallied_one(folder, pair, worst):
-    return next(tally for tally in tallied(folder, worst=worst) if tally.pair == pair)
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_a_sweep_over_one_key_prints_a_curve_and_over_two_a_map(swept, tmp_path, columns):
+    folder = swept(
+        'seeds = 2\n[grid]\n"evader.speed_m_s" = [1.0, 3.0]\n"pursuer.position_m[2]" = [6.0, 8.0, 10.0]\n'
+        '[[policies]]\npursuer = "pure_pursuit"\n'
+    )
+    done = CliRunner().invoke(app, ["report", str(folder.path)], env={"COLUMNS": str(columns)})
+    said = " ".join(done.stdout.split())
+    assert "mean regret by evader speed, m/s (down) and pursuer position z, m (across)" in said
+    assert (folder.path / "report" / "map.png").exists()
+    assert max(len(line) for line in done.stdout.splitlines() if str(folder.path) not in line) <= columns
 
 
-def test_a_worst_case_is_a_scenario_file_that_gives_its_row_again(mixed, tmp_path):
-    write_report(mixed.path, tmp_path / "report", worst=2)
-    summary = json.loads((tmp_path / "report" / "report.json").read_text())
+def test_a_worst_case_is_a_scenario_file_that_reproduces_its_row(mixed, tmp_path, report_of):
+    summary = report_of(mixed)
     everything = rows_of(mixed).set_index("row")
     assert len(summary["worst"]) == 8
     for case in summary["worst"]:
@@ -73,48 +143,30 @@ def test_a_worst_case_is_a_scenario_file_that_gives_its_row_again(mixed, tmp_pat
                 assert value == row[name]
 
 
-def test_the_report_says_its_intervals_and_writes_pictures_twice(mixed):
+def test_pictures_are_written_as_png_and_pdf(mixed):
     done = CliRunner().invoke(app, ["report", str(mixed.path), "--worst", "1"])
     assert done.exit_code == 0
-    assert "192 of 192 rows, as maths; regret in s" in done.stdout
-    out = mixed.path / "report"
-    for name in ("regret", "capture", "worst"):
-        assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-        assert (out / f"{name}.pdf").read_bytes().startswith(b"%PDF")
-    summary = json.loads((out / "report.json").read_text())
-    pair = summary["policies"][0]
-    expected = stats.binomtest(pair["ends"]["captured"], pair["games"]).proportion_ci(method="wilson")
-    assert (pair["capture"]["low"], pair["capture"]["high"]) == pytest.approx((expected.low, expected.high))
-    known = rows_of(mixed).query("pursuer_policy == 'optimal' and evader_policy == 'optimal'")["regret"].dropna()
-    low, high = stats.t.interval(0.95, len(known) - 1, known.mean(), stats.sem(known))
-    assert (pair["regret_mean"]["low"], pair["regret_mean"]["high"]) == pytest.approx((low, high))
+    assert "192 of 192 rows, as maths" in done.stdout
+    for name in ("regret", "keys", "map"):
+        assert (mixed.path / "report" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert (mixed.path / "report" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_a_sweep_that_is_not_complete_is_reported_as_far_as_it_is(mixed, tmp_path):
+def test_an_incomplete_sweep_has_a_report_of_its_rows(mixed, report_of):
     for part in mixed.parts[1:]:
         part.unlink()
-    write_report(mixed.path, tmp_path / "report", worst=0)
-    summary = json.loads((tmp_path / "report" / "report.json").read_text())
-    assert (summary["rows"], summary["rows_planned"]) == (64, 192)
-    assert not (tmp_path / "report" / "worst.png").exists()
+    report = report_of(mixed, worst=0)
+    assert (report["rows"], report["rows_planned"]) == (64, 192)
+    assert report["worst"] == []
 
 
-def test_a_folder_without_rows_says_so(mixed, tmp_path):
+def test_a_folder_without_rows_is_refused(mixed, tmp_path):
     for part in mixed.parts:
         part.unlink()
     done = CliRunner().invoke(app, ["report", str(mixed.path)])
-    assert "no row of this sweep has been written yet" in str(done.exception)
+    assert "this sweep has no rows yet" in str(done.exception)
     done = CliRunner().invoke(app, ["report", str(tmp_path)])
-    assert "is no sweep's folder" in str(done.exception)
-
-
-def test_bins_cover_all_that_is_drawn(mixed):
-    for axis in mixed.plan.axes[2:]:
-        drawn = axis.distribution.draw(np.arange(500), axis.stream)
-        for bins, cells in zip(bins_of(axis), axis.cells(drawn), strict=True):
-            places = bins.places(pa.chunked_array([cells]))
-            assert (places >= 0).all()
-            assert (places < len(bins.labels)).all()
+    assert "not the folder of a sweep" in str(done.exception)
 
 
 @pytest.mark.parametrize(
@@ -127,5 +179,5 @@ def test_bins_cover_all_that_is_drawn(mixed):
         ("sensor.dropout", "sensor dropout"),
     ],
 )
-def test_axes_carry_their_units(column, label):
+def test_the_label_of_an_axis_has_its_unit(column, label):
     assert key_label(column) == label

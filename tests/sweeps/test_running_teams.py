@@ -10,13 +10,11 @@ from guidance.errors import ConfigError
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_maths import play_teams, summary_of
 from guidance.sweeps.compare import compare_sweeps
-from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder
-from guidance.sweeps.plan import laid_out
+from guidance.sweeps.plan import laid_out, load_sweep
 from guidance.sweeps.report import write_report
-from guidance.sweeps.row_scenarios import Scenarios, check
-from guidance.sweeps.running import begun, finish
-from guidance.sweeps.sweep_file import load_sweep
+from guidance.sweeps.rows import Scenarios, check
+from guidance.sweeps.running import SERIAL, begun, finish
 
 SCENARIO = """
 title = "Short"
@@ -64,7 +62,7 @@ def swept(tmp_path):
 
 def run(plan, out, rows=3):
     work = begun(plan, out, rows, 1)
-    finish(work, SerialExecutor(), lambda _: None)
+    finish(work, SERIAL, lambda _: None)
     return work
 
 
@@ -130,7 +128,7 @@ def test_the_report_counts_evaders_and_writes_the_worst_as_scenarios_of_teams(sw
 
 
 def test_teams_do_not_fly_in_sweeps_either(swept):
-    with pytest.raises(ConfigError, match=r'as = "fast": short\.toml has teams, which only mathematics plays yet'):
+    with pytest.raises(ConfigError, match=r'as = "fast": short\.toml has teams, which can only be played as maths'):
         swept(way="fast")
 
 
