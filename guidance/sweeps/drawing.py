@@ -1,5 +1,6 @@
 """Pictures of a sweep: regret, curves over each swept key, maps over two. Dashes and markers tell policies apart."""
 
+import itertools
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -88,7 +89,7 @@ def key_label(column: str) -> str:
 
 def _figure(title: str, rows: int, columns: int) -> tuple[Figure, Any]:
     figure = figure_of(max(7.0, 3.4 * columns), 1.2 + 3.0 * rows)
-    figure.suptitle("\n".join(textwrap.wrap(title, 80)), fontsize=12)
+    figure.suptitle("\n".join(textwrap.wrap(title, 70)), fontsize=12)
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
@@ -138,44 +139,51 @@ def _regret(report: Mapping[str, Any], regrets: Sequence[NDArray[np.float64]]) -
 
 
 def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
-    """Draw captures and regret over every key: two rows of panels for each evader, one column for each key."""
+    """Draw regret, and captures if they differ, over every key; one key has a column for each evader."""
     if not keys:
         return None
     evaders, styles = _names(report, "evader"), _styles(report)
-    title = f"{report['title']}: captures, and regret (median; band from 5 % to 95 % of the games)"
-    figure, axes = _figure(title, 2 * len(evaders), len(keys))
-    for number, evader in enumerate(evaders):
-        for key, captures, regret in zip(keys, axes[2 * number], axes[2 * number + 1], strict=True):
-            for one in report["policies"]:
-                if one["evader"] == evader:
-                    _curve(captures, regret, key, one["by_key"][key.column], styles[one["pursuer"]])
-            captures.set(ylim=(-0.03, 1.03))
-            for panel in (captures, regret):
-                panel.set(xlabel=key_label(key.column))
-                if key.centres == tuple(range(len(key.labels))):
-                    panel.set_xticks(key.centres, key.labels)
-        axes[2 * number, 0].set_ylabel(f"share captured\nevader: {evader}")
-        axes[2 * number + 1, 0].set_ylabel(f"regret, {report['unit']}\nevader: {evader}")
+    groups = [one for policies in report["policies"] for key in keys for one in policies["by_key"][key.column]]
+    draw = [_regret_curve]
+    if len({one["capture"]["estimate"] for one in groups if one["games"]}) > 1:
+        draw = [_capture_curve, _regret_curve]
+    rows, columns = len(draw) * len(evaders), len(keys)
+    if len(keys) == 1:
+        rows, columns = len(draw), len(evaders)
+    figure, axes = _figure(f"{report['title']}: results by swept key", rows, columns)
+    for number, (evader, curve, key) in enumerate(itertools.product(evaders, draw, keys)):
+        panel = axes[number % rows, number // rows] if len(keys) == 1 else axes[number // columns, number % columns]
+        for one in report["policies"]:
+            if one["evader"] == evader:
+                curve(panel, key, one["by_key"][key.column], styles[one["pursuer"]])
+        name = "share captured" if curve is _capture_curve else f"regret, {report['unit']}: median, 5 % to 95 %"
+        panel.set(xlabel=key_label(key.column), ylabel=name, title=f"evader: {evader}")
+        if key.centres == tuple(range(len(key.labels))):
+            panel.set_xticks(key.centres, key.labels)
     _legend(figure, axes)
     return figure
 
 
-def _curve(captures: Any, regret: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401 - Matplotlib has no types for it
-    at = dict(zip(key.labels, key.centres, strict=True))
-    games = [one for one in groups if one["games"]]
-    x = [at[one["at"][key.column]] for one in games]
-    shares = [one["capture"] for one in games]
-    y = np.array([one["estimate"] for one in shares])
-    reach = [
-        [abs((one[end] if one[end] is not None else one["estimate"]) - one["estimate"]) for one in shares]
-        for end in ("low", "high")
-    ]
-    captures.errorbar(x, y, yerr=reach, capsize=2, elinewidth=1.0, **style)
-    known = [one for one in games if one["regret_games"]]
-    x = [at[one["at"][key.column]] for one in known]
+def _capture_curve(panel: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401 - Matplotlib has no types for it
+    known = [one for one in groups if one["games"]]
+    shares = [one["capture"] for one in known]
+    ends = [[one["estimate"] if one[end] is None else one[end] for one in shares] for end in ("low", "high")]
+    middle = np.array([one["estimate"] for one in shares])
+    panel.errorbar(
+        _centres(key, known), middle, yerr=np.abs(np.array(ends) - middle), capsize=2, elinewidth=1.0, **style
+    )
+    panel.set(ylim=(-0.03, 1.03))
+
+
+def _regret_curve(panel: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401 - Matplotlib has no types for it
+    known = [one for one in groups if one["regret_games"]]
     low, middle, high = ([one["regret_quantiles"][name] for one in known] for name in ("0.05", "0.5", "0.95"))
-    regret.plot(x, middle, **style)
-    regret.fill_between(x, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
+    panel.plot(_centres(key, known), middle, **style)
+    panel.fill_between(_centres(key, known), low, high, color=style["color"], alpha=0.12, linewidth=0.0)
+
+
+def _centres(key: Key, groups: Sequence[Policies]) -> list[float]:
+    return [key.centres[key.labels.index(one["at"][key.column])] for one in groups]
 
 
 def _map(report: Mapping[str, Any], down: Key, across: Key) -> Figure:

@@ -195,7 +195,7 @@ class ChunkSize(NamedTuple):
 
 
 def chunk_size(plan: Plan, workers: int, clock: Callable[[], float] = time.process_time) -> ChunkSize:
-    """Play some rows to choose the size of a chunk: about 10 s of work, and several chunks for each worker.
+    """Play some rows to choose the size of a chunk: about 10 s of work, and several chunks for each of several workers.
 
     Args:
         plan: What is swept.
@@ -204,7 +204,7 @@ def chunk_size(plan: Plan, workers: int, clock: Callable[[], float] = time.proce
     """
     if plan.way == "fast":
         return ChunkSize(1, math.nan)  # a flight takes a thousand times as long as a game
-    fair = max(1, math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers)))
+    fair = plan.rows if workers == 1 else math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers))
     if fair <= _TRIED[0]:
         return ChunkSize(fair, math.nan)
     tried = [_timed(plan, _TRIED[0], clock)]
