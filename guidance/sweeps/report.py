@@ -253,24 +253,27 @@ def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> Non
     ends, regrets = [], []
     for one in report["policies"]:
         others = ", ".join(f"{count} {end}" for end, count in sorted(one["ends"].items()) if end != CAPTURED)
-        ends.append(
-            (one["pursuer"], one["evader"], str(one["games"]), _number(one["capture"]["estimate"]), others or "-")
-        )
+        ends.append((_names(one), str(one["games"]), _share(one["capture"]), others or "-"))
         quantiles = [_number(one["regret_quantiles"].get(name)) for name in _SHOWN.values()]
-        regrets.append((one["pursuer"], one["evader"], _with_interval(one["regret_mean"]), *quantiles))
-    there.print(sheet(("pursuer", "evader", "games", "captured", "other ends"), ends, left=(0, 1)))
-    there.print(sheet(("pursuer", "evader", "mean regret", *_SHOWN), regrets, left=(0, 1)))
+        regrets.append((_names(one), _with_interval(one["regret_mean"]), *quantiles))
+    there.print(sheet(("policies", "games", "captured", "other ends"), ends, left=(0, 3)))
+    there.print()
+    there.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
     alike = [one for one in report["policies"] if grid and _alike(one, grid)]
     for one in report["policies"]:
         if one not in alike:
-            for table in _maps(one, grid) if len(grid) == 2 else (_curve(one, key) for key in grid):
-                there.print()
+            for title, table in _maps(one, grid) if len(grid) == 2 else (_curve(one, key) for key in grid):
+                there.print(f"\n[italic]{title}[/italic]")
                 there.print(table)
     if alike:
-        names = ", ".join(f"{one['pursuer']} against {one['evader']}" for one in alike)
+        names = ", ".join(map(_names, alike))
         there.print(f"\nequal for all values of {', '.join(key.column for key in grid)}: {names}")
     for one in report["invalid"]:
         there.print(f"\n{one['rows']} rows are invalid or failed, as row {one['row']}: {one['reason']}", soft_wrap=True)
+
+
+def _names(policies: Mapping[str, Any]) -> str:
+    return f"{policies['pursuer']} against {policies['evader']}"
 
 
 def _alike(policies: Mapping[str, Any], grid: Sequence[Key]) -> bool:
@@ -280,16 +283,16 @@ def _alike(policies: Mapping[str, Any], grid: Sequence[Key]) -> bool:
     return all(len(one) == len(found[0]) and np.allclose(one, found[0], atol=1e-6) for one in found)
 
 
-def _curve(policies: Mapping[str, Any], key: Key) -> Table:
+def _curve(policies: Mapping[str, Any], key: Key) -> tuple[str, Table]:
     rows = []
     for one in policies["by_key"][key.column]:
         quantiles = [_number(one["regret_quantiles"].get(name)) for name in list(_SHOWN.values())[:3]]
         rows.append((one["at"][key.column], _share(one["capture"]), _with_interval(one["regret_mean"]), *quantiles))
-    title = f"{policies['pursuer']} against {policies['evader']}, by {key_label(key.column)}"
-    return sheet(("", "captured", "mean regret", *list(_SHOWN)[:3]), rows, left=(), title=title)
+    title = f"{_names(policies)}, by {key_label(key.column)}"
+    return title, sheet(("", "captured", "mean regret", *list(_SHOWN)[:3]), rows, left=())
 
 
-def _maps(policies: Mapping[str, Any], grid: Sequence[Key]) -> Iterator[Table]:
+def _maps(policies: Mapping[str, Any], grid: Sequence[Key]) -> Iterator[tuple[str, Table]]:
     first, second = grid
     for measure, name in (("capture", "captured"), ("regret_mean", "mean regret")):
         cells = {
@@ -300,8 +303,8 @@ def _maps(policies: Mapping[str, Any], grid: Sequence[Key]) -> Iterator[Table]:
         }
         rows = [(down, *(cells.get((down, across), "") for across in second.labels)) for down in first.labels]
         keys = f"{key_label(first.column)} (down) and {key_label(second.column)} (across)"
-        title = f"{policies['pursuer']} against {policies['evader']}: {name} by {keys}"
-        yield sheet(("", *second.labels), rows, left=(), title=title)
+        title = f"{_names(policies)}: {name} by {keys}"
+        yield title, sheet(("", *second.labels), rows, left=())
 
 
 def _share(interval: Mapping[str, float | None]) -> str:
