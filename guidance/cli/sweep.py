@@ -82,7 +82,7 @@ def run(
 
     Distributions: uniform, log_uniform, normal, choice, disc, annulus. Keys and units are those of the scenario.
 
-    Sweeps of the package: `policies` (ways to pursue, random states), `barrier` (who wins on which side), `flown`
+    Sweeps of the package: `policies` (ways to pursue, random states), `barrier` (winner and regret near the barrier), `flown`
     (flights of the mock with a noisy sensor), `teams` (one to six pursuers against six evaders).
 
     - `guidance sweep policies`: a sweep of the package
@@ -110,7 +110,7 @@ def report(
 ) -> None:
     """Report captures and regret for each pair of policies and each swept value.
 
-    Regret is what the pursuer lost against the game's value. With one key on the grid, the report is a curve: captures,
+    Regret is the pursuer's loss against the game's value. With one key on the grid, the report is a curve: captures,
     mean regret, and its median with the spread from 5 % to 95 % of the games, for each value. With two keys it is a
     map. 95 % intervals (Wilson's, Student's t) are given for random draws only. Reasons of invalid rows are listed.
 

@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 
 
 class Batch(NamedTuple):
-    """What stays constant while games are played. Arrays have shape (n, …); a field (n,) may be one number.
+    """Constants of the games of a batch. Arrays have shape (n, …); a field (n,) may be one number.
 
     Attributes:
-        kind: One scenario of the batch; anything that is not an array here is equal in all of them.
+        kind: One scenario of the batch; everything else in it is equal in all scenarios.
         game: The games with the evaders' true speeds.
         believed_m_s: Evader speed that the pursuer assumes, (n,).
         target_m: (n, 3); None in PE.
@@ -53,7 +53,7 @@ class Batch(NamedTuple):
 
     @property
     def agreed(self) -> bool:
-        """Whether the declared speed of each evader is its true speed; equal in all scenarios of a kind."""
+        """True if the declared speed of each evader is its true speed; equal in all scenarios of a kind."""
         return self.kind.evader.believed_speed_m_s == self.kind.evader.speed_m_s
 
 
@@ -134,8 +134,8 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
     )
 
 
-def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - a batch or any part of it
-    """Return some rows of a batch, or of any part of it."""
+def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - a batch or a part
+    """Return some rows of a batch, or of a part."""
     if isinstance(value, np.ndarray):
         return value[rows]
     if isinstance(value, tuple):

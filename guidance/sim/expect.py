@@ -1,4 +1,4 @@
-"""What a scenario expects of its outcome, so that it is also a test: `expect.capture_time_s = { max = 12 }`."""
+"""Expected outcomes of a scenario, which make it a test: `expect.capture_time_s = { max = 12 }`."""
 
 import math
 from collections.abc import Mapping
@@ -9,15 +9,15 @@ from pydantic import Field, field_validator, model_validator
 from guidance.config import RENAMED_EVENTS, Section
 
 End: TypeAlias = Literal["captured", "arrived", "time_up", "yielded", "failed"]
-"""How a run ends: the paper's two ways, the scenario's time limit, a pilot's takeover, or a flight that went wrong."""
+"""End of a run: capture, arrival at the target, time limit, takeover by a pilot, or failure."""
 
 
 WINNERS: Final[Mapping[str, str]] = {"captured": "pursuer", "arrived": "evader"}
-"""Who wins by an end; nobody by another."""
+"""Winner of an end; other ends have none."""
 
 
 class Range(Section):
-    """From `min` to `max`, both included; either may be left out."""
+    """A closed interval from `min` to `max`; one of them may be omitted."""
 
     min: float | None = Field(None, description="at least this")
     max: float | None = Field(None, description="at most this")
@@ -25,19 +25,19 @@ class Range(Section):
     @model_validator(mode="after")
     def _check_order(self) -> Self:
         if self.min is None and self.max is None:
-            raise ValueError("{}: says nothing; give min, max or both")
+            raise ValueError("{}: empty; give min, max or both")
         if self.min is not None and self.max is not None and self.min > self.max:
-            raise ValueError(f"min = {self.min:g} is above max = {self.max:g}: nothing can be expected of both")
+            raise ValueError(f"min = {self.min:g} is above max = {self.max:g}: no value meets both")
         return self
 
     def holds(self, value: float) -> bool:
-        """Whether a value lies within; NaN lies nowhere."""
+        """Return True if a value lies within; NaN does not."""
         low = -math.inf if self.min is None else self.min
         high = math.inf if self.max is None else self.max
         return low <= value <= high
 
     def __str__(self) -> str:
-        """As the table of expectations shows it."""
+        """Text for the table of expectations."""
         parts = [
             f"at least {self.min:g}" if self.min is not None else "",
             f"at most {self.max:g}" if self.max is not None else "",
@@ -46,7 +46,7 @@ class Range(Section):
 
 
 class CheckedExpectation(NamedTuple):
-    """One expectation and what became of it."""
+    """One expectation, the value, and whether it held."""
 
     column: str
     expected: str
@@ -55,7 +55,7 @@ class CheckedExpectation(NamedTuple):
 
 
 class Expectations(Section):
-    """What is expected of the outcome's columns of the same names."""
+    """Expected values of the outcome's columns with the same names."""
 
     end: End | None = Field(None, description="how the run ends")
     winner: Literal["pursuer", "evader", "none"] | None = Field(None, description="who wins")
@@ -70,8 +70,8 @@ class Expectations(Section):
     ratio: Range | None = Field(None, description="achieved / predicted")
     min_standoff_m: Range | None = Field(None, description="least level distance of the players")
     min_altitude_m: Range | None = Field(None, description="least height of the pursuer")
-    alarms: Range | None = Field(None, description="how often the guarantee was seen to be broken")
-    events: tuple[str, ...] = Field((), description="what happens from engagement on")
+    alarms: Range | None = Field(None, description="number of broken guarantees")
+    events: tuple[str, ...] = Field((), description="events from engagement on")
 
     @field_validator("events")
     @classmethod
@@ -82,7 +82,7 @@ class Expectations(Section):
         return events
 
     def check(self, game: str) -> None:
-        """Refuse what contradicts itself.
+        """Refuse contradictions.
 
         Raises:
             ValueError: If two expectations cannot both be met; the message names them.
@@ -96,7 +96,7 @@ class Expectations(Section):
             raise ValueError(f"expect.winner = {self.winner!r} contradicts expect.end = {self.end!r}: {wins} wins then")
 
     def verdicts(self, outcome: dict[str, Any]) -> list[CheckedExpectation]:
-        """Hold the expectations against the columns of an outcome."""
+        """Return the verdict on every expectation."""
         found = []
         for column in Expectations.model_fields:
             expected = getattr(self, column)
@@ -114,10 +114,10 @@ class Expectations(Section):
 
 
 class Expect(Expectations):
-    """What is expected of every run, and what of those in mathematics or in flight alone."""
+    """Expectations of every run, and those of mathematics or of flights only."""
 
-    maths: Expectations = Field(Expectations(), description="of a run in mathematics alone")
-    flown: Expectations = Field(Expectations(), description="of a flight alone")
+    maths: Expectations = Field(Expectations(), description="only for runs as mathematics")
+    flown: Expectations = Field(Expectations(), description="only for flights")
 
     def check_all(self, game: str) -> None:
         """Refuse contradictions in each part; see `check`."""
@@ -125,6 +125,6 @@ class Expect(Expectations):
             part.check(game)
 
     def of(self, outcome: dict[str, Any]) -> list[CheckedExpectation]:
-        """Hold an outcome against what is expected of its kind of run."""
+        """Return the verdicts that apply to an outcome's kind of run."""
         own = self.maths if outcome["run"] == "maths" else self.flown
         return [*self.verdicts(outcome), *own.verdicts(outcome)]

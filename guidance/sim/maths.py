@@ -1,7 +1,7 @@
 """Scenarios played as mathematics: point masses that fly the velocities of their strategies, one game or a batch.
 
 Every game has its own clock. Far from its end, a step is a Runge-Kutta step of fourth order (Kutta, 1901), at most half
-as long as the least time in which anything can end or change. Elsewhere velocities are held for a cycle, as in a
+as long as the least time until an end or a change. Elsewhere velocities are held for a cycle, as in a
 flight. No step passes the end of a game, and a game has the same bits alone and in a batch.
 """
 
@@ -27,7 +27,7 @@ from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
 from guidance.strategies.catalogue import PROPORTIONAL
 
 CYCLE_S = 0.02
-"""How long a velocity is held: the cycle of a flight."""
+"""A velocity is held for the cycle of a flight."""
 
 _SHARES = {4: 0.8, 1: 0.05}
 """Length of a step, as a share of the least time until a change, by the order of the method.
@@ -64,7 +64,7 @@ class Moment(NamedTuple):
         run_m_s: Evader velocity at the begin of the last step.
         step_s: Length of the last step.
         heard: Reports that the pursuer received; None if it sees the evader.
-        lost_s: Time for which the pursuer has been waiting for a report.
+        lost_s: Waiting time for a report.
         standoff_m: Least horizontal distance so far.
         altitude_m: Least height above the evader's plane so far.
         met: Which of `_LIMITS` have held the pursuer back, (n, 3).
@@ -247,7 +247,7 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead) -> Real:
 
 
 def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
-    """Return a time, (n,), before which straight tracks cannot end in capture; exact as it goes to zero.
+    """Return a lower bound, (n,), of the time until straight tracks end in capture; exact as it goes to zero.
 
     The distance from the disc is a convex function of the relative position. Its tangent is below it, so a step of
     Newton's method does not pass the capture.
@@ -296,7 +296,7 @@ def _velocities(
 
     Args:
         batch: The games.
-        moment: For the clocks, and for what the pursuer's strategy remembers.
+        moment: For the clocks and the memory of the pursuer's strategy.
         P: Positions of the pursuers, (n, 3).
         E: Positions of the evaders, (n, 3).
         first: Velocities at the begin of the step, kept by players on a course; None at the begin.

@@ -1,4 +1,4 @@
-"""What a run came to: one row, the same columns for mathematics and for every kind of flight."""
+"""The outcome of a run: one row, with the same columns for mathematics and for every kind of flight."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -10,21 +10,21 @@ from guidance.sim.scenario import Scenario
 
 
 class Outcome(NamedTuple):
-    """The outcome of one run. NaN is "there is none".
+    """The outcome of one run; NaN if a value does not exist.
 
     Attributes:
-        scenario: Title.
+        scenario: Title of the scenario.
         run: "maths", "fast", "live" or "vehicle".
         game: "pe" or "tad".
         pursuer_policy: Name.
         evader_policy: Name.
-        seed: Of all that is random.
+        seed: Of all random numbers.
         end: "captured", "arrived" (the evader at its target), "time_up", "yielded" (to a pilot), "failed", or "invalid"
             (the scenario allows no game; only in sweeps).
         winner: "pursuer", "evader" or "none".
         predicted_winner: Of the game's solution at engagement: "pursuer", "evader" or "none" (on the barrier).
         game_time_s: From engagement to the end of the game.
-        capture_time_s: The same where it is a capture.
+        capture_time_s: The same; NaN without a capture.
         final_distance_m: TAD: of the evader from its target at the end. PE: of the pursuer from the stand-off disc.
         predicted: The game's value at engagement: s until capture (PE), or m from the target (TAD); where the evader
             wins, the m that the pursuer comes short.
@@ -34,13 +34,13 @@ class Outcome(NamedTuple):
         regret: What the pursuer lost against the value: achieved − predicted in PE, predicted − achieved in TAD, where
             it wants the evader far from the target; NaN where the value has another meaning, as the evader wins.
         ratio: achieved / predicted.
-        min_standoff_m: Least horizontal distance of the players in the game.
+        min_standoff_m: Least horizontal distance between the players in the game.
         min_altitude_m: Least height of the pursuer above the site in the game.
         limits: Limits that changed a command in the game.
-        alarms: How often the guarantee was seen to be broken.
-        events: What happened from engagement on.
+        alarms: Number of broken guarantees.
+        events: Names of events since engagement.
         duration_s: Of the whole run.
-        reason: Why it is invalid or failed, else empty.
+        reason: Why the row is invalid or failed; otherwise empty.
     """
 
     scenario: str
@@ -87,24 +87,24 @@ def outcome_of(
     events: Iterable[str] = (),
     reason: str = "",
 ) -> Outcome:
-    """Complete a row: what follows from the rest is worked out here, for every kind of run alike.
+    """Return a complete row; derived columns are computed here for every kind of run.
 
     Args:
-        scenario: What was to be played.
+        scenario: Of the run.
         run: `maths`, `fast`, `live` or `vehicle`.
-        end: How it ended, a word.
+        end: As in `Outcome`.
         game_time_s: From engagement to the end.
-        final_distance_m: As the row has it.
+        final_distance_m: As in `Outcome`.
         predicted: The game's value at engagement: s in PE, m in TAD.
         predicted_winner: `pursuer`, `evader` or `none`.
-        time_needed_s: What this vehicle was said to need.
-        min_standoff_m: The least horizontal distance of the players in the game.
-        min_altitude_m: As the row has it.
+        time_needed_s: As in `Outcome`.
+        min_standoff_m: As in `Outcome`.
+        min_altitude_m: As in `Outcome`.
         duration_s: Of the whole run.
-        limits: Names of those that were active.
-        alarms: How many sounded.
-        events: What happened, in order.
-        reason: Why there was no game.
+        limits: Names of the active ones.
+        alarms: Their number.
+        events: In order.
+        reason: Why the run failed.
     """
     comparable = predicted_winner != "evader"
     achieved, regret = achieved_and_regret(scenario.game, end, game_time_s, final_distance_m, predicted)
@@ -139,11 +139,11 @@ def outcome_of(
 def achieved_and_regret(
     game: str, end: str, game_time_s: float, final_distance_m: float, predicted: float
 ) -> tuple[float, float]:
-    """Return what a game came to, in the unit of its value, and what the pursuer lost against that.
+    """Return the achieved value of a game and the pursuer's regret, both in the unit of the value.
 
     Args:
         game: "pe" or "tad".
-        end: How it ended, a word.
+        end: As in `Outcome`.
         game_time_s: From engagement to the end.
         final_distance_m: Of the evader from its target, in TAD.
         predicted: The game's value at engagement: s in PE, m in TAD.
@@ -156,7 +156,7 @@ def achieved_and_regret(
 
 
 def final_distance_m(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> float:
-    """Return what `Outcome.final_distance_m` means, from the last positions above the evader's plane."""
+    """Return `Outcome.final_distance_m` from the last positions; heights are above the evader's plane."""
     if scenario.target is not None:
         return math.dist(evader_m[:2], scenario.target.position_m)
     disc = scenario.standoff
@@ -177,12 +177,12 @@ def invalid(title: str, run: str, reason: str) -> Outcome:
 
 
 def rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """Outcomes as dictionaries, one a row."""
+    """Return outcomes as dictionaries."""
     return [outcome._asdict() for outcome in outcomes]
 
 
 _DIGITS: Final = 9
-"""After the point in JSON: nanoseconds and nanometres. What came after is the arithmetic's: 5.4199999999998845."""
+"""Decimal places in JSON: nanoseconds and nanometres. Later digits are rounding errors, as in 5.4199999999998845."""
 
 
 class OutcomeRow(Protocol):
@@ -192,7 +192,7 @@ class OutcomeRow(Protocol):
 
 
 def outcome_json(outcome: OutcomeRow) -> dict[str, Any]:
-    """An outcome as JSON has it: numbers to a billionth, null where there is none."""
+    """Return an outcome for JSON: numbers with nine decimal places, NaN as None."""
     return {name: _as_json(value) for name, value in outcome._asdict().items()}
 
 

@@ -1,8 +1,8 @@
-"""The sensor model: what a pursuer hears of the evader, in mathematics and from a source of reports alike.
+"""The sensor model: reports about the evader, for mathematics and for flights.
 
-Report k is measured at k / rate and arrives a latency later, unless it is lost. Between reports the evader is taken to
-keep its velocity, as a flight's estimate has it; the age of what is known goes into the game as its information age.
-The sensor begins with the game: until then the evader is heard as it is. The random numbers are the same for both.
+Report k is measured at k / rate and arrives after the latency, unless it is lost. Between reports the pursuer assumes a
+constant velocity, as a flight's estimate does; the age of the last report is the game's information age. The sensor
+starts with the game: earlier reports pass unchanged. Mathematics and flights use equal random numbers.
 """
 
 import math
@@ -26,18 +26,18 @@ Array = NDArray[np.float64]
 PERFECT: Final = Sensor()
 
 FASTEST_HZ: Final = 50.0
-"""Rate of reports that come "as they come": one a cycle."""
+"""Rate if none is given: one report per cycle."""
 
 TIMEOUT_S: Final = 1.5
-"""From this age on a flight takes the evader for lost, and waits."""
+"""A flight waits for the evader, as lost, if the last report is older."""
 
 DROPOUT_STREAM, POSITION_STREAM, VELOCITY_STREAM = 11, 12, 14
 _SURE: Final = 2.0
-"""An evader is taken to be faster than declared from so many standard deviations on."""
+"""An evader counts as faster than declared if it seems so by this many standard deviations."""
 
 
 class Noise(NamedTuple):
-    """What may differ from row to row: the seed (n,); standard deviations and share of reports lost, (n,) or one."""
+    """Values that can differ between rows: seed (n,); standard deviations and share of lost reports, (n,) or one."""
 
     seed: NDArray[np.int64]
     position_m: Real
@@ -46,15 +46,15 @@ class Noise(NamedTuple):
 
 
 class Received(NamedTuple):
-    """The pursuer's knowledge, rows (n, …): the last report that arrived, and those on their way.
+    """The pursuer's knowledge, arrays (n, …): the last report that arrived, and those in transit.
 
     Attributes:
         position_m: (n, 3), of the last report.
-        velocity_m_s: (n, 3).
-        measured_s: When it was measured, (n,).
-        measurements: How many were made, (n,).
-        arrivals: How many arrived or should have, (n,).
-        on_the_way: Reports by number modulo the ring's length, (n, d, 6): position and velocity.
+        velocity_m_s: Of the last report, (n, 3).
+        measured_s: Time of its measurement, (n,).
+        measurements: Number of measurements, (n,).
+        arrivals: Number of reports that arrived or were lost, (n,).
+        on_the_way: Ring of reports by number, (n, d, 6): position and velocity.
     """
 
     position_m: Array
@@ -66,7 +66,7 @@ class Received(NamedTuple):
 
 
 def begin(sensor: Sensor, evader_m: Array) -> Received:
-    """Begin with the evader known to stand where it stands, evader_m being (n, 3)."""
+    """Return the knowledge at the begin: the evader stands at `evader_m`, (n, 3)."""
     count = len(evader_m)
     none = np.zeros(count, dtype=np.int64)
     depth = math.floor(sensor.latency_s * _rate_hz(sensor)) + 2
@@ -75,7 +75,7 @@ def begin(sensor: Sensor, evader_m: Array) -> Received:
 
 
 def next_event_s(sensor: Sensor, heard: Received) -> Array:
-    """Return when, (n,), the next report is measured or arrives."""
+    """Return the times, (n,), of the next measurement or arrival."""
     period_s = 1.0 / _rate_hz(sensor)
     return np.asarray(np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s))
 
@@ -83,15 +83,15 @@ def next_event_s(sensor: Sensor, heard: Received) -> Array:
 def listen(
     sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, velocity_m_s: Array
 ) -> Received:
-    """Make the measurements and receive the reports that are due now.
+    """Make the measurements and receive the reports that are due.
 
     Args:
         sensor: Rate, latency and dropouts.
         noise: Standard deviations and seeds, (n,).
-        heard: What was heard so far; its arrays are changed.
-        now_s: The present of each row, (n,).
-        evader_m: Where the evader is now, (n, 3), m.
-        velocity_m_s: How it moves now, (n, 3).
+        heard: Knowledge so far; its arrays are changed.
+        now_s: Time of each row, (n,).
+        evader_m: Position of the evader, (n, 3), m.
+        velocity_m_s: Velocity of the evader, (n, 3).
     """
     period_s = 1.0 / _rate_hz(sensor)
     near_s = now_s + 1e-9
@@ -134,7 +134,7 @@ def _arrive(
 
 
 class Known(NamedTuple):
-    """The evader as the pursuer has it now: where it should be, how fast it goes, its speed bound, how old that is."""
+    """The pursuer's estimate of the evader: position, velocity, speed bound, and age of the last report."""
 
     position_m: Array
     velocity_m_s: Array
@@ -143,13 +143,13 @@ class Known(NamedTuple):
 
 
 def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> Known:
-    """Carry the last report on to now.
+    """Extrapolate the last report to the present.
 
     Args:
         noise: Standard deviations, (n,).
-        heard: What was heard so far.
-        declared_m_s: What the evader says it never exceeds.
-        now_s: The present of each row, (n,).
+        heard: Knowledge so far.
+        declared_m_s: Speed bound that the evader declares.
+        now_s: Time of each row, (n,).
     """
     age_s = np.maximum(now_s - heard.measured_s, 0.0)
     position_m = heard.position_m + age_s[:, None] * heard.velocity_m_s
@@ -168,17 +168,17 @@ def _rate_hz(sensor: Sensor) -> float:
 
 _SLACK_S = 1e-9
 _DEFAULT_SPREAD = TrackSettings(declared_speed_m_s=1.0)
-"""Spreads that reports are taken to have which do not say theirs."""
+"""Standard deviations of reports without their own."""
 
 
 class SensedEvader:
-    """`EvaderSource` around another.
+    """`EvaderSource` that impairs the reports of another.
 
     Args:
-        source: Where the reports come from.
-        sensor: What becomes of them.
-        seed: Of its noise and its dropouts.
-        clock: Gives the present, s.
+        source: Of the reports.
+        sensor: The impairments.
+        seed: Of noise and dropouts.
+        clock: Returns the time, s.
     """
 
     def __init__(self, source: EvaderSource, sensor: Sensor, seed: int, clock: Callable[[], float]) -> None:
@@ -192,7 +192,7 @@ class SensedEvader:
         self._withheld = self._lost = 0
 
     def engage(self, now_s: float) -> None:
-        """The game begins; asked again, nothing changes."""
+        """Start the sensor; later calls have no effect."""
         self._engaged_s = min(self._engaged_s, now_s)
 
     def receive(self) -> Sequence[EvaderReport]:
@@ -208,7 +208,7 @@ class SensedEvader:
         return arrived
 
     def counters(self) -> Mapping[str, int]:
-        """As the source's, and how many reports the sensor withheld and lost."""
+        """Return the source's counters, and the numbers of withheld and lost reports."""
         return {**self._source.counters(), "withheld": self._withheld, "lost": self._lost}
 
     def close(self) -> None:
@@ -230,13 +230,13 @@ class SensedEvader:
         self._on_the_way.append(self._late(self._inexact(report, number), arrival_s))
 
     def _number(self, report: EvaderReport) -> int:
-        """Count reports by their place in the sensor's rhythm; without one, as they come."""
+        """Return the number of the sensor's period; without a rate, of the report."""
         if self._sensor.rate_hz is None:
             return self._last + 1
         return math.floor((report.received_s - self._engaged_s) * self._sensor.rate_hz + _SLACK_S)
 
     def _late(self, report: EvaderReport, arrival_s: float) -> EvaderReport:
-        """Stamp the arrival; how old it is then is known, as from an evader that answers TIMESYNC."""
+        """Delay the arrival; the age stays known, as from an evader that answers TIMESYNC."""
         if self._sensor.latency_s == 0.0:
             return report
         answer = report.timesync
@@ -267,5 +267,5 @@ class SensedEvader:
 
 
 def _grown(said: float, default: float, noise: float) -> float:
-    """The spread with the sensor's, which says how inexact it is."""
+    """Return the standard deviation of a report with the sensor's noise."""
     return math.hypot(said if math.isfinite(said) else default, noise)

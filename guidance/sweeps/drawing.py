@@ -24,7 +24,7 @@ _STYLES: Final = (
 _MOST_KEYS: Final = 6
 _POINTS: Final = 400
 _SHOWN: Final = 0.995
-"""Quantile at which the regret's axis ends: a single game would flatten all others."""
+"""The regret's axis ends at this quantile, because a single game can flatten all others."""
 
 Policies = Mapping[str, Any]
 
@@ -64,7 +64,9 @@ def draw_all(
     grid = [key for key in keys if key.grid]
     figures = {"regret": _regret(report, [numbers for numbers in regrets if numbers.size])}
     figures["keys"] = _curves(report, keys[:_MOST_KEYS])
-    figures["map"] = _map(report, *grid) if len(grid) == 2 else None
+    if len(grid) == 2:
+        figures["map"] = _map(report, *grid, "regret_mean", f"mean regret, {report['unit']}")
+        figures["map-captures"] = _map(report, *grid, "capture", "share captured")
     paths = []
     for name, figure in figures.items():
         if figure is None:
@@ -186,13 +188,9 @@ def _centres(key: Key, groups: Sequence[Policies]) -> list[float]:
     return [key.centres[key.labels.index(one["at"][key.column])] for one in groups]
 
 
-def _map(report: Mapping[str, Any], down: Key, across: Key) -> Figure:
-    """Draw the mean regret, or captures where there is none, over two keys; one panel for each pair of policies."""
+def _map(report: Mapping[str, Any], down: Key, across: Key, measure: str, name: str) -> Figure | None:
+    """Draw a measure over two keys, one panel for each pair of policies; None if it is the same everywhere."""
     evaders, pursuers = _names(report, "evader"), _names(report, "pursuer")
-    measure, name = ("regret_mean", f"mean regret, {report['unit']}")
-    if not any(one["regret_games"] for one in report["policies"]):
-        measure, name = ("capture", "share captured")
-    figure, axes = _figure(f"{report['title']}: {name}", len(evaders), len(pursuers))
     maps = {}
     for one in report["policies"]:
         values = np.full((len(down.labels), len(across.labels)), np.nan)
@@ -202,6 +200,9 @@ def _map(report: Mapping[str, Any], down: Key, across: Key) -> Figure:
             values[down.labels.index(first), across.labels.index(second)] = np.nan if value is None else value
         maps[one["pursuer"], one["evader"]] = values
     known = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
+    if not known.size or not np.ptp(known):
+        return None
+    figure, axes = _figure(f"{report['title']}: {name}", len(evaders), len(pursuers))
     for (pursuer, evader), values in maps.items():
         panel = axes[evaders.index(evader), pursuers.index(pursuer)]
         image = panel.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=known.min(), vmax=known.max())

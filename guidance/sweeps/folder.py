@@ -39,7 +39,7 @@ Write = Callable[[Path, bytes], None]
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file completely or not at all.
+    """Write a complete file, or none.
 
     Raises:
         OSError: If it cannot be written; no partial file is left.
@@ -62,7 +62,7 @@ class Folder:
 
     Attributes:
         path: Of the folder.
-        plan: What is swept.
+        plan: Of the sweep.
         chunk_rows: Rows of a chunk.
         write: Writes a file.
     """
@@ -86,7 +86,7 @@ class Folder:
         return range(chunk * self.chunk_rows, min(self.plan.rows, (chunk + 1) * self.chunk_rows))
 
     def has(self, chunk: int) -> bool:
-        """Whether a chunk's file has all rows: one for each game, with teams one for each evader."""
+        """Return True if a chunk's file has all rows: one for each game, with teams one for each evader."""
         part, games = self.part(chunk), len(self.rows(chunk))
         try:
             count = parquet.read_metadata(part).num_rows if part.is_file() else -1
@@ -129,7 +129,7 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callabl
 
     Args:
         path: The folder.
-        plan: What is swept.
+        plan: Of the sweep.
         chunk_rows: Rows of a chunk; None takes those of the folder, or the default.
         default_rows: Returns the rows of a chunk for a new folder.
 
@@ -233,5 +233,5 @@ def _manifest(path: Path) -> Mapping[str, Any]:
 
 
 def _versions() -> dict[str, str]:
-    """Versions that the rows depend on."""
+    """Versions of the packages that determine the rows."""
     return {"python": platform.python_version(), **{name: version(name) for name in (PACKAGE, "numpy", "pyarrow")}}

@@ -1,4 +1,4 @@
-"""The sweep file, and what follows from it: policies, seed and values of every row, and the columns of the table.
+"""The sweep file and its plan: policies, seed and values of every row, and the columns of the table.
 
 A row depends on the plan and the row's number only.
 """
@@ -28,7 +28,7 @@ from guidance.sim.team_maths import TeamOutcome
 from guidance.sweeps.axes import Axis, flat, grid_axis, random_axis
 
 Way = Literal["maths", "fast"]
-"""How a row is run: as point masses, or as a flight of the mock in virtual time."""
+"""A row is point masses (maths), or a flight of the mock in virtual time (fast)."""
 
 FOLDER: Final = "sweeps"
 ROW: Final = "row"
@@ -120,7 +120,7 @@ class Sweep(Section):
 
 
 class Cases(NamedTuple):
-    """What some rows play.
+    """Policies, seeds and values of some rows.
 
     Attributes:
         row: Numbers of the rows, (n,).
@@ -143,7 +143,7 @@ class Plan:
 
     Attributes:
         sweep: The sweep file.
-        scenario: The scenario as plain values, with all defaults filled in.
+        scenario: The scenario as plain values, including all defaults.
         way: "maths" or "fast".
     """
 
@@ -153,7 +153,7 @@ class Plan:
 
     @cached_property
     def teams(self) -> bool:
-        """Whether teams play; then a game has one table row for each evader."""
+        """True if teams play; a game then has one table row for each evader."""
         return has_teams(self.scenario)
 
     @cached_property
@@ -195,7 +195,7 @@ class Plan:
         return pair, point, number + (0 if given is None else given.begin)
 
     def cases(self, row: Rows) -> Cases:
-        """Return what rows play, by their numbers (n,)."""
+        """Return policies, seeds and values of rows, by their numbers (n,)."""
         pair, point, seed = self.places(row)
         values: list[list[Any]] = []
         size = self.points

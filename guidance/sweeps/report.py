@@ -87,7 +87,7 @@ def _read(folder: Folder) -> pa.Table:
 
 
 def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
-    """Yield what to group by: the values of a grid, and of each random number ten even bins."""
+    """Yield groups of rows: by the values of a grid, or by ten even bins of each random number."""
     if axis.distribution is None:
         if len(axis.values) < 2:
             return
@@ -123,7 +123,7 @@ def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], cases: Sequence[
     Args:
         plan: Of the sweep.
         table: Its rows.
-        keys: To group by.
+        keys: Groups of the rows.
         cases: Rows with the worst results.
     """
     for key in keys:
@@ -221,7 +221,7 @@ def _finite(column: pa.ChunkedArray) -> NDArray[np.float64]:
 
 
 def _write_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> Iterator[Worst]:
-    """Write the worst rows of every pair of policies as `worst-001.toml` and so on, the worst of all first.
+    """Write the worst rows of every pair of policies as `worst-001.toml`, `worst-002.toml` …, the worst first.
 
     A game that the pursuer should have won and lost is worse than any regret; its final distance orders it.
     """
@@ -249,7 +249,7 @@ def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> Non
     count, planned = report["rows"], report["rows_planned"]
     counted = f"{count} evaders of {planned} games" if report["teams"] else f"{count} of {planned} rows"
     there.print(f"{counted}, as {report['as']}")
-    there.print(f"regret, {unit}: what the pursuer lost against the game's value; below 0, what the evader lost")
+    there.print(f"regret, {unit}: the pursuer's loss against the game's value; below 0, the evader's")
     ends, regrets = [], []
     for one in report["policies"]:
         others = ", ".join(f"{count} {end}" for end, count in sorted(one["ends"].items()) if end != CAPTURED)
@@ -277,7 +277,7 @@ def _names(policies: Mapping[str, Any]) -> str:
 
 
 def _alike(policies: Mapping[str, Any], grid: Sequence[Key]) -> bool:
-    """Whether captures and regret are equal for all values of all keys."""
+    """Return True if captures and regret are equal for all values of all keys."""
     groups = [group for key in grid for group in policies["by_key"][key.column]]
     found = [(one["capture"]["estimate"], *one["regret_quantiles"].values()) for one in groups]
     return all(len(one) == len(found[0]) and np.allclose(one, found[0], atol=1e-6) for one in found)

@@ -188,7 +188,7 @@ def refuse_without_games(plan: Plan) -> None:
 
 
 class ChunkSize(NamedTuple):
-    """Rows of a chunk, and how long it should take, s; NaN if nothing was measured."""
+    """Rows of a chunk, and how long it should take, s; NaN if it was not measured."""
 
     rows: int
     lasts_s: float
@@ -198,7 +198,7 @@ def chunk_size(plan: Plan, workers: int, clock: Callable[[], float] = time.proce
     """Play some rows to choose the size of a chunk: about 10 s of work, and several chunks for each of several workers.
 
     Args:
-        plan: What is swept.
+        plan: Of the sweep.
         workers: Number of processes.
         clock: Processor time, s: wall time depends on what else the machine does.
     """

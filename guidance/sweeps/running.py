@@ -42,7 +42,7 @@ OnKept = Callable[[int], None]
 
 
 class Workers(NamedTuple):
-    """How to start an executor, and how many chunks to submit ahead."""
+    """A function that starts an executor, and the number of chunks to submit ahead."""
 
     start: Callable[[], Executor]
     ahead: int
@@ -130,7 +130,7 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
 
 
 class Work(NamedTuple):
-    """What to do in a folder: the missing chunks, the number of rows already there, and the time of a chunk, s."""
+    """Work in a folder: the missing chunks, the number of rows already there, and the time of a chunk, s."""
 
     folder: Folder
     missing: list[int]
@@ -151,10 +151,10 @@ def planned(name: str, way: Way | None = None) -> Plan:
 
 
 def begun(plan: Plan, out: Path, chunk_rows: int | None, workers: int = 1) -> Work:
-    """Begin a sweep's folder, or find what is missing in it.
+    """Begin a sweep's folder, or find its missing chunks.
 
     Args:
-        plan: What is swept.
+        plan: Of the sweep.
         out: The folder.
         chunk_rows: Rows of a chunk; None chooses by playing some.
         workers: Number of processes.
@@ -294,7 +294,7 @@ def run_sweep(
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C, with a message that says what is kept."""
+    """Ctrl-C, with a message about the rows that are kept."""
 
     def __init__(self, kept: int, rows: int) -> None:
         there = f"{kept} of {rows} rows are kept" if kept else "no rows were written yet"
@@ -325,7 +325,7 @@ class Shown:
     """Progress on the terminal; call it with the number of rows that were just written.
 
     Args:
-        work: What is to be done.
+        work: The folder and its missing chunks.
         unit: "games" or "flights".
         expected_s: How long it should take; NaN if unknown.
         show: Prints rows kept and the text beside them.

@@ -1,4 +1,4 @@
-"""Every scenario that comes along does what it says: as mathematics, and flown against the mock in virtual time."""
+"""Every bundled scenario meets its expectations: as mathematics, and flown by the mock in virtual time."""
 
 import functools
 import subprocess
@@ -60,7 +60,7 @@ def test_every_scenario_explains_itself_and_expects_something(name):
 
 @functools.cache
 def played():
-    """All of them, side by side in one batch: a game is the same in a batch and alone."""
+    """All scenarios in one batch: a game is the same in a batch and alone."""
     scenarios = [load_scenario(name)[1] for name in NAMES]
     return dict(zip(NAMES, zip(scenarios, play(scenarios), strict=True), strict=True))
 

@@ -1,4 +1,4 @@
-"""What the keys of a scenario file allow: courses, sensors, faults, expectations, and the published schema."""
+"""Keys of a scenario file: courses, sensors, faults, expectations, and the published schema."""
 
 import copy
 import json

@@ -1,4 +1,4 @@
-"""What a sensor makes of an evader's reports, and that a flight which heard through one replays bit for bit."""
+"""The sensor's reports; a flight that used a sensor replays bit for bit."""
 
 import functools
 import math
@@ -57,7 +57,7 @@ class Source:
 
 
 def heard(sensor, *, seconds=20.0, seed=3, engaged_s=0.0):
-    """All reports that come through, with the cycle in which they did; cycles are 20 ms."""
+    """All reports that arrive, with the number of their cycle (20 ms)."""
     source, now = Source(), [0.0]
     evader = SensedEvader(source, sensor, seed, lambda: now[0])
     came = []
