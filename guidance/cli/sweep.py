@@ -82,8 +82,8 @@ def run(
 
     Distributions: uniform, log_uniform, normal, choice, disc, annulus. Keys and units are those of the scenario.
 
-    Sweeps of the package: `policies` (ways to pursue, random states), `barrier` (winner and regret near the barrier), `flown`
-    (flights of the mock with a noisy sensor), `teams` (one to six pursuers against six evaders).
+    Sweeps of the package: `policies` (ways to pursue, random states), `barrier` (winner and regret near the barrier),
+    `flown` (flights of the mock with a noisy sensor), `teams` (one to six pursuers against six evaders).
 
     - `guidance sweep policies`: a sweep of the package
     - `guidance sweep policies --as fast --workers 2 --out flown`: the same with flights of the mock
