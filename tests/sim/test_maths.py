@@ -31,7 +31,7 @@ def one(base=CHASE, **sections):
     return play([scenario(base, **sections)])[0]
 
 
-def test_the_saddle_point_costs_nobody_anything():
+def test_optimal_players_reach_the_value():
     places = itertools.product([(0.0, 25.0), (-18.0, 4.0)], ["ball", "cylinder"])
     for place, speeds in places:
         outcome = one(evader={"position_m": place}, pursuer={"speed_set": speeds})
@@ -41,12 +41,12 @@ def test_the_saddle_point_costs_nobody_anything():
         assert outcome.ratio == pytest.approx(1.0)
 
 
-def test_right_above_the_evader_every_heading_is_as_good_and_costs_a_cycle_at_most():
+def test_right_above_the_evader_any_heading_costs_less_than_a_cycle():
     outcome = one(evader={"position_m": [0.0, 0.0]}, pursuer={"speed_set": "ball"})
     assert 0.0 < outcome.regret < 0.02
 
 
-def test_both_sides_of_the_barrier_end_as_predicted_and_held_velocities_cost_a_cycle_at_most():
+def test_both_sides_of_the_barrier_end_as_predicted():
     sides = set()
     for x in (0.0, 5.0, 10.0, 20.0):
         outcome = one(DEFENCE, target={"position_m": [x, 5.0]}, evader={"position_m": [25.0, 25.0 - x]})
@@ -80,8 +80,8 @@ def test_no_other_policy_of_the_evader_costs_the_optimal_pursuer_more_than_the_v
     assert outcome.regret < 1e-6
 
 
-def test_held_velocities_come_near_to_a_rollout_without_cycles():
-    """The rollout integrates a pure pursuit's curve with Runge-Kutta; ours holds a velocity for a cycle."""
+def test_a_pure_pursuit_is_that_of_a_rollout():
+    """Both integrate its curve by Runge-Kutta, with different steps."""
     chase = scenario(
         pursuer={"policy": "pure_pursuit", "position_m": [9.0, 0.0, 15.0]}, evader={"policy": "pure_evade"}
     )
@@ -89,7 +89,7 @@ def test_held_velocities_come_near_to_a_rollout_without_cycles():
     exact = rollout(
         stack([chase]).game, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", stepping=Exact(0.02)
     )
-    assert play([chase])[0].game_time_s == pytest.approx(float(exact.time_s[0]), abs=0.02)
+    assert play([chase])[0].game_time_s == pytest.approx(float(exact.time_s[0]), abs=0.002)
 
 
 def mixed(count=24):
@@ -116,7 +116,7 @@ def test_a_game_is_the_same_in_a_batch_in_any_order_and_alone():
     assert {outcome.end for outcome in together} == {"captured", "time_up"}
 
 
-def test_an_evader_that_is_slower_than_declared_is_caught_sooner_and_one_that_is_faster_is_noticed():
+def test_an_evader_that_is_faster_than_declared_is_noticed():
     honest = one()
     slower = one(evader={"speed_m_s": 2.0, "declared_speed_m_s": 3.0})
     assert slower.game_time_s < honest.game_time_s
@@ -134,7 +134,7 @@ def test_the_wind_carries_the_pursuer():
     assert abs(against.regret) < 1e-6
 
 
-def test_the_fence_holds_the_pursuer_back_and_is_said_to():
+def test_the_fence_holds_the_pursuer_back():
     outcome = one(limits={"fence_radius_m": 40.0}, time_limit_s=40.0)
     assert outcome.end == "time_up"
     assert outcome.limits == ("fence",)
@@ -143,14 +143,14 @@ def test_the_fence_holds_the_pursuer_back_and_is_said_to():
     assert np.hypot(*(last.pursuer_m[0, :2] - [0.0, -2.0])) == pytest.approx(40.0)
 
 
-def test_nobody_is_in_the_disc_or_below_the_floor():
+def test_the_pursuer_stays_outside_the_disc_and_above_the_floor():
     for moment in moments([scenario(evader={"position_m": [4.0, 0.0]})]):
         assert moment.pursuer_m[0, 2] >= 5.0 - 1e-9
     assert one().min_standoff_m >= 3.0
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_rare_late_and_noisy_reports_of_an_evader_that_turns_cost_time(seed):
+def test_rare_late_and_noisy_reports_cost_time(seed):
     turning = {"policy": "random_turns", "turn_every_s": 2.0, "position_m": [0.0, 40.0]}
     low = {"position_m": [0.0, 0.0, 7.0]}
     clear, rare, late, noisy = (
@@ -171,7 +171,7 @@ def test_perfect_reports_at_every_cycle_are_as_good_as_seeing():
     assert one(sensor={"rate_hz": 50.0}).game_time_s == pytest.approx(seen, abs=0.02)
 
 
-def test_an_evader_that_is_not_heard_of_is_waited_for_and_then_given_up():
+def test_the_pursuer_waits_for_a_lost_evader_and_then_gives_up():
     back = one(sensor={"rate_hz": 5.0, "outages_s": [[2.0, 6.0]]})
     assert back.end == "captured"
     assert "evader lost" in back.events

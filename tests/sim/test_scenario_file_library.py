@@ -86,7 +86,7 @@ def test_what_a_scenario_expects_holds_in_flight(name):
 
 
 @pytest.mark.slow
-def test_in_real_time_over_udp_a_fault_strikes_after_engagement_as_it_does_in_virtual_time(tmp_path):
+def test_a_fault_after_engagement_is_equal_in_real_and_virtual_time(tmp_path):
     scenario = tmp_path / "takeover.toml"
     scenario.write_text(NEAR.read_text() + TAKEN_OVER)
     command = [GUIDANCE, "scenario", "run", scenario, "--as", "live", "--over", "udp", "--out", tmp_path / "out"]

@@ -177,7 +177,7 @@ def test_closing_closes_the_source():
         ({"policy": "waypoints", "waypoints_m": [(3.0, 8.0, 4.5), (3.0, 18.0, 3.2)]}, {"policy": "hold"}),
     ],
 )
-def test_a_flight_that_hears_through_a_sensor_and_plays_any_strategy_replays_bit_for_bit(pursuer, evader, tmp_path):
+def test_a_flight_with_a_sensor_replays_bit_for_bit(pursuer, evader, tmp_path):
     chase = parse(
         Scenario,
         {

@@ -164,7 +164,7 @@ def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
         ),
     ],
 )
-def test_a_wrong_sweep_is_refused_before_anything_runs_with_key_value_and_what_is_allowed(plan_from, text, words):
+def test_a_wrong_sweep_is_refused_with_key_value_and_allowed_values(plan_from, text, words):
     assert words in refused(plan_from, text)
 
 
