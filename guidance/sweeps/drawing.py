@@ -65,8 +65,9 @@ def draw_all(
     figures = {"regret": _regret(report, [numbers for numbers in regrets if numbers.size])}
     figures["keys"] = _curves(report, keys[:_MOST_KEYS])
     if len(grid) == 2:
-        figures["map"] = _map(report, *grid, "regret_mean", f"mean regret, {report['unit']}")
-        figures["map-captures"] = _map(report, *grid, "capture", "share captured")
+        down, across = grid
+        figures["map"] = _map(report, down, across, "regret_mean", f"mean regret, {report['unit']}")
+        figures["map-captures"] = _map(report, down, across, "capture", "share captured")
     paths = []
     for name, figure in figures.items():
         if figure is None:
