@@ -173,7 +173,7 @@ def test_teams_do_not_fly(tmp_path, way):
     done = guidance("run", written(tmp_path), "--as", way, *config)
     assert isinstance(done.exception, ConfigError)
     assert f"--as {way}: a.toml has teams, which only the mathematics plays; use --as maths" in str(done.exception)
-    with pytest.raises(ConfigError, match="has teams, which only .*mathematics plays.*: guidance scenario run"):
+    with pytest.raises(ConfigError, match=r"has teams, which only .*mathematics plays.*: guidance scenario run"):
         load_scenario(str(tmp_path / "a.toml"))
 
 
