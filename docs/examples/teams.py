@@ -1,4 +1,4 @@
-"""Six pursuers, four evaders, one target: who stops whom, how many captures are sure, and how it is played out.
+"""Six pursuers, four evaders, one target: the matching, the guaranteed captures, and a simulation.
 
 python docs/examples/teams.py
 """
@@ -15,9 +15,9 @@ TARGET = np.zeros(3)
 
 
 def main() -> TeamRollout:
-    """Match, say so, and play."""
+    """Match the teams, print the matching, and simulate the game."""
     matching = match_teams(GAME, PURSUERS, EVADERS, target=TARGET)
-    print(f"{int(matching.guaranteed)} of {len(EVADERS)} captures are sure, whatever the evaders do")
+    print(f"{int(matching.guaranteed)} of {len(EVADERS)} captures are guaranteed")
     for evader, (first, second, value) in enumerate(zip(matching.first, matching.second, matching.value, strict=True)):
         team = "nobody" if first < 0 else f"pursuer {first}" + (f" and {second}" if second >= 0 else "")
         print(f"evader {evader}: {team}, kept {value:.2f} m from the target")

@@ -5,26 +5,26 @@
 >>> float(game.solve(paper, [8, 1.42, 9.41], [7.92, 9.6, 0]).value.round(4))  # s until the capture
 10.4247
 
-What is played:
-    Game: one pursuer against one evader, with what a vehicle adds to it: stand-off, wind, old information.
+The game:
+    Game: one pursuer against one evader, with the extensions of a vehicle: stand-off, wind, old information.
     Ball, Cylinder: the pursuer's speed set; `SpeedSet` is either, `horizontal_m_s` its largest horizontal speed.
-    StandOff: the disc around the evader on which the pursuer shall end.
-    guaranteed_age_s: how old the evader's position may be for the value of PE to be guaranteed.
+    StandOff: the disc around the evader that the pursuer aims for.
+    guaranteed_age_s: the largest age of the evader's position with a guaranteed value of PE.
 
 Its answer:
     solve: both players' optimal play, for one state or a million, as a `Solution`.
     solve_state: the same of one state in plain numbers, as a `StateSolution`.
-    Winner, Reason: who wins, and why there is an answer or none, as numbers with names.
-    apollonius_circle, apollonius_sphere: the points that both reach at the same time, as an `Apollonius`.
-    barrier: the paper's line between both players' wins.
+    Winner, Reason: the winner, and the kind of the answer, as numbers with names.
+    apollonius_circle, apollonius_sphere: the points that both players reach at the same time, as an `Apollonius`.
+    barrier: the paper's function that is zero between both players' wins.
 
 Its play:
-    rollout: two policies played to the end, as a `Rollout`; `End` says how it ended.
-    Exact, Paper: how time advances there, up to the end exactly or as the published tables were made.
-    PURSUER_POLICIES, EVADER_POLICIES: every strategy without a memory, by name; each is a `Policy`.
+    rollout: simulate two policies to the end, as a `Rollout` with its `End`.
+    Exact, Paper: stepping of a rollout, exact up to the end or as for the published tables.
+    PURSUER_POLICIES, EVADER_POLICIES: the strategies without memory, by name; each is a `Policy`.
 
-`guidance.game.team` has several pursuers and several evaders. Arrays are those of NumPy, PyTorch or JAX, positions
-(..., 3) in m; lists of numbers do, too (`numpy.typing.ArrayLike`). What comes back is annotated as an `Array`.
+`guidance.game.team` has several pursuers and several evaders. Positions are arrays (..., 3) in m, of NumPy, PyTorch or
+JAX, or lists (`numpy.typing.ArrayLike`). Answers are annotated as `Array`.
 """
 
 from guidance.game.apollonius import Apollonius, apollonius_circle, apollonius_sphere, barrier

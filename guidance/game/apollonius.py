@@ -1,24 +1,28 @@
 """The Apollonius circle, the barrier, and the sphere: the game of an evader that moves in all three dimensions.
 
-Li, Wang & Xie, sections II-B and IV, in the paper's own δ. `solve` has the circle's part of it in `tad.race`.
+Li, Wang & Xie, sections II-B and IV, in the paper's own δ. `solve` uses `tad.race` for the circle.
 
-The evader in space is that of the paper's remark. P, E and T lie in one plane and neither player gains by leaving it,
-so the game is the planar one (z_P = 0) played in that plane; its circle is the sphere's section. The state is folded
-into it, with the first axis from E to T (PE: from P to E), solved there, and the answer unfolded. Where all three are
-on one line the second axis is what rounding left; what leans towards the first is taken off, so that no velocity is
-unfolded to more than its bound.
+The evader in space is from the paper's remark. P, E and T lie in one plane and neither player gains by leaving it, so
+the game is the planar one (z_P = 0) in that plane; its circle is the section of the sphere. The state is transformed
+into the plane, with the first axis from E to T (PE: from P to E), solved there, and the answer is transformed back. If
+all three are on one line, the second axis is a rounding error; its component along the first is removed, so that no
+velocity exceeds its bound.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
 
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, NamedTuple
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Library, Real, Space, Truth, component, is_array, select, vectors
-from guidance.game.game import Game
 from guidance.game.pe import Geometry, Play, pursuit
 from guidance.game.records import is_finite
 from guidance.game.tad import defence
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from guidance.game.game import Game
 
 
 class Apollonius(NamedTuple):
@@ -77,7 +81,7 @@ def apollonius_sphere(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) 
 def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_ratio: Real) -> Array:
     """Return B = δ²‖E − T‖² − ‖P − T‖², m², of eqs. (33) and (34): positive where the pursuer wins, else the evader.
 
-    It belongs to the paper's own game; `Solution.margin_s` is the same line drawn in every game, in seconds.
+    It belongs to the paper's game; `Solution.margin_s` is the barrier of every game, in seconds.
 
     Args:
         pursuer: position P, (..., 3), m.
@@ -109,7 +113,7 @@ def _centre(P: Array, E: Array, ratio: Array) -> Array:
 
 
 def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> Play:
-    """Play the game of an evader in space; see `solve` for what the answer means.
+    """Play the game of an evader in space; see `solve` for the meaning of the answer.
 
     Args:
         xp: array library.
@@ -148,14 +152,14 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
 
 
 def _across(xp: Library, v: Space, first: Space, along: Real) -> tuple[Space, Real]:
-    """Return the direction and length of what a vector has across the first axis."""
+    """Return the direction and length of a vector's component across the first axis."""
     second, across = _unit(xp, (v[0] - along * first[0], v[1] - along * first[1], v[2] - along * first[2]))
     lean = _dot(second, first)
     return (second[0] - lean * first[0], second[1] - lean * first[1], second[2] - lean * first[2]), across
 
 
 def _follow(xp: Library, game: Game, caught: Truth, seen: Space, flown: Space) -> Space:
-    """Keep with a captured evader, at no more than its speed bound."""
+    """Follow a captured evader, at most at its speed bound."""
     direction, length = _unit(xp, seen)
     pace = select(xp, length > game.evader_speed_m_s, game.evader_speed_m_s, length)
     return (

@@ -1,16 +1,16 @@
-"""The one place that knows which array library holds the numbers, and how a vector is taken apart and put together.
+"""Array libraries (NumPy, PyTorch, JAX), and vectors as components.
 
-Kernels work on components, x, y and z as separate arrays of the leading shape, with nothing but + − × ÷, √, comparison
-and selection. IEEE arithmetic rounds each of those correctly, alone or in a SIMD lane, so that one state and a million
-give the same bits, and a single state may as well be Python's own floats (`FLOATS`), whose operations cost a tenth of
-those of NumPy's scalars. A sum over the last axis, `hypot`, `sin` or a BLAS dot product would not promise that.
+Kernels work on components: x, y and z are separate arrays of the leading shape. They use only + − × ÷, √, comparison
+and selection, because IEEE arithmetic rounds these correctly in every case. So NumPy gives the same bits for one state
+and for a million, and Python's floats (`FLOATS`) give them for a single state ten times faster than NumPy's scalars. A
+sum over the last axis, `hypot`, `sin` or a BLAS dot product would not give the same bits.
 """
 
 import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from types import SimpleNamespace
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from array_api_compat import array_namespace, is_array_api_obj, is_jax_array, is_numpy_namespace
@@ -20,20 +20,30 @@ from numpy.typing import NDArray
 from guidance.errors import ConfigError
 
 Array: TypeAlias = NDArray[Any] | Any
-"""An array as it is handed back: NumPy's, or that of the library whose arrays were given (PyTorch, JAX).
+"""An array in an answer: of NumPy, or of the library whose arrays were given (PyTorch, JAX).
 
-What is given may be any `numpy.typing.ArrayLike`: numbers of every kind, lists of them, arrays of these libraries. A
-type checker takes an answer for NumPy's; who gave arrays of another library casts it (`typing.cast`).
+Arguments may be any `numpy.typing.ArrayLike`: numbers, lists, arrays of these libraries. Type checkers see answers as
+NumPy arrays; use `typing.cast` for another library.
 """
 
+
+class Rows(Protocol):
+    """An array as a game's parameter: one number for each row of a batch."""
+
+    @property
+    def shape(self) -> Any: ...  # noqa: ANN401, D102 - every library has its own type
+    @property
+    def dtype(self) -> Any: ...  # noqa: ANN401, D102
+
+
 Library: TypeAlias = Any
-"""The functions of such a library."""
+"""An array library's module."""
 
 Real: TypeAlias = float | Any
 """A number, or an array with one number for each game of a batch; read from a game it may be used as a float."""
 
 Truth: TypeAlias = bool | Any
-"""Whether something holds, or for which games of a batch."""
+"""A truth value, or one for each game of a batch."""
 
 Plane: TypeAlias = tuple[Real, Real]
 """The x and y components of a vector in the evader's plane."""
@@ -42,27 +52,27 @@ Space: TypeAlias = tuple[Real, Real, Real]
 """The x, y and z components of a vector."""
 
 FLOATS: Library = SimpleNamespace(sqrt=math.sqrt, maximum=max)
-"""What the kernels ask of a library, for the floats of a single state."""
+"""The library for single states: the functions that kernels use, for floats."""
 
 
 class Differentiating:
-    """A library that differentiates, with what the kernels ask of it beyond the array API standard."""
+    """A library that differentiates, with functions of the kernels that the array API standard lacks."""
 
     def __init__(self, library: Library) -> None:
         self._library = library
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the library has
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any function of the library
         return getattr(self._library, name)
 
     def sqrt(self, square: Real) -> Real:
-        """Return a square root, with a derivative at zero that is finite."""
+        """Return a square root whose derivative at zero is finite."""
         if isinstance(square, float):
             return math.sqrt(square)
         some = square > 0
         return select(self, some, self._library.sqrt(select(self, some, square, 1.0)), square)
 
     def maximum(self, a: Array, b: Real) -> Array:
-        """Return the larger of two numbers elementwise, of which the second may be a float."""
+        """Return the larger of two numbers elementwise; the second may be a float."""
         return self._library.maximum(a, constant(self._library, a, b))
 
 
@@ -70,9 +80,7 @@ DOUBLE = np.dtype(np.float64)
 
 
 def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Library, dict[str, Array]]:
-    """Take named vectors as real numbers, all in the widest precision among them and some arrays of parameters.
-
-    Integers, fractions and lists are numbers like any others.
+    """Convert named vectors to real arrays of the widest precision among them and some arrays of parameters.
 
     Returns:
         The array library, and the vectors as its arrays.
@@ -95,6 +103,8 @@ def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Li
 
 
 def _as_array(xp: Library, name: str, value: object) -> Array:
+    if isinstance(value, np.ma.MaskedArray):
+        raise ConfigError(f"{name} = {value!r}: must not be a masked array; fill it, or leave those rows out")
     try:
         return as_reals(value if is_array_api_obj(value) else xp.asarray(value))
     except (TypeError, ValueError, RuntimeError):
@@ -102,7 +112,7 @@ def _as_array(xp: Library, name: str, value: object) -> Array:
 
 
 def as_reals(array: Array) -> Array:
-    """Return an array of numbers of any kind as one of floating point numbers; what is not whole stays as it is.
+    """Return an array as floating point numbers; floating point arrays are not changed.
 
     Raises:
         TypeError: it holds complex numbers, or no numbers.
@@ -119,36 +129,35 @@ def as_reals(array: Array) -> Array:
 
 
 def is_numpy(xp: Library) -> bool:
-    """Say whether the library is NumPy itself."""
+    """Return whether the library is NumPy."""
     return xp is np or bool(is_numpy_namespace(xp))
 
 
 def component(array: Array, index: int) -> Real:
-    """Take one component, (..., 3) → (...); of a single state a scalar."""
+    """Return one component, (..., 3) → (...); a scalar for a single state."""
     return array[..., index][()] if isinstance(array, np.ndarray) else array[..., index]
 
 
 def components(array: Array) -> Space:
-    """Take all three, (..., 3) → three of (...)."""
+    """Return all three components, (..., 3) → three of (...)."""
     return component(array, 0), component(array, 1), component(array, 2)
 
 
 def components_or_none(array: Array | None) -> Space | None:
-    """Take all three of what may not be there."""
+    """Return all three components, or None."""
     return None if array is None else components(array)
 
 
 def select(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
-    """Choose elementwise, as `where` does, except that the answer is only as long as it has to be.
+    """Choose elementwise like `where`, but return an argument itself if it is chosen everywhere.
 
-    A single NumPy state picks the very same number, and a NumPy batch of one mind the very same array or number,
-    without the copy: most conditions are about rare states.
+    That saves a copy, because most conditions are about rare states.
 
     Args:
         xp: array library.
-        condition: whether to take the first, (...).
-        yes: what is taken where that holds.
-        no: what is taken elsewhere.
+        condition: truth values, (...).
+        yes: values where the condition is true.
+        no: values elsewhere.
     """
     if condition is True:
         return yes
@@ -166,13 +175,13 @@ def select(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
 
 
 def choose(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
-    """Choose elementwise, as `where` does, in the full shape; a single NumPy state picks the number without it.
+    """Choose elementwise like `where`, in the full shape.
 
     Args:
         xp: array library.
-        condition: whether to take the first, (...).
-        yes: what is taken where that holds.
-        no: what is taken elsewhere.
+        condition: truth values, (...).
+        yes: values where the condition is true.
+        no: values elsewhere.
     """
     if isinstance(condition, (np.bool_, bool)):
         return yes if condition else no
@@ -180,25 +189,25 @@ def choose(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
 
 
 def quiet(xp: Library) -> AbstractContextManager[object]:
-    """Keep NumPy from warning about the rows that `Reason` reports."""
+    """Silence NumPy's warnings about rows that `Reason` reports."""
     return np.errstate(all="ignore") if is_numpy(xp) else nullcontext()
 
 
 def is_array(value: Real) -> bool:
-    """Say whether a parameter holds one number for each row of a batch."""
+    """Return whether a parameter is an array, with one number for each row of a batch."""
     return type(value) is not float and getattr(value, "shape", ()) != ()
 
 
 def pair_length(pair: Plane) -> Real:
-    """Return the length of a pair of parameters, to the same bits for a number and for rows of it."""
+    """Return the length of a pair of parameters, with the same bits for numbers and arrays."""
     square = pair[0] * pair[0] + pair[1] * pair[1]
     return array_namespace(square).sqrt(square) if is_array(square) else math.sqrt(square)
 
 
 def less_length(u: Real, v: Real, w: Plane) -> Real:
-    """Return u − v − ‖w‖ to the last digits of the numbers given, however small it is beside them.
+    """Return u − v − ‖w‖ without losing digits if it is small.
 
-    (u − v)² − ‖w‖² over (u − v) + ‖w‖, with every square as a sum of two floats whose second is what the first lost.
+    It is ((u − v)² − ‖w‖²) / ((u − v) + ‖w‖), with every square as a sum of two floats: the rounded one and its error.
     """
     difference = u - v
     if not any(is_array(part) for part in w) and w == (0.0, 0.0):
@@ -213,7 +222,7 @@ def less_length(u: Real, v: Real, w: Plane) -> Real:
 
 
 def _square(value: Real) -> tuple[Real, Real]:
-    """Return the square as rounded, and what rounding took from it (Dekker, for double precision)."""
+    """Return the rounded square and its rounding error (Dekker, for double precision)."""
     square, scaled = value * value, 134217729.0 * value
     high = scaled - (scaled - value)
     low = value - high
@@ -221,7 +230,7 @@ def _square(value: Real) -> tuple[Real, Real]:
 
 
 def half_of_digits(value: Real) -> float:
-    """Return √ε: a step of Newton's method after which none is needed, as the next would be its square."""
+    """Return √ε: after a Newton step this small the next is below ε, so none is needed."""
     if isinstance(value, float):
         return 2.0**-26
     return math.sqrt(array_namespace(value).finfo(value.dtype).eps)
@@ -244,7 +253,7 @@ def norm3(xp: Library, vectors: Array) -> Real:
 
 
 def unit2(xp: Library, v: Plane, length: Real) -> Plane:
-    """Direction of a plane vector of known length; the x axis where that is zero, so that it stays finite."""
+    """Direction of a plane vector of known length; the x axis if the length is zero."""
     some = length > 0
     if some is True:
         return v[0] * (1.0 / length), v[1] * (1.0 / length)
@@ -257,9 +266,9 @@ def select2(xp: Library, condition: Truth, yes: Plane, no: Plane) -> Plane:
 
     Args:
         xp: array library.
-        condition: whether to take the first, (...).
-        yes: what is taken where that holds.
-        no: what is taken elsewhere.
+        condition: truth values, (...).
+        yes: values where the condition is true.
+        no: values elsewhere.
     """
     if condition is True or condition is False:
         return yes if condition else no
@@ -272,9 +281,9 @@ def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[
     Args:
         xp: array library.
         shape: the leading shape.
-        like: an array whose precision and device the answer has.
+        like: an array with the precision and device of the answer.
         components: n numbers or arrays that broadcast to the shape.
-        plus: added to each of them on the way, (...): 0, or NaN where a row shall be lost.
+        plus: added to each component, (...): 0, or NaN in rows without an answer.
     """
     if is_numpy(xp):
         packed = np.empty((*shape, len(components)), dtype=like.dtype)
@@ -290,9 +299,9 @@ def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real, plus: 
     Args:
         xp: array library.
         shape: the leading shape.
-        like: an array whose precision and device the answer has.
+        like: an array with the precision and device of the answer.
         value: a number, or an array that broadcasts to the shape.
-        plus: added to it, (...): 0, or NaN where a row shall be lost.
+        plus: added to it, (...): 0, or NaN in rows without an answer.
     """
     if is_numpy(xp):
         filled = np.empty(shape, dtype=like.dtype)
@@ -302,7 +311,7 @@ def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real, plus: 
 
 
 def fill(place: Array, value: Real, plus: Real) -> None:
-    """Write a sum to where it shall be: a batch in one pass, a single number by the shorter way."""
+    """Write value + plus to an array, in one pass for a batch."""
     if place.ndim:
         np.add(value, plus, out=place, casting="same_kind")
     else:
@@ -315,7 +324,7 @@ def codes(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Arra
     Args:
         xp: array library.
         shape: the leading shape.
-        like: an array whose device the answer has.
+        like: an array on the device of the answer.
         value: an integer of eight bits, or an array of them that broadcasts to the shape.
     """
     return xp.broadcast_to(xp.asarray(value, dtype=xp.int8, **_place(like)), shape)
@@ -329,5 +338,5 @@ def constant(xp: Library, like: Array, value: Real | Sequence[float]) -> Array:
 
 
 def _place(like: Array) -> dict[str, Any]:
-    """Return the argument that makes a new array on the device of `like`; JAX finds it itself, even while tracing."""
+    """Return the argument that makes a new array on the device of `like`; JAX needs none."""
     return {} if is_jax_array(like) else {"device": device_of(like)}

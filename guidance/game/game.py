@@ -1,16 +1,16 @@
-"""What is played: the speeds, what counts as capture, what the world adds; who wins, and what an answer is.
+"""The definition of a game: speeds, capture, wind, information age; and the codes of its answer.
 
-One record for every combination. Its numbers are checked and kept as floats, arrays of them as floating point arrays,
-so that a game is the same game whichever kind of number it was written with.
+One record describes every combination. It checks its numbers and keeps them as floats, and arrays as floating point
+arrays. Two games are equal if their numbers are, whatever type they were given in.
 """
 
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Plane, Real, is_array, less_length, pair_length
+from guidance.game.arrays import Plane, Real, Rows, is_array, less_length, pair_length
 from guidance.game.records import (
     is_zero,
     record_hash,
@@ -39,6 +39,10 @@ class Ball:
     __eq__ = same_record
     __hash__ = record_hash
 
+    if TYPE_CHECKING:
+
+        def __init__(self, speed_m_s: float | Rows) -> None: ...
+
     def __post_init__(self) -> None:
         take_fields(self)
 
@@ -65,6 +69,12 @@ class Cylinder:
     __eq__ = same_record
     __hash__ = record_hash
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, horizontal_m_s: float | Rows, climb_m_s: float | Rows, descent_m_s: float | Rows
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         take_fields(self)
 
@@ -73,56 +83,56 @@ SpeedSet: TypeAlias = Ball | Cylinder
 
 
 class Code(IntEnum):
-    """A number in arrays, a word for people and in files."""
+    """A number in arrays, with a word for people and files."""
 
     @property
     def word(self) -> str:
-        """The name as files, JSON and tables have it."""
+        """The name in lower case, as in files, JSON and tables."""
         return self.name.lower()
 
 
 class Winner(Code):
-    """Who wins."""
+    """The winner of a game."""
 
     EVADER = -1
     UNDECIDED = 0
-    """Neither: the state lies on the barrier, or has no answer."""
+    """The state lies on the barrier, or has no answer."""
     PURSUER = 1
 
 
 class Reason(Code):
-    """What an answer is: solved, a degenerate state with its finite answer, or (from 10 on) NaN, and why."""
+    """The kind of an answer: below 10 it is finite, from 10 on it is NaN for this reason."""
 
     SOLVED = 0
     CAPTURED = 1
-    """The evader is captured now."""
+    """The evader is already captured."""
     OVERHEAD = 2
-    """The pursuer will be right above the evader whatever the heading: every heading of the evader is as good."""
+    """The pursuer is right above the evader, or will be for any heading: all headings are equally good."""
     ARRIVED = 3
-    """The evader is at its target now."""
+    """The evader is already at its target."""
     ON_BARRIER = 4
-    """Both could be at the target at the same instant."""
+    """Both players reach the target at the same instant."""
     TOO_OLD = 5
-    """The evader's position is older than `guaranteed_age_s` in PE, or than now in TAD: value and winner hold if the
-    evader keeps its heading, and play can beat them. No guarantee."""
+    """The evader's position is older than `guaranteed_age_s` (PE), or has any age (TAD). Value and winner hold for an
+    evader that keeps its heading; others can do better, so nothing is guaranteed."""
     NOT_FINITE = 10
     """A position or velocity is NaN or infinite."""
     PURSUER_TOO_SLOW = 11
-    """δ ≤ 1: the pursuer is no faster than evader and wind together."""
+    """δ ≤ 1: the pursuer is not faster than evader and wind together."""
     OUT_OF_RANGE = 12
-    """A parameter of this row is negative, zero where it must not be, or not finite."""
+    """A parameter of this row is negative, zero or not finite, and must not be."""
     OVERFLOW = 13
-    """The numbers are too large for their precision: their squares, or what those become, are infinite."""
+    """The numbers are so large that their squares, or products of these, are infinite."""
     NO_REGION = 14
-    """TAD with an evader's position older than `guaranteed_age_s`: the points that the evader reaches first form no
-    convex region, and no value is known. Play `Game.within_spread`."""
+    """TAD with an evader's position older than `guaranteed_age_s`: the region that it reaches first is not convex, and
+    no value is known. Play `Game.within_spread` instead."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StandOff:
-    """Where the pursuer shall end: on the disc of `radius_m` around the evader, `height_m` above its plane.
+    """The disc that the pursuer aims for: `radius_m` around the evader, `height_m` above its plane.
 
-    Zero for both is the paper's point capture. A vehicle must never play that: it ends on the ground.
+    Zero for both is the paper's point capture. A vehicle must never play it, because it ends on the ground.
 
     Raises:
         ConfigError: a length is negative or not finite.
@@ -133,34 +143,37 @@ class StandOff:
     __eq__ = same_record
     __hash__ = record_hash
 
+    if TYPE_CHECKING:
+
+        def __init__(self, radius_m: float | Rows = 0.0, height_m: float | Rows = 0.0) -> None: ...
+
     def __post_init__(self) -> None:
         take_fields(self, zero_allowed=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Game:
-    """One pursuer against one evader in a plane (Li, Wang & Xie, section II-A), with what a vehicle adds to it.
+    """One pursuer against one evader in a plane (Li, Wang & Xie, section II-A), with the extensions of a vehicle.
 
     Speeds, lengths and the age may be arrays of the leading shape of the states, one number for each game of a batch.
-    Those are not checked here: `solve` answers NaN, with the reason, in the rows where one is not allowed.
+    Arrays are not checked here: `solve` answers NaN, with the reason, in rows with a number that is not allowed.
 
     Attributes:
         pursuer: speed set of the pursuer through the air.
         evader_speed_m_s: bound v of the evader's speed over the ground.
         capture_radius_m: distance l from the stand-off disc that counts as capture.
         standoff: the disc (R, h) around the evader; point capture by default.
-        information_age_s: age τ of the evader's position, in which it ran on unseen; the pursuer's own is up to date.
-            In PE the value is guaranteed up to `guaranteed_age_s`; beyond, and in TAD with any age, it is open-loop,
-            and `Reason.TOO_OLD` says so.
-        wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader; of arrays, too.
-        target_velocity_m_s: velocity (x, y) of the evader's target. Zero is the paper's game. A constant one is a
-            change of frame, in which the target rests and both players drift, so the answer is as exact as without;
-            of a target that manoeuvres it is not.
+        information_age_s: age τ of the evader's position; the pursuer's own position is up to date. In PE the value
+            is guaranteed up to `guaranteed_age_s`; beyond it is open-loop (`Reason.TOO_OLD`). In TAD it is open-loop at
+            any age, and unknown beyond `guaranteed_age_s` (`Reason.NO_REGION`).
+        wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader; numbers or arrays.
+        target_velocity_m_s: velocity (x, y) of the evader's target; zero in the paper's game. The answer is exact if
+            this velocity is constant (it is a change of frame), and not if the target manoeuvres.
         evader_space: "plane", or "space" for the evader of the paper's remark, which moves in three dimensions.
 
     Raises:
         ConfigError: a number is not finite or out of range, the pursuer is no speed set or the stand-off no disc, the
-            pursuer has no speed in hand (δ ≤ 1), the target outruns the evader, or an evader in space meets an
+            pursuer is too slow (δ ≤ 1), the target outruns the evader, or an evader in space is combined with an
             extension that is defined in the plane only.
     """
 
@@ -173,9 +186,9 @@ class Game:
     target_velocity_m_s: tuple[float, float] = STILL
     evader_space: Literal["plane", "space"] = "plane"
     varies: bool = field(init=False, repr=False)
-    """Whether a parameter differs from row to row."""
+    """True if a parameter is an array."""
     calm: bool = field(init=False, repr=False)
-    """Whether there is no wind."""
+    """True without wind."""
     __eq__ = same_record
     __hash__ = record_hash
 
@@ -196,7 +209,7 @@ class Game:
     def against(self, evader_speed_m_s: float, information_age_s: float) -> "Game":
         """Return the same game against an evader of this speed, seen this long ago; only these numbers are checked.
 
-        A flight plays one game, of which nothing but these and `within_spread` changes from cycle to cycle.
+        A flight uses it every cycle: only these numbers and `within_spread` change.
 
         Raises:
             ConfigError: a number is not finite or out of range, or the evader is too fast.
@@ -209,10 +222,9 @@ class Game:
         return other
 
     def within_spread(self) -> "Game":
-        """Return the up-to-date game whose disc is smaller by what the evader may have run since it was seen, vτ.
+        """Return the game without information age whose disc is smaller by vτ, the distance that E may have run unseen.
 
-        Whoever reaches this disc about the place where the evader was seen, or is taken to be, has it on the larger one
-        wherever it is by then.
+        A pursuer that is on the smaller disc around the last known position is on the larger disc around the evader.
         """
         spread_m = self.evader_speed_m_s * self.information_age_s
         smaller = _exchanged(self.standoff, radius_m=max(self.standoff.radius_m - spread_m, 0.0))
@@ -230,7 +242,7 @@ class Game:
         if isinstance(self.evader_speed_m_s, float) and not target < self.evader_speed_m_s:
             raise ConfigError(
                 f"target_velocity_m_s = {self.target_velocity_m_s!r}: must be slower than the evader "
-                f"({self.evader_speed_m_s!r} m/s), which otherwise never reaches its target"
+                f"({self.evader_speed_m_s!r} m/s)"
             )
 
     def _require_space(self) -> None:
@@ -247,7 +259,7 @@ class Game:
 
 
 def _exchanged(record: Record, **values: object) -> Record:
-    """Return a record with some values exchanged, of which none is checked again."""
+    """Return a record with other values, without checking them."""
     other: Record = object.__new__(type(record))
     for name in record.__dataclass_fields__:
         object.__setattr__(other, name, values[name] if name in values else getattr(record, name))
@@ -255,7 +267,7 @@ def _exchanged(record: Record, **values: object) -> Record:
 
 
 def speed_in_hand(game: Game) -> Real:
-    """Return by how much the pursuer outruns the evader against the wind, m/s; without it there is no capture."""
+    """Return u − v − ‖w‖, m/s: the least speed at which the pursuer gains on the evader."""
     if game.calm:
         return game.pursuer.horizontal_m_s - game.evader_speed_m_s
     return less_length(game.pursuer.horizontal_m_s, game.evader_speed_m_s, game.wind_m_s)
@@ -264,17 +276,16 @@ def speed_in_hand(game: Game) -> Real:
 def guaranteed_age_s(game: Game) -> Real:
     """Return the age of the evader's position up to which the value of PE is guaranteed, s.
 
-    An evader seen τ seconds ago may be anywhere within vτ. Capture is certain once all of that disc is within reach,
-    and what is within reach after t, less that disc, grows by the players' own speeds (is a semigroup) only while
+    An evader seen τ seconds ago may be anywhere within vτ. Capture is certain once the pursuer reaches all this disc.
+    The points for which this holds after t grow with the players' own speeds (they form a semigroup) only while
 
         vτ ≤ R + (v/u) l for a Ball,    vτ ≤ R + l for a Cylinder (and for the sphere of an evader in space).
 
-    Beyond, the value answers an evader that keeps its heading, and one that does not can beat it.
+    Beyond, the value holds for an evader that keeps its heading, and another evader can beat it.
 
-    In TAD it can at any age: the value counts on a capture at the point of the region closest to the target, and while
-    the pursuer is over that one the evader may be elsewhere within vτ. What is sure in TAD up to this age is less:
-    against the place where the evader is seen, whose own motion is known, play the up-to-date game with R − vτ for R;
-    the evader ends no closer to its target than vτ less than that game's value (l = 0).
+    In TAD the value can be beaten at any age: it assumes a capture at the point of the region closest to the target,
+    but the evader may be elsewhere within vτ of it. A guarantee up to this age is the value of `Game.within_spread`,
+    played against the last known position, less vτ (for l = 0).
     """
     capture, v = game.capture_radius_m, game.evader_speed_m_s
     if isinstance(game.pursuer, Ball) and game.evader_space == "plane":
@@ -288,9 +299,9 @@ def wind_speed(game: Game) -> Real:
 
 
 def head_wind(wind: Plane, n: Plane) -> Real:
-    """Return by how much a wind is kinder to the pursuer, m/s, than if it blew against heading n: ‖w‖ + n·w.
+    """Return ‖w‖ + n·w, m/s: how much less the wind hinders the pursuer than the worst wind against heading n.
 
-    As ‖w‖ ‖n + w/‖w‖‖²/2, which does not cancel where it does.
+    It is computed as ‖w‖ ‖n + w/‖w‖‖²/2, without cancellation.
     """
     strength = pair_length(wind)
     inverse = 1.0 / (strength + (strength == 0))
@@ -299,16 +310,16 @@ def head_wind(wind: Plane, n: Plane) -> Real:
 
 
 def least_square_in_hand(game: Game) -> Real:
-    """Return u² − (v + ‖w‖)², what is left of the pursuer's speed against an evader that runs from it up the wind.
+    """Return u² − (v + ‖w‖)², for an evader that runs up the wind, m²/s².
 
-    Against one that runs along n, u² − ‖v n − w‖², it is 2 v (‖w‖ + n·w) more, see `head_wind`.
+    For an evader that runs along n it is u² − ‖v n − w‖², 2 v (‖w‖ + n·w) more; see `head_wind`.
     """
     u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
     return speed_in_hand(game) * (u + v + wind_speed(game))
 
 
 def parameters(game: Game) -> dict[str, Real]:
-    """Return every number of a game that may differ from row to row, by name."""
+    """Return every number of a game that may be an array, by name."""
     own = {
         "evader_speed_m_s": game.evader_speed_m_s,
         "capture_radius_m": game.capture_radius_m,

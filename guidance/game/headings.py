@@ -30,16 +30,16 @@ from guidance.game.records import is_zero
 
 
 class Hunt(NamedTuple):
-    """What a heading of the evader is judged by, of a Cylinder its horizontal part; see `pe` for the symbols."""
+    """The state and parameters of a search for the evader's heading; for a Cylinder the horizontal ones; see `pe`."""
 
     u: Real
     v: Real
     capture: Real
     radius: Real
     lag: Real
-    """How far the evader may have run unseen, v τ."""
+    """Distance that the evader may have run unseen, v τ."""
     hand: Real
-    """u² − v² less what the wind takes of it at the worst."""
+    """u² − (v + ‖w‖)²."""
     z2: Real
     """Square of the height above the disc."""
     to_evader: Plane
@@ -49,9 +49,9 @@ class Hunt(NamedTuple):
     drift: Plane | None
     """... and where the target rests."""
     ahead: Plane
-    """The direction that headings are counted from."""
+    """Direction of heading zero."""
     met_s: Real
-    """When that height is met ..."""
+    """When the pursuer can have this height ..."""
     met_m: Real
     """... and the distance from the pursuer within which the evader is captured then."""
 
@@ -84,11 +84,11 @@ class Way(NamedTuple):
     """Radius of the stand-off disc over the length of that way; zero without a disc."""
     hand: Real
     delta: Real
-    """The root of `ball_time`; infinite where the evader is captured before it can leave the disc, whatever it does."""
+    """The root of `ball_time`; infinite if the evader is captured before it can leave the disc."""
 
 
 def hunt_for(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: Plane) -> Hunt:
-    """Gather what headings are judged by, counted from that to `goal`.
+    """Return the state of a search, with headings counted from the direction to `goal`.
 
     Args:
         xp: array library.
@@ -125,13 +125,13 @@ def hunt_for(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: P
 
 
 def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
-    """Follow a heading to the capture; with `held` also where the pursuer's height alone decides when that is.
+    """Follow a heading to the capture.
 
     Args:
         xp: array library.
-        hunt: what headings are judged by.
+        hunt: the state of the search.
         aim: the heading.
-        held: whether the end is also looked for where the pursuer's height alone decides when it comes.
+        held: also if the pursuer's height alone decides the time of the capture.
     """
     v, wind, drift, s = hunt.v, hunt.wind, hunt.drift, aim.s
     square = s * s
@@ -172,7 +172,7 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
 
 
 def _along(hunt: Hunt, air: Plane, p: Plane) -> Real:
-    """Return p·air; where the air is calm the evader moves along its heading alone."""
+    """Return p·air; without wind the evader moves along its heading alone."""
     return air[0] * p[0] if hunt.wind is None else dot2(p, air)
 
 
@@ -182,11 +182,11 @@ def _after(hunt: Hunt, air: Plane, t: Real, p: Plane) -> Plane:
 
 
 def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
-    """Return Newton's turn towards the least distance, rad, that distance's slope, and whether the turn can be it.
+    """Return Newton's turn towards the least distance, rad, the slope of the distance, and whether the turn is sound.
 
     The first and second derivative of t by the heading are those of H = (‖y + m t − q‖² + z² − (u t + l)²)/2 = 0, for
     which ∂H/∂t = −delta. The turn is Newton's for the angle between the edge and the way to the target, whose own
-    derivative is positive wherever the edge is convex and the target beyond its tangent.
+    derivative is positive if the edge is convex and the target lies beyond its tangent.
     """
     v, rho, (along, aside), left = hunt.v, way.rho, way.flown, way.left
     first = rho * aside / way.delta

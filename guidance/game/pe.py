@@ -1,6 +1,6 @@
-"""The pursuit-evasion game: how soon the pursuer can have the evader (Li, Wang & Xie, section III).
+"""The pursuit-evasion game: the time until the pursuer captures the evader (Li, Wang & Xie, section III).
 
-One closed form does for both speed sets, capture radius, stand-off and wind. While the pursuer flies for t seconds, the
+One closed form covers both speed sets, capture radius, stand-off and wind. While the pursuer flies for t seconds, the
 circle of ground points where it would hold an evader captured grows:
 
     Ball(u):         radius R + √((u t + l)² − z²),  from u t + l = |z| on
@@ -12,19 +12,19 @@ distance from the disc is `gap + run · t` is caught when the circle has grown a
     (u² − v²) t² + 2 (u l − v gap) t + l² − z² − gap² = 0,   v = run,
 
 whose discriminant is written below as (u gap − v l)² + (u² − v²) z², a sum of squares that no rounding turns negative,
-and u² − v² as (u − v)(u + v), for which u − v is what callers give. With R = l = 0 it is the paper's capture time.
+and u² − v² as (u − v)(u + v) with u − v as an argument. With R = l = 0 it is the paper's capture time.
 
-The evader's best heading is straight away from where the wind drifts the pursuer to: then that circle needs longest to
-span the evader's own. In still air that is the paper's q*, eq. (16), with d → d + v τ − R and z → z − h. A Ball flies
-straight to that meeting point, eq. (20), a Cylinder at a along the line of sight and at b vertically, and it holds what
-is already met. With wind the distance is a plane vector y + m t, not a straight line in t: the largest of its
-projections on a direction. Fixing the direction at the last estimate bounds it from below, so that the steps of `climb`
-lead up to the answer and never pass it: Newton's method on a concave function, quadratic at the end.
+The evader's best heading is straight away from the point to which the wind carries the pursuer: then the circle needs
+longest to span the evader's own. In still air that is the paper's q*, eq. (16), with d → d + v τ − R and z → z − h. A
+Ball flies straight to that meeting point, eq. (20). A Cylinder flies at a along the line of sight and at b vertically,
+and holds a part that it has reached. With wind the distance is the length of a plane vector y + m t, the largest of its
+projections on a direction. With the direction of the last estimate the projection is a lower bound, so the steps of
+`climb` approach the answer from below: Newton's method on a concave function, quadratic at the end.
 
-Where the paper is silent: right above the evader (d = 0, outside its set R₀, eq. (13)) any heading of the evader is as
-good as any other, and the formulas divide by zero. The value is their limit, z/√(u² − v²). A Ball copies the evader's
-observed velocity there and spends the rest of its speed on the descent, √(u² − ‖v_E‖²); over an evader that stands
-still, or whose velocity is unknown, it goes straight down. The evader keeps its observed heading, or takes the x axis.
+The paper leaves one case open: right above the evader (d = 0, outside its set R₀, eq. (13)) all headings of the evader
+are equally good, and the formulas divide by zero. The value is their limit, z/√(u² − v²). A Ball copies the evader's
+observed velocity there and uses the rest of its speed for the descent, √(u² − ‖v_E‖²); if the evader stands still, or
+its velocity is unknown, the pursuer goes straight down. The evader keeps its observed heading, or takes the x axis.
 """
 
 from collections.abc import Callable
@@ -50,14 +50,14 @@ from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, head_wind, 
 from guidance.game.records import is_zero
 
 TOUCH_M = 1e-9
-"""What is left of a distance that is met, for a pursuer that is told to hold what is met: rounding leaves that much."""
+"""Distance that counts as reached for a pursuer that holds a part it has reached; larger than rounding errors."""
 
 NEWTON_STEPS = 10
-"""Eight reach the last bit even at δ = 1.02; wider speed ratios need four or five."""
+"""Eight reach the last bit even at δ = 1.02; larger speed ratios need four or five."""
 
 
 class Geometry(NamedTuple):
-    """A state of the game by components, each of the leading shape, with what every kernel needs of it."""
+    """A state of the game by components, each of the leading shape, with quantities that all kernels use."""
 
     evader: Plane
     """Position of the evader, m."""
@@ -70,9 +70,9 @@ class Geometry(NamedTuple):
     z: Real
     """Height of the pursuer above the stand-off disc, m."""
     seen: Plane | None
-    """Observed velocity of the evader, at most v, m/s; None where it is unknown."""
+    """Observed velocity of the evader, at most v, m/s; None if unknown."""
     hold: Plane
-    """Velocity of a pursuer that has nothing to gain: the evader's, or none."""
+    """Velocity of a pursuer that has reached its goal: the evader's, or zero."""
 
 
 class Play(NamedTuple):
@@ -89,7 +89,7 @@ class Play(NamedTuple):
 
 
 def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) -> Geometry:
-    """Gather what the kernels need of a state.
+    """Return a state by components.
 
     Args:
         xp: array library.
@@ -117,7 +117,7 @@ def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real
         xp: array library.
         game: speed set and capture radius.
         gap: horizontal distance to the stand-off disc now, m; negative inside.
-        spare: by how much the pursuer's horizontal speed exceeds `run`, at which that distance grows, m/s.
+        spare: the pursuer's horizontal speed less `run`, the rate at which that distance grows, m/s.
         z: height of the pursuer above the stand-off disc, m, of either sign.
     """
     pursuer, capture = game.pursuer, game.capture_radius_m
@@ -143,7 +143,7 @@ def _positive_root(xp: Library, hand: Real, half: Real, delta: Real, beyond: Rea
 
 
 def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:
-    """Return the time, s, in which a Cylinder gains the height of the disc; negative if it has more than that.
+    """Return the time, s, until a Cylinder reaches the height of the disc; negative within its capture radius.
 
     Args:
         xp: array library.
@@ -155,21 +155,20 @@ def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:
 
 
 def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Real:
-    """Return the vertical speed in the direction that is needed: descent from above the disc, climb from below."""
+    """Return the vertical speed towards the disc: descent from above, climb from below."""
     return select(xp, z > 0, pursuer.descent_m_s, pursuer.climb_m_s)
 
 
 def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Real]) -> tuple[Real, Plane, Real]:
     """Find the largest t = cover(n) over all directions n, that of y + m t; return t, n and ‖y + m t‖.
 
-    A row keeps the time of its first step after which none is needed, whatever the others of the batch go on with. A
-    library that may be tracing is not asked for that.
+    With NumPy a row stops once it has converged, so that its result does not depend on the other rows.
 
     Args:
         xp: array library.
         y: a plane vector now, m.
         m: its rate, m/s.
-        cover: time, s, as a function of the direction that the vector's length is measured in.
+        cover: time, s, as a function of the direction n in n·(y + m t).
     """
 
     def towards(t: Real) -> tuple[Plane, Real]:
@@ -196,7 +195,7 @@ def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Re
     Args:
         xp: array library.
         u: the pursuer's speed, m/s.
-        capture: what it has within its reach now, m.
+        capture: its reach now, m.
         y: horizontal vector from the pursuer to the evader, m.
         m: the evader's velocity less the wind, m/s.
         z: height of the pursuer above the disc, m, of either sign.
@@ -208,13 +207,13 @@ def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Re
 def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Real, Real]:
     """Solve hand·t² − 2 half·t − beyond = 0 for its root t ≥ 0, and return √(half² + hand·beyond) with it.
 
-    Where `beyond`, the square of what is out of reach now, is not positive, the time is zero.
+    If `beyond` is not positive, the time is zero.
 
     Args:
         xp: array library.
         hand: u² − ‖m‖², m²/s², positive.
         half: half of the linear coefficient, m²/s.
-        beyond: the square of what is out of reach now, m².
+        beyond: squared distance less squared reach now, m².
     """
     inside, kept = beyond <= 0, half >= 0
     out = select(xp, inside, 0.0, beyond)
@@ -227,16 +226,16 @@ def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Real, 
 
 
 def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold: Plane) -> Space:
-    """Return the pursuer's velocity over the ground, m/s, that has the evader captured at a given point after `t`.
+    """Return the pursuer's velocity over the ground, m/s, that captures the evader at a given point after `t`.
 
     Args:
         xp: array library.
         game: speed set, stand-off disc, wind.
-        to: horizontal vector from the pursuer to where the evader will be, m.
-        gap: what is left to gain horizontally now, m; a Cylinder with nothing to gain holds.
-        t: time to that capture, s; zero when it has come.
+        to: horizontal vector from the pursuer to the evader's position then, m.
+        gap: horizontal distance left to the disc, m; a Cylinder holds if it is zero.
+        t: time to that capture, s; zero if captured.
         z: height of the pursuer above the stand-off disc, m.
-        hold: horizontal velocity over the ground of a pursuer that has nothing to gain.
+        hold: horizontal velocity over the ground of a pursuer that has reached the disc.
     """
     wind = game.wind_m_s
     y = to if game.calm else (to[0] - wind[0] * t, to[1] - wind[1] * t)
@@ -265,7 +264,7 @@ def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Pla
 
 
 def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
-    """Play the PE game from a state taken apart; see `solve` for what the answer means."""
+    """Play PE; see `solve` for the meaning of the answer."""
     v, age = game.evader_speed_m_s, game.information_age_s
     lead = v * age - game.standoff.radius_m
     gap = state.distance + lead
@@ -299,7 +298,7 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
 
 
 def _up_the_wind(xp: Library, game: Game, state: Geometry, lead: Real) -> tuple[Real, Plane, Real]:
-    """Find the capture time, the evader's heading, and how far from the pursuer's drift it is then."""
+    """Return the capture time, the evader's heading, and its distance from the drifting pursuer then."""
     wind, least = game.wind_m_s, speed_in_hand(game)
 
     def cover(n: Plane) -> Real:
@@ -309,7 +308,7 @@ def _up_the_wind(xp: Library, game: Game, state: Geometry, lead: Real) -> tuple[
 
 
 def _overhead(xp: Library, game: Game, state: Geometry, above: Truth, flown: Space) -> tuple[Space, Real]:
-    """Above the evader a Ball copies its velocity, and spends the rest of the speed on the height, if there is any."""
+    """Above the evader a Ball copies its velocity, and uses the rest of its speed vertically."""
     if xp is np and not np.any(above):
         return flown, int(Reason.SOLVED)
     reason = select(xp, above, int(Reason.OVERHEAD), int(Reason.SOLVED))

@@ -1,15 +1,14 @@
-"""The strategies of either player by name: the paper's optimum, its baselines, lead pursuit, and standing still.
+"""Strategies without memory by name: the paper's optimum, its baselines, lead pursuit, and standing still.
 
-A policy is a function of a game and of arrays (..., 3), with no memory; those with one, and courses laid out
-beforehand, are in `guidance.strategies`. Every baseline moves at full speed, as in section V of the paper.
+A policy is a function of a game and of arrays (..., 3). Strategies with memory, and courses, are in
+`guidance.strategies`. Every baseline moves at full speed, as in section V of the paper.
 """
-# ruff: noqa: ARG001 - every policy takes the arguments of `Policy`, whether or not it looks at them
+# ruff: noqa: ARG001 - every policy takes the arguments of `Policy`
 
-from collections.abc import Mapping
+from __future__ import annotations
+
 from types import MappingProxyType
-from typing import Protocol
-
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Protocol
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import (
@@ -24,11 +23,17 @@ from guidance.game.arrays import (
     unit2,
     vectors,
 )
-from guidance.game.game import Game
 from guidance.game.pe import steer, take_apart
 from guidance.game.rows import leading_shape
 from guidance.game.solution import solve
 from guidance.game.tad import catch_time, guard_time
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike
+
+    from guidance.game.game import Game
 
 
 class Policy(Protocol):
@@ -45,11 +50,11 @@ class Policy(Protocol):
         """Return the player's velocity over the ground, (..., 3), m/s.
 
         Args:
-            game: what is played.
+            game: the game.
             pursuer: position P, (..., 3), m.
             evader: position E, (..., 3), m.
             target: position T, (..., 3), m; None in PE.
-            evader_velocity_m_s: the evader's velocity as observed, (..., 3), where it is known.
+            evader_velocity_m_s: the evader's velocity as observed, (..., 3), if known.
         """
 
 
@@ -60,7 +65,7 @@ def _optimal_pursuer(
     target: ArrayLike | None = None,
     evader_velocity_m_s: ArrayLike | None = None,
 ) -> Array:
-    """Play the pursuer's part of `solve`: eq. (20) of the paper in PE, eq. (49) in TAD, straight to T where E wins."""
+    """Play the pursuer's part of `solve`: eq. (20) of the paper in PE, eq. (49) in TAD, straight to T if E wins."""
     return solve(game, pursuer, evader, target, evader_velocity_m_s=evader_velocity_m_s).pursuer_velocity_m_s
 
 
@@ -71,7 +76,7 @@ def _optimal_evader(
     target: ArrayLike | None = None,
     evader_velocity_m_s: ArrayLike | None = None,
 ) -> Array:
-    """Play the evader's part of `solve`: eq. (20) of the paper in PE, eq. (44) in TAD, straight to T where it wins."""
+    """Play the evader's part of `solve`: eq. (20) of the paper in PE, eq. (44) in TAD, straight to T if it wins."""
     return solve(game, pursuer, evader, target, evader_velocity_m_s=evader_velocity_m_s).evader_velocity_m_s
 
 
@@ -93,7 +98,7 @@ def _lead_pursuit(
     target: ArrayLike | None = None,
     evader_velocity_m_s: ArrayLike | None = None,
 ) -> Array:
-    """Fly to where the evader is caught if it keeps its velocity (the collision course).
+    """Fly to the point of capture of an evader that keeps its velocity (the collision course).
 
     Without an observed velocity it is pure pursuit.
     """
@@ -179,7 +184,7 @@ def _needed(target: ArrayLike | None) -> ArrayLike:
 
 
 def _fly_straight(game: Game, pursuer: ArrayLike, evader: ArrayLike, aim: ArrayLike, seen: ArrayLike | None) -> Array:
-    """Fly the pursuer to the disc around `aim` as if that stood still; hold, or follow `seen`, once it is there."""
+    """Fly the pursuer straight to the disc around `aim`; there hold, or follow `seen`."""
     observed = {} if seen is None else {"evader_velocity_m_s": seen}
     xp, given = vectors({"pursuer": pursuer, "evader": evader, "aim": aim} | observed)
     shape, at = leading_shape(game, given), given["aim"]
@@ -194,7 +199,7 @@ def _fly_straight(game: Game, pursuer: ArrayLike, evader: ArrayLike, aim: ArrayL
 
 
 def _run(game: Game, evader: ArrayLike, point: ArrayLike, *, away: bool) -> Array:
-    """Run the evader from or to a point: from right below it along the x axis, and no further than to it."""
+    """Run the evader away from a point, or to it; along the x axis if it is there and runs away."""
     xp, given = vectors({"evader": evader, "point": point})
     shape, E, at = leading_shape(game, given), given["evader"], given["point"]
     with quiet(xp):

@@ -1,6 +1,6 @@
-"""Records of numbers: each is checked and kept as a float, an array of them as a floating point array.
+"""Records of numbers: each number is checked and kept as a float, each array as a floating point array.
 
-So that a record is the same whichever kind of number it was written with, equal and hashed by its numbers.
+Records are equal, and have the same hash, if their numbers are equal, whatever type these were given in.
 """
 
 import math
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 
 def same_record(one: "DataclassInstance", other: object) -> bool:
-    """Say whether two records hold the same numbers; an array is compared as a whole, not row by row."""
+    """Return whether two records hold the same numbers; arrays are compared as a whole."""
     return type(one) is type(other) and _numbers(one) == _numbers(other)
 
 
 def record_hash(record: "DataclassInstance") -> int:
-    """Return what equal records share."""
+    """Return a hash that equal records share."""
     return hash(_numbers(record))
 
 
 def _numbers(record: "DataclassInstance") -> tuple[Any, ...]:
-    """Return a record's numbers as something that can be compared and hashed."""
+    """Return a record's numbers in a form that can be compared and hashed."""
     return tuple(_key(getattr(record, part.name)) for part in fields(record) if part.init)
 
 
@@ -51,7 +51,7 @@ def take_fields(record: "DataclassInstance", *, zero_allowed: bool = False) -> N
 
 
 def take(record: "DataclassInstance", name: str, *, zero_allowed: bool = False) -> None:
-    """Check a number of a record and keep it as a float; an array is judged row by row in `solve`."""
+    """Check a number of a record and keep it as a float; `solve` checks arrays row by row."""
     value = getattr(record, name)
     if type(value) is not float:
         object.__setattr__(record, name, as_reals(value) if is_array(value) else _float(value))
@@ -73,13 +73,13 @@ def take_pair(record: "DataclassInstance", name: str, *, rows_allowed: bool = Fa
 
 
 def require_kind(name: str, value: object, kinds: tuple[type, ...], allowed: str) -> None:
-    """Refuse a value that is none of some kinds, by its name and with what is allowed.
+    """Refuse a value of another type.
 
     Args:
         name: of the field.
         value: as given.
         kinds: the types that are allowed.
-        allowed: what is allowed, for people.
+        allowed: description of the allowed values for the message.
     """
     if not isinstance(value, kinds):
         raise ConfigError(f"{name} = {value!r}: must be {allowed}")
@@ -90,14 +90,14 @@ def _float(value: Real) -> Real:
 
 
 def require(name: str, value: Real, *, zero_allowed: bool = False) -> None:
-    """Refuse a number out of range by its name."""
+    """Refuse a number that is out of range."""
     if not is_finite(value) or value < 0 or (value == 0 and not zero_allowed):
         allowed = "zero or more" if zero_allowed else "more than zero"
         raise ConfigError(f"{name} = {value!r}: must be a finite number, {allowed}")
 
 
 def is_finite(value: Real) -> bool:
-    """Say whether a value is a finite number."""
+    """Return whether a value is a finite number."""
     try:
         return math.isfinite(value)
     except (TypeError, OverflowError):
@@ -105,7 +105,7 @@ def is_finite(value: Real) -> bool:
 
 
 def is_zero(value: Real) -> bool:
-    """Say whether a parameter is switched off, an array of NumPy in every row."""
+    """Return whether a parameter is zero, a NumPy array in every row."""
     if type(value) is float:
         return value == 0.0
     return not value.any() if isinstance(value, np.ndarray) else not is_array(value) and bool(value == 0)

@@ -1,11 +1,11 @@
-"""The point of the evader's region closest to its target: g* of the paper, and what becomes of it in every other game.
+"""The point of the evader's region closest to its target: g* of the paper, and its counterpart in every other game.
 
-The evader owns the points that it reaches before the pursuer can have it captured there. In the paper's game they are
-the Apollonius disc, and everything is written down (`tad.race`). Else one unknown is left, its heading, whose
-end is a point of the region's edge (`headings`). The region is convex while the information is young enough
+The region holds the points that the evader reaches before the pursuer can capture it there. In the paper's game it is
+the Apollonius disc, with a closed form (`tad.race`). In other games one unknown is left, the evader's heading; it leads
+to a point of the region's edge (`headings`). The region is convex while the information is young enough
 (`guaranteed_age_s`), so that the distance from T has one minimum along its edge. Newton's method finds that by the
 first and second derivative of the capture time, a few steps from the closest point of a circle that touches the edge.
-Few rows need more, or the bracket that holds the minimum; they get both. Beyond the guaranteed age the region can have
+A few rows need more steps, or a bracket around the minimum. Beyond the guaranteed age the region can have
 a dent in front of the pursuer and several minima; `solve` gives no value there (`Reason.NO_REGION`).
 """
 
@@ -33,26 +33,26 @@ from guidance.game.pe import Geometry
 from guidance.game.records import is_zero
 
 STEPS = 3
-"""Newton steps that every row takes ..."""
+"""Newton steps of every row."""
 
 ROUNDS = 4
-"""Rounds from circle to circle, of a game with nothing but a disc, after which one step less does ..."""
+"""Rounds from circle to circle in a game with only a disc; one Newton step less is then enough."""
 
 NEWTON_STEPS = 7
-"""... and those that a row takes which needs them, before its bracket is halved."""
+"""Newton steps of a row that needs more, before bisection."""
 
 MORE_STEPS = 80
-"""Steps within a bracket that end at the last bit, whatever the row."""
+"""Steps within a bracket, enough to reach the last bit in every row."""
 
 DISC_STEPS = 5
-"""Rounds that find the best point of the stand-off disc from anywhere."""
+"""Rounds that find the best point of the stand-off disc."""
 
 TRACED_STEPS = 12
-"""As many for the libraries that cannot ask a row how far it is."""
+"""Steps for libraries that trace and cannot stop early."""
 
 
 class Closest(NamedTuple):
-    """Where the evader ends, from where it is: a horizontal vector, m; when, s; how far from its target, m."""
+    """Where the evader ends: the vector of its run, m; the time, s; the distance from its target, m."""
 
     run: Plane
     time: Real
@@ -60,7 +60,7 @@ class Closest(NamedTuple):
 
 
 def is_circle(game: Game) -> Truth:
-    """Say whether the region, of a Cylinder its planar part, is the paper's disc; row by row where that differs."""
+    """Return whether the region (for a Cylinder its planar part) is the paper's disc; row by row if that differs."""
     if not game.calm or game.target_velocity_m_s != STILL:
         return False
     lengths = (game.capture_radius_m, game.standoff.radius_m, game.information_age_s)
@@ -73,15 +73,15 @@ def is_circle(game: Game) -> Truth:
 
 
 def closest_point(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: Plane, wanted: Truth) -> Closest:
-    """Find the closest point of the evader's region to its target, of a Cylinder's the planar part.
+    """Return the closest point of the evader's region (for a Cylinder its planar part) to its target.
 
     Args:
         xp: array library.
         game: the game, whose region is not the paper's disc.
         state: the state.
         to_target: vector from the evader to the target now, m.
-        goal: vector from the evader to where it could meet its target, m.
-        wanted: which rows are asked for; in the others the answer means nothing.
+        goal: vector from the evader to the point where it could meet its target, m.
+        wanted: which rows to compute; the others have an arbitrary answer.
     """
     if wanted is False:
         return Closest(to_target, 0.0, 0.0)
@@ -94,7 +94,7 @@ def closest_point(xp: Library, game: Game, state: Geometry, to_target: Plane, go
 
 
 def _closest(xp: Library, hunt: Hunt) -> Closest:
-    """Find it: by Newton's method where the run is not stopped by the pursuer's height alone."""
+    """Find it, by Newton's method unless the pursuer's height alone ends the run."""
     met = hunt.to_target if hunt.drift is None else _plus(hunt.to_target, hunt.met_s, hunt.drift)
     far = norm2(xp, met)
     straight = unit2(xp, met, far)
@@ -104,7 +104,7 @@ def _closest(xp: Library, hunt: Hunt) -> Closest:
         y = _plus(y, -hunt.met_s, hunt.wind)
     within = dot2(y, y) <= hunt.met_m * hunt.met_m
     if not (xp is np or xp is FLOATS):
-        # The search means nothing in the rows within: there it gets a state whose derivatives are finite.
+        # Rows within do not use the search; a state with finite derivatives replaces theirs.
         beyond = hunt.met_m + hunt.lag + hunt.v * hunt.met_s + 1.0
         hunt = hunt._replace(to_evader=select2(xp, within, (beyond, 0.0 * beyond), hunt.to_evader))
     way = follow(xp, hunt, _search(xp, hunt, within))
@@ -135,7 +135,7 @@ def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
 
 
 def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: int) -> tuple[Aim, Truth]:
-    """Take some steps, then one at a time in the rows that are not `there` yet, up to `most`; say which are."""
+    """Take some steps, then single steps, up to `most`, in rows that have not converged; return which have."""
     for _ in range(steps):
         way = follow(xp, hunt, aim)
         turn, _, sound = judge(hunt, way)
@@ -153,7 +153,7 @@ def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: i
 
 
 def _is_bare(hunt: Hunt) -> bool:
-    """Say whether there is nothing but the disc that makes the game another than the paper's."""
+    """Return whether the disc is the only difference from the paper's game."""
     alone = is_zero(hunt.capture) and is_zero(hunt.lag) and not is_zero(hunt.radius)
     return alone and hunt.wind is None and hunt.drift is None
 
@@ -201,13 +201,13 @@ def _circle(xp: Library, hunt: Hunt, to_evader: Plane, z2: Real, goal: Plane) ->
 
 
 def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
-    """Return the heading of a run, as far as 90° from straight ahead."""
+    """Return the heading of a run, at most 90° from straight ahead."""
     over = norm2(xp, run) + dot2(run, hunt.ahead)
     return bounded(xp, across(run, hunt.ahead) / select(xp, over > 0, over, 1.0))
 
 
 def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
-    """Return where the evader is from the virtual pursuer that has no lead, and the square of that one's height."""
+    """Return the vector from the virtual pursuer without lead to the evader, and its height squared."""
     e0, z2 = hunt.to_evader, hunt.z2
     if not is_zero(hunt.radius):
         e0 = _plus(e0, -hunt.radius, way.to)
@@ -225,7 +225,7 @@ def _plus(a: Plane, factor: Real, b: Plane) -> Plane:
 
 
 def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
-    """Find the heading by Newton's method within a bracket, which a step that would leave it halves instead."""
+    """Find the heading by Newton's method in a bracket, with bisection if a step would leave it."""
     aim, before, done, ends = start, 2.0, start.s != start.s, xp is np or xp is FLOATS
     low, high = 0.0 * start.s - 1.0, 0.0 * start.s + 1.0
     for _ in range(steps):
@@ -247,7 +247,7 @@ def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
 
 
 def _settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
-    """Follow a heading until the best point of the stand-off disc is found, too, and the slope is that of the edge."""
+    """Follow a heading and find the best point of the stand-off disc, which gives the slope of the edge."""
     for _ in range(1 if is_zero(hunt.radius) else rounds):
         way = follow(xp, hunt, aim, held=True)
         aim = Aim(aim.s, way.to)
@@ -255,7 +255,7 @@ def _settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
 
 
 def _rows(value: Any, shape: tuple[int, ...], rows: tuple[Array, ...]) -> Any:  # noqa: ANN401 - a record of numbers and arrays
-    """Return some rows of whatever is made of arrays; a number is the same for all."""
+    """Return some rows of a record of arrays; a number is the same for all rows."""
     if isinstance(value, tuple):
         parts = [_rows(part, shape, rows) for part in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
@@ -265,7 +265,7 @@ def _rows(value: Any, shape: tuple[int, ...], rows: tuple[Array, ...]) -> Any:  
 
 
 def _put(whole: Any, shape: tuple[int, ...], rows: tuple[Array, ...], part: Any) -> Any:  # noqa: ANN401 - as above
-    """Return a record with some rows of another put where they belong."""
+    """Return a record with some rows replaced."""
     if isinstance(whole, tuple):
         parts = [_put(one, shape, rows, other) for one, other in zip(whole, part, strict=True)]
         return type(whole)(*parts) if hasattr(whole, "_fields") else tuple(parts)

@@ -1,21 +1,21 @@
-"""Two policies closed over point masses, for one game or a batch, to the end of the game.
+"""Simulate two policies with point masses to the end of the game, for one game or a batch.
 
-A step of `Exact` is never longer than a share of the time in which the end could possibly come: the distance to the
-capture, or from the evader to its target, over the speed at which it can shrink at most. So no end is stepped over,
-however short the encounter, and the steps close in on it until it is a nanosecond away; "the first sample below ε"
-would carry the error of a whole step. Between, a Runge-Kutta step of fourth order follows the curve of a pure pursuit.
+A step of `Exact` is never longer than a share of the least time to the end: the distance to the capture, or from the
+evader to its target, divided by the largest closing speed. So no end is missed, however short the encounter, and the
+steps shorten until the end is a nanosecond away; "the first sample below ε" would have the error of a whole step. A
+Runge-Kutta step of fourth order follows the curve of a pure pursuit.
 
 `Paper` is the stepping behind the published tables: explicit Euler at 0.01 s, capture at the first sample with
 ‖P − E‖ < 0.01 m, time counted in samples (one more than the steps), the final distance read at the pursuer.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, NamedTuple, TypeAlias
-
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import (
@@ -39,17 +39,20 @@ from guidance.game.records import is_zero, require
 from guidance.game.rows import leading_shape
 from guidance.game.solution import solve
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 SHARE = {1: 1.0, 4: 0.5}
-"""Share of the least time to the end that a step of an order may take; Runge-Kutta must not look past the end."""
+"""Longest step as a share of the least time to the end, by order; Runge-Kutta must not look past the end."""
 
 NANOSECOND_S = 1e-9
 
 SPARE_STEPS = 10_000
-"""Steps that a game may take to close in on its end, beyond those of its duration."""
+"""Steps that a game may take beyond those of its duration, to close in on its end."""
 
 
 class End(IntEnum):
-    """How a game ended."""
+    """The end of a game."""
 
     RUNNING = 0
     CAPTURED = 1
@@ -93,7 +96,7 @@ class Paper:
 
 
 class Sample(NamedTuple):
-    """A moment of a batch of games: time (...), positions (..., 3) of P, E and T, and how each game has ended."""
+    """A moment of a batch of games: time (...), positions (..., 3) of P, E and T, and each game's end."""
 
     time_s: Array
     pursuer_m: Array
@@ -112,11 +115,11 @@ class Rollout(NamedTuple):
 
     Attributes:
         end: `End`, (...).
-        time_s: when, (...).
+        time_s: time of the end, (...).
         pursuer_m: final position of the pursuer, (..., 3).
         evader_m: final position of the evader, (..., 3).
         distance_m: final distance of the evader from its target, (...), NaN without one; of the pursuer with `Paper`.
-        path: every sample if asked for, else empty; a game that has ended stays where it is.
+        path: every sample with `keep_path`, else empty; the players of an ended game do not move.
     """
 
     end: Array
@@ -142,7 +145,7 @@ def rollout(
     """Play a game to its end.
 
     Args:
-        game: what is played, with up-to-date information (τ = 0).
+        game: the game, without information age (τ = 0).
         pursuer: initial position P, (..., 3), m.
         evader: initial position E, (..., 3), m.
         target: initial position T, (..., 3), m, or None for PE; it moves as the game says.
@@ -153,12 +156,12 @@ def rollout(
         keep_path: whether to keep every sample.
 
     Raises:
-        ConfigError: as `solve`; an unknown policy; or information that is not up to date.
+        ConfigError: as `solve`; an unknown policy; or an information age.
     """
     require("duration_s", duration_s)
     if not is_zero(game.information_age_s):
         raise ConfigError(
-            f"information_age_s = {game.information_age_s!r}: a rollout keeps no past to look at; must be 0"
+            f"information_age_s = {game.information_age_s!r}: must be 0, because a rollout keeps no past positions"
         )
     xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
     P, E, T = given["pursuer"], given["evader"], given.get("target")
@@ -237,7 +240,7 @@ def _exact_samples(
 
 
 def _judge(xp: Library, sample: Sample, capture_s: Array, arrival_s: Array, duration_s: float) -> Array:
-    """Say which games have ended now; capture comes before arrival where both are now."""
+    """Return the end of each game; capture counts before arrival at the same instant."""
     now = choose(xp, sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
     now = choose(xp, arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
     now = choose(xp, capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
@@ -248,7 +251,7 @@ def _judge(xp: Library, sample: Sample, capture_s: Array, arrival_s: Array, dura
 def _published_samples(
     xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Paper, duration_s: float
 ) -> Iterator[Sample]:
-    """Step and look afterwards, as the published simulation does."""
+    """Step, then check, as the published simulation does."""
     seen = 0.0 * sample.evader_m
     count = math.ceil(duration_s / stepping.step_s)
     index = 0
@@ -270,7 +273,7 @@ def _published_samples(
 def _advance(
     xp: Library, game: Game, sample: Sample, velocities: Velocities, h: Array, seen: Array, order: int
 ) -> tuple[Sample, Array]:
-    """Advance every game by its own h, and return what was then seen of the evader's velocity."""
+    """Advance every game by its own h; return also the evader's velocity."""
     drift = constant(xp, sample.pursuer_m, (*game.target_velocity_m_s, 0.0))
     step = h[..., None] if hasattr(h, "shape") else h
     P, E, T = sample.pursuer_m, sample.evader_m, sample.target_m
@@ -296,12 +299,12 @@ def _advance(
 
 
 class Ahead(NamedTuple):
-    """The least time, s, that must pass whatever the players do, before ...
+    """Least times, s, to events.
 
     Attributes:
-        capture_s: the evader can be captured.
-        arrival_s: the evader can be at its target; infinite without one.
-        turn_s: a Cylinder that is not level with its disc is so, and holds its height; infinite for a Ball.
+        capture_s: until the evader can be captured.
+        arrival_s: until the evader can be at its target; infinite without a target.
+        turn_s: until a Cylinder reaches the height of its disc and holds it; infinite for a Ball.
     """
 
     capture_s: Array
@@ -312,7 +315,7 @@ class Ahead(NamedTuple):
 def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: Array | None) -> Ahead:
     """Return the least times to the ends of a game, from positions (..., 3).
 
-    A Cylinder's parts are met a little outside of where its pursuer holds, for it to come there.
+    A Cylinder is captured slightly outside the distance at which it holds, so that it gets there.
 
     Args:
         xp: array library.

@@ -1,4 +1,4 @@
-"""Games whose numbers differ from row to row: the shape of a batch, some of its rows, and what is the same in all."""
+"""Games whose parameters are arrays: the shape of a batch, the game of some rows, and simplification."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ ZERO_ALLOWED = ("capture_radius_m", "information_age_s", "radius_m", "height_m")
 
 
 def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
-    """Return the common leading shape of named vectors and of the parameters that differ from row to row.
+    """Return the common leading shape of named vectors and of parameters that are arrays.
 
     Raises:
         ConfigError: a vector is not an array (..., 3), or the shapes do not broadcast.
@@ -38,7 +38,7 @@ def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
 
 
 def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
-    """Return the game of some rows: every parameter that is an array, as `rows` takes them from it."""
+    """Return the game of some rows; `rows` takes them from each parameter that is an array."""
     if not game.varies:
         return game
     pursuer = replace(game.pursuer, **rows_of(game.pursuer, rows))
@@ -48,9 +48,9 @@ def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
 
 
 def simplified(game: Game) -> Game:
-    """Return the same game with every NumPy array that holds one number throughout as that number: with the same bits.
+    """Return the same game with a number in place of every NumPy array that repeats it.
 
-    An array whose number no game allows stays what it is, for `solve` to give the reason in every row.
+    If no game allows the number, the array stays, so that `solve` gives the reason in every row.
     """
     if not any(isinstance(value, np.ndarray) for value in parameters(game).values()):
         return game
@@ -68,12 +68,12 @@ def _is_single(value: Real) -> bool:
 
 
 def refused_rows(xp: Library, game: Game, fault: Real) -> Real:
-    """Return what is wrong with each row, or else the reason why its numbers allow no game.
+    """Return a reason for each row whose parameters are not allowed, else the fault that was given.
 
     Args:
         xp: array library.
-        game: whose parameters differ from row to row.
-        fault: 0, or what else is wrong with a row.
+        game: with parameters that are arrays.
+        fault: 0, or another reason why a row has no answer.
     """
     fault = select(xp, speed_in_hand(game) > 0, fault, int(Reason.PURSUER_TOO_SLOW))
     for name, value in parameters(game).items():

@@ -1,16 +1,17 @@
-"""The one entry: what both players do from a state of a game, for one state or a million.
+"""Solve a game: both players' optimal play from one state or a million.
 
-Millions are solved in chunks that stay in the processor's cache, at five times the speed of one call for all of them,
-and one is solved in Python's own floats; the answer is the same to the bit.
+Large batches are solved in chunks that fit into the processor's cache, five times faster than in one piece. A single
+state is solved with Python's floats. The answers are the same to the bit.
 """
+
+from __future__ import annotations
 
 import math
 from operator import itemgetter
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from array_api_compat import is_jax_array
-from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.apollonius import play_in_space
@@ -39,11 +40,14 @@ from guidance.game.records import is_finite
 from guidance.game.rows import for_rows, leading_shape, refused_rows, simplified
 from guidance.game.tad import defence
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 NAN = float("nan")
 NAMES = ("pursuer", "evader", "target", "evader_velocity_m_s")
 
 ROWS = 8192
-"""Rows of a chunk: some forty intermediate arrays of 64 KiB, about a level 2 cache's worth."""
+"""Rows of a chunk: about forty intermediate arrays of 64 KiB, the size of a level 2 cache."""
 
 
 Place: TypeAlias = tuple[float, float, float]
@@ -51,7 +55,7 @@ Place: TypeAlias = tuple[float, float, float]
 
 
 KINDS = (np.int8, float, float, float, float, float, float, np.int8)
-"""What the arrays of an answer hold."""
+"""Types of the fields of an answer."""
 
 
 class Solution(NamedTuple):
@@ -61,12 +65,12 @@ class Solution(NamedTuple):
 
     Attributes:
         winner: `Winner`: 1 the pursuer, −1 the evader, 0 neither (the barrier itself, or no answer).
-        value: PE: time to the capture, s. TAD: distance of the evader from its target at the capture, m; where the
+        value: PE: time to the capture, s. TAD: distance of the evader from its target at the capture, m; if the
             evader wins, the distance that the pursuer is short of a capture when the evader arrives, m.
         margin_s: how much sooner the pursuer can guard the target than the evader can be there, s: 0 on the barrier,
             negative where the evader wins, infinite in PE, where a faster pursuer always captures.
-        meeting_point_m: where the evader is when the game ends: q* in PE, g* in TAD, its target where it wins, m.
-        meeting_time_s: when that is, from now, s.
+        meeting_point_m: position of the evader at the end of the game, m: q* in PE, g* in TAD, its target if it wins.
+        meeting_time_s: time until then, s.
         pursuer_velocity_m_s: the pursuer's optimal velocity over the ground (through the air plus the wind), m/s.
         evader_velocity_m_s: the evader's optimal velocity, m/s.
         reason: `Reason`: solved, a degenerate state, or why there is no answer.
@@ -83,7 +87,7 @@ class Solution(NamedTuple):
 
 
 class StateSolution(NamedTuple):
-    """The answer of `solve_state`: what a `Solution` says of one state, in plain numbers."""
+    """The answer of `solve_state`: a `Solution` of one state in plain numbers."""
 
     winner: int
     value: float
@@ -107,16 +111,16 @@ def solve(
     """Solve a game: PE without a target, TAD with one.
 
     Args:
-        game: what is played.
+        game: the game.
         pursuer: position P, (..., 3), m, in the game frame: x and y in the evader's plane, z up.
         evader: position E, (..., 3), m; its height is the plane's.
         target: position T, (..., 3), m; its height counts only for an evader in space.
-        evader_velocity_m_s: the evader's velocity as observed, (..., 3), where it is known. It matters only where the
-            pursuer has nothing better to do than to follow: right above the evader, and where it has met what it can.
-        out: an earlier answer of the same shape whose NumPy arrays are filled again; fresh memory costs as much as the
-            mathematics.
+        evader_velocity_m_s: the evader's velocity as observed, (..., 3), if known. It matters only if the pursuer
+            follows the evader: right above it, or once it has reached the disc.
+        out: an earlier answer of the same shape whose NumPy arrays are filled again; allocating memory takes as long
+            as the mathematics.
 
-    Numbers of any kind are real numbers, integers and lists too; the answer has the widest precision among them.
+    Integers and lists are allowed; the answer has the widest precision among the arguments.
 
     Returns:
         Both players' optimal play from here. The strategies are feedback: solve again at every step.
@@ -151,7 +155,7 @@ def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Arr
 
 
 def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Solution:
-    """Solve a single state in floats, which are as good and cost a tenth."""
+    """Solve a single state with floats, in a tenth of the time."""
     if given["pursuer"].dtype != np.float64:
         return _solve(np, game, (), given, out)
     places: dict[str, Any] = {name: tuple(value.tolist()) for name, value in given.items()}
@@ -167,14 +171,14 @@ def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Sol
 def solve_state(
     game: Game, pursuer: Place, evader: Place, target: Place | None = None, *, evader_velocity_m_s: Place | None = None
 ) -> StateSolution:
-    """Solve one state of plain numbers, to the bit as `solve` does, without an array: what a flight asks every cycle.
+    """Solve one state of plain numbers, with the same bits as `solve` and without arrays; a flight does it every cycle.
 
     Args:
-        game: what is played; none of its parameters is an array.
+        game: the game, without arrays among its parameters.
         pursuer: position P, m: three floats.
         evader: position E, m.
         target: position T, m; None in PE.
-        evader_velocity_m_s: the evader's velocity as observed, where it is known.
+        evader_velocity_m_s: the evader's velocity as observed, if known.
 
     Returns:
         The answer. A state without an answer is NaN throughout, as a row of a batch is.
@@ -183,7 +187,7 @@ def solve_state(
         ConfigError: a parameter of the game is an array.
     """
     if game.varies:
-        raise ConfigError(f"game = {game!r}: a single state is played with single numbers; solve takes arrays of them")
+        raise ConfigError(f"game = {game!r}: solve_state takes single numbers; use solve for arrays")
     known = (pursuer, evader, target, evader_velocity_m_s)
     squares = sum(place[0] * place[0] + place[1] * place[1] + place[2] * place[2] for place in known if place)
     try:
@@ -259,19 +263,19 @@ def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real
 
 
 def _has_no_region(game: Game, play: Play) -> Truth:
-    """Say whether the evader of a TAD game that the pursuer wins was seen too long ago for its region to be convex."""
+    """Return where the evader of TAD was seen too long ago for a convex region, and the pursuer would win."""
     old = game.information_age_s > guaranteed_age_s(game)
     return old if old is False else old & (play.winner > 0) & (play.reason != int(Reason.CAPTURED))
 
 
 def _is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Truth:
-    """Say whether an answer is finite, and no square that the kernels take can have been infinite.
+    """Return whether an answer is finite, and no square inside the kernels can have been infinite.
 
     Args:
-        game: what is played.
+        game: the game.
         play: the answer.
-        squares: sum of the squares of everything given, or more.
-        contested: whether the margin counts, which in PE is infinite.
+        squares: sum of the squares of all positions and velocities, or more.
+        contested: whether it is TAD; in PE the margin is infinite.
     """
     answered: Real = sum((play.value, play.time, *play.meeting, *play.pursuer, *play.evader))
     if contested:
@@ -293,7 +297,7 @@ def _squares(given: dict[str, Array]) -> Real:
 
 
 def _most_squares(given: dict[str, Array]) -> Real:
-    """Return no less than any row's: of contiguous numbers the largest costs a tenth of the squares of all."""
+    """Return an upper bound of `_squares` for all rows, which takes a tenth of the time."""
     total: Real = 0.0
     for array in given.values():
         most = 2.0 * abs(array).max(initial=0.0)
@@ -302,7 +306,7 @@ def _most_squares(given: dict[str, Array]) -> Real:
 
 
 def _refuse(fault: Real, given: dict[str, Array]) -> None:
-    """Refuse a single state that is not finite, by name."""
+    """Refuse a single state that is not finite, with the argument's name."""
     if fault == Reason.NOT_FINITE:
         wrong = [f"{name} = {array!r}" for name, array in given.items() if not all(map(is_finite, array.tolist()))]
         raise ConfigError(f"{', '.join(wrong)}: must be finite numbers")
@@ -311,7 +315,7 @@ def _refuse(fault: Real, given: dict[str, Array]) -> None:
 def _put_together(
     xp: Library, game: Game, shape: tuple[int, ...], like: Array, play: Play, fault: Real, out: Solution | None
 ) -> Solution:
-    """Put the components of an answer together, with NaN in the rows that have none."""
+    """Build an answer from its components, with NaN in rows without an answer."""
     sound = fault == 0
     spoil = select(xp, sound, 0.0, NAN)
     winner = select(xp, sound, play.winner, int(Winner.UNDECIDED))
@@ -341,10 +345,7 @@ def _put_together(
 
 
 def _doubted(xp: Library, game: Game, play: Play) -> Real:
-    """Say of what would be solved that the information is too old for it; a fact of this moment stays what it is.
-
-    PE is known by its margin, infinite.
-    """
+    """Return the reason, which is TOO_OLD for a prediction from old information; present facts keep theirs."""
     in_pe = isinstance(play.margin, float) and math.isinf(play.margin)
     old = game.information_age_s > (guaranteed_age_s(game) if in_pe else 0.0)
     if old is False:

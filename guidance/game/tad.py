@@ -1,18 +1,18 @@
 """The target-attacker-defender game: how close to its target the evader ends (Li, Wang & Xie, section IV).
 
-The evader owns the points that it reaches before the pursuer can have it captured there. With the target among them it
-wins. Otherwise it goes for the point of that region closest to the target, and the pursuer meets it there: g* of eq.
-(38) in the paper's game (`race`), and what `region` finds in every other. A Cylinder's region is the planar
-one together with the disc ‖X − E‖ ≤ v (t_z + τ) that the evader has while the pursuer's height is not yet spent; its
-pursuer flies horizontally by the planar region alone, and holds over the evader what it has met.
+The evader's region holds the points that it reaches before the pursuer can capture it there. If the target is in the
+region, the evader wins. Otherwise it runs to the point of the region closest to the target, and the pursuer meets it
+there: g* of eq. (38) in the paper's game (`race`), and the result of `region` in every other. A Cylinder's region also
+has the disc ‖X − E‖ ≤ v (t_z + τ), because the evader is safe until the pursuer reaches its height. This pursuer flies
+horizontally by the planar region alone, and holds a part that it has reached.
 
-Where the paper is wrong:
+Errors of the paper:
 
 * Evader wins: its "value" ‖P‖² − δ²‖E‖², eq. (36), is the barrier with the sign turned, in m², and no payoff of the
-  play that it prescribes. The value here is what that play ends with, the distance that the pursuer is short of a
+  play that it prescribes. The value here is the payoff of that play, the distance that the pursuer is short of a
   capture when the evader arrives: ‖P − T‖ − δ‖E − T‖ in the paper's game.
 * Its payoff J_P there, eq. (35), drops z_P. Flying straight to T would not minimise that: measured horizontally, a
-  pursuer would spend nothing on its descent. The distance here is measured in space.
+  pursuer would not descend at all. The distance here is measured in space.
 * c = T, where g* has no direction, cannot happen while the pursuer wins (‖c − T‖ > r), but it can when the evader wins.
   The answer is finite there.
 """
@@ -39,11 +39,11 @@ from guidance.game.region import Closest, closest_point, is_circle
 
 
 class Race(NamedTuple):
-    """What both players' race to a target comes to in the paper's game.
+    """The result of both players' race to a target in the paper's game.
 
     Attributes:
         margin: B as a time: how much sooner the pursuer can be there, s.
-        final_distance: L, m; negative where the evader wins.
+        final_distance: L, m; negative if the evader wins.
         run: vector from E to g*, the point of the circle closest to the target, m.
     """
 
@@ -53,14 +53,14 @@ class Race(NamedTuple):
 
 
 class Contest(NamedTuple):
-    """Who is sooner at the target, and where the evader ends if that is the pursuer.
+    """The race to the target, and the point where the evader ends if the pursuer wins.
 
     Attributes:
-        goal: Vector from the evader to where it can meet its target, m.
-        arrival: When it can be there, s.
-        guard: When the pursuer could hold captured whoever is there, s.
-        margin: How much sooner that is, s.
-        short: Distance that the pursuer is short of that when the evader arrives, m.
+        goal: Vector from the evader to the point where it can meet its target, m.
+        arrival: Time until it can be there, s.
+        guard: Time until the pursuer could capture an evader there, s.
+        margin: arrival − guard, s.
+        short: Distance that the pursuer is short of a capture there when the evader arrives, m.
         edge: The closest point of the evader's region to its target, of a Cylinder's the planar part.
     """
 
@@ -73,13 +73,13 @@ class Contest(NamedTuple):
 
 
 def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
-    """Play the TAD game from a state taken apart; see `solve` for what the answer means.
+    """Play TAD; see `solve` for the meaning of the answer.
 
     Args:
         xp: array library.
-        game: what is played.
+        game: the game.
         state: the state.
-        target: where the target is now, m.
+        target: position of the target now, m.
     """
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
     contest = _compare(xp, game, state, to_target)
@@ -107,10 +107,10 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
 
 
 def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Space) -> Space:
-    """Play PE where nothing is left to gain on the way to the meeting point, and yet the evader is not captured.
+    """Play PE if the pursuer is at the meeting point and the evader is not captured.
 
-    Only of old information that can be: the pursuer is where the evader would be met, had it run there unseen. A
-    pursuer that then just kept with what it sees would let an evader that did not pass by.
+    That happens only with old information: the evader may not have run to the meeting point. A pursuer that stayed
+    there would let it pass.
     """
     if is_zero(game.information_age_s) or ((xp is np or xp is FLOATS) and not np.any(over)):
         return flown
@@ -119,14 +119,14 @@ def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Spac
 
 
 def _gap(xp: Library, game: Game, to: Plane) -> Real:
-    """Return what is left to gain horizontally of a way; only a Cylinder is asked for it."""
+    """Return the horizontal distance left to the disc, m; zero for a Ball, which does not use it."""
     if isinstance(game.pursuer, Ball):
         return 0.0
     return norm2(xp, to) - (game.standoff.radius_m + game.capture_radius_m)
 
 
 def _compare(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Contest:
-    """Compare the times to the target, by the paper's formulas wherever the game is the paper's."""
+    """Compare the times to the target, with the paper's formulas if the game is the paper's."""
     circle = is_circle(game)
     whole = circle is True
     if whole and isinstance(game.pursuer, Ball):
@@ -163,7 +163,7 @@ def _paper(xp: Library, game: Game, state: Geometry, to_target: Plane, z: Real) 
 
 
 def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane) -> Race:
-    """Return how the race for a target ends in the paper's game.
+    """Return the result of the race to a target in the paper's game.
 
     L = ‖c − T‖ − r = d_δ/(δ² − 1) − r, eq. (41), is the difference of two lengths that grow without bound as δ → 1.
     Times their sum it is the barrier B over δ² − 1, which cancels nothing and is zero exactly where B is:
@@ -189,7 +189,7 @@ def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_t
     both = u * left + v * xp.sqrt(far)
     direction = unit2(xp, from_target, d_delta)
     final = b / select(xp, b == 0, 1.0, d_delta + span)
-    # g* from E's side of the circle, or from T: whichever is the shorter way, and so the one that loses fewer digits
+    # g* as a step from E or from T: the shorter step loses fewer digits.
     by_target = span > hand * left
     scale = span / hand
     centre = (v * v / hand * to_evader[0], v * v / hand * to_evader[1])
@@ -208,7 +208,7 @@ def _choose_edge(xp: Library, condition: Truth, yes: Closest, no: Closest) -> Cl
 
 
 def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
-    """Return when the evader can be at its target, and where that is then, from the evader."""
+    """Return the time until the evader can be at its target, and the target's position then, from the evader."""
     v, age, adrift = game.evader_speed_m_s, game.information_age_s, game.target_velocity_m_s
     if adrift == STILL:
         return xp.maximum(norm2(xp, to_target) / v - age, 0.0), to_target
@@ -237,13 +237,13 @@ def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Real:
 
 
 def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
-    """Return how soon, s, the pursuer could hold captured whoever is at `goal`, a vector from the evader.
+    """Return the time, s, until the pursuer could capture an evader at `goal`.
 
     Args:
         xp: array library.
         game: speed set, capture radius, stand-off disc, wind.
         state: the state.
-        goal: vector from the evader to the point that is guarded, m.
+        goal: vector from the evader to that point, m.
     """
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if game.calm:
@@ -252,7 +252,7 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
 
 
 def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
-    """Say whether the evader is captured now, wherever within v τ it may be."""
+    """Return whether the evader is captured now, anywhere within v τ of its last position."""
     beside = state.distance + (game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m)
     capture = game.capture_radius_m
     if isinstance(game.pursuer, Cylinder):
@@ -264,7 +264,7 @@ def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
 def _with_falling(
     xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest
 ) -> Closest:
-    """Join the disc that the evader has while the pursuer's height is not spent to the planar region."""
+    """Add to the planar region the disc that the evader reaches before the pursuer reaches its height."""
     falling, adrift = xp.maximum(level_time(xp, game, pursuer, state.z), 0.0), game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)
     goal = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
@@ -288,8 +288,8 @@ def _reason(xp: Library, margin: Real, arrived: Truth, caught: Truth) -> Real:
 def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: Real, lost: Truth) -> Real:
     """Return the distance, m, that the pursuer is short of a capture at `goal` when the evader arrives there.
 
-    Where the evader does not win, one metre stands in: the derivative of a square root at zero would spoil the gradient
-    of the rows that matter, in the libraries that differentiate.
+    If the evader does not win, one metre is used instead: in libraries that differentiate, the derivative of a square
+    root at zero would make the gradient NaN.
     """
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if not game.calm:

@@ -16,7 +16,7 @@ TAD_PURSUER, TAD_EVADER, TAD_TARGET = (6.97, 5.83, 9.15), (9.80, 0.33, 0.0), (0.
 EXACT_DIGITS = 4
 
 SYMBOLS = {"optimal": ("u*", "v*")}
-"""How the paper writes the optimal strategy of pursuer and evader; the others keep their names."""
+"""The paper's symbols of the optimal strategies of pursuer and evader; the others keep their names."""
 
 
 class TableRow(NamedTuple):
@@ -63,12 +63,12 @@ class Case:
 
     @property
     def matches(self) -> bool:
-        """Whether every published digit comes out."""
+        """True if every published digit is reproduced."""
         return self.stepped == self.published
 
     @property
     def is_optimal(self) -> bool:
-        """Whether both players play their optimum."""
+        """True if both players play their optimum."""
         return self.pursuer_policy == self.evader_policy == "optimal"
 
     @property

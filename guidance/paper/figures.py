@@ -15,18 +15,18 @@ from guidance.paper.cases import GAME, PE_EVADER, PE_PURSUER, TAD_EVADER, TAD_PU
 from guidance.viz.figures import figure_of
 
 OPTIMAL, OTHERS = "-", ("--", ":")
-"""Dashes tell the plays of a figure apart, colour the players; darkness does so without colour."""
+"""Line styles distinguish the plays of a figure; colours, and their darkness, distinguish the players."""
 
 RED, BLUE = "#e8867a", "#123a7a"
 OFFSETS = {"P": (8, 2), "E": (4, 8), "T": (-4, 10), "c": (4, -16), "g*": (-22, -12)}
-"""Where the name of a marked point stands beside it, in points, clear of the lines."""
+"""Offset of a label from its point, in points."""
 
 RATIO = 2.0
 DPI = 200
 
 
 class PlayedTrack(NamedTuple):
-    """Where a play went: positions of P and E, (samples, 3), m."""
+    """The tracks of P and E, (samples, 3), m."""
 
     pursuer: NDArray[np.float64]
     evader: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Scenarios of teams played as mathematics; an outcome row for each evader."""
+"""Scenarios of teams simulated with point masses; one outcome row for each evader."""
 
 import math
 from collections.abc import Hashable, Sequence
@@ -16,7 +16,7 @@ _ENDS = {End.CAPTURED: "captured", End.ARRIVED: "arrived", End.TIME_UP: "time_up
 
 
 class TeamOutcome(NamedTuple):
-    """What became of one evader in a game of teams. Columns mean what those of `Outcome` mean; NaN is "there is none".
+    """The outcome for one evader of a game of teams. Columns are as in `Outcome`; NaN means "none".
 
     Attributes:
         scenario: Title.
@@ -25,24 +25,24 @@ class TeamOutcome(NamedTuple):
         evader: Number of the evader, from 0.
         pursuer_policy: Of the pursuers; several are joined by "+".
         evader_policy: Of this evader.
-        seed: Of all that is random.
-        pursuers: How many pursuers play.
-        evaders: How many evaders.
-        guaranteed: Captures that the pursuers could force at the beginning, in the whole game.
+        seed: Seed of all random numbers.
+        pursuers: Number of pursuers.
+        evaders: Number of evaders.
+        guaranteed: Captures guaranteed at the start, in the whole game.
         captured: Captures in the whole game.
         end: "captured", "arrived", "time_up", or "invalid" (only in sweeps).
         winner: "pursuer", "evader" or "none".
         predicted_winner: "pursuer" where the capture was guaranteed, else "evader" (TAD) or "none" (PE).
         first: Number of the pursuer that guaranteed the capture; −1 for none.
-        second: Number of the one beside it; −1 for none.
+        second: Number of the pursuer that supports it; −1 for none.
         captor: Number of the pursuer that captured the evader; −1 for none.
-        game_time_s: When it ended.
-        capture_time_s: The same where it is a capture.
+        game_time_s: Time of its end.
+        capture_time_s: The same if it is a capture.
         final_distance_m: Of the evader from its target; NaN in PE.
-        predicted: TAD: the distance that was guaranteed, m. PE: the time that was, s.
-        lower_bound: PE: the time that the evader surely had, s. TAD: as predicted.
-        achieved: In the unit of predicted; NaN where nobody got there.
-        regret: What the pursuers lost against the guarantee: achieved − predicted in PE, predicted − achieved in TAD.
+        predicted: TAD: the guaranteed distance, m. PE: the guaranteed time, s.
+        lower_bound: PE: the time that the evader had at least, s. TAD: as predicted.
+        achieved: In the unit of predicted; NaN without a capture.
+        regret: Loss of the pursuers against the guarantee: achieved − predicted in PE, predicted − achieved in TAD.
         ratio: achieved / predicted.
         reason: Why it is invalid, else empty.
     """
@@ -76,7 +76,7 @@ class TeamOutcome(NamedTuple):
 
 
 def play_teams(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
-    """Play scenarios to their ends; for each, in their order, a row for every evader."""
+    """Simulate scenarios; return the rows of each, one for every evader."""
     teams = [teams_of(scenario) for scenario in scenarios]
     kinds: dict[Hashable, list[int]] = {}
     for index, (scenario, team) in enumerate(zip(scenarios, teams, strict=True)):
@@ -90,7 +90,7 @@ def play_teams(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
 
 
 def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: bool = False) -> TeamRollout:
-    """Play teams of one kind side by side, one row each, by the rules of a scenario."""
+    """Simulate several teams of one kind as a batch, with the settings of a scenario."""
     target = None if teams[0].target_m is None else np.array([[one.target_m] for one in teams])
     u = np.array([one.pursuer_speed_m_s[:, None] for one in teams])
     v = np.array([one.evader_speed_m_s[None, :] for one in teams])
@@ -110,15 +110,15 @@ def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: b
 
 
 def invalid_teams(title: str, game: str, pursuers: str, evaders: str, seed: int, reason: str) -> TeamOutcome:
-    """Return the row of a scenario that allows no game.
+    """Return the row of an invalid scenario.
 
     Args:
-        title: The scenario's.
-        game: Which one it was to be.
-        pursuers: Their policy.
-        evaders: Their policy.
+        title: Of the scenario.
+        game: "pe" or "tad".
+        pursuers: Policy of the pursuers.
+        evaders: Policy of the evaders.
         seed: Of the run.
-        reason: Why there is no game.
+        reason: Why it is invalid.
     """
     nan = math.nan
     whole = (title, "maths", game, -1, pursuers, evaders, seed, 0, 0, 0, 0, "invalid", "none", "none", -1, -1, -1)
@@ -126,13 +126,13 @@ def invalid_teams(title: str, game: str, pursuers: str, evaders: str, seed: int,
 
 
 def opening_of(scenario: TeamScenario) -> Matching:
-    """Match the teams of a scenario as they stand at the beginning."""
+    """Match the teams of a scenario at its start."""
     teams = teams_of(scenario)
     return match_teams(teams.game, teams.pursuers_m, teams.evaders_m, teams.target_m)
 
 
 def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
-    """Return what a game of teams came to as a whole."""
+    """Return the summary of a game of teams."""
     regrets = [row.regret for row in rows if not math.isnan(row.regret)]
     sure = [row.predicted for row in rows if row.predicted_winner == "pursuer"]
     return {
@@ -146,7 +146,7 @@ def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
 
 
 def _kind_of(scenario: TeamScenario, teams: Teams) -> Hashable:
-    """Return what two scenarios must share to be played side by side."""
+    """Return a key that is equal for scenarios of one batch."""
     rules = (scenario.capture_m, scenario.hysteresis, scenario.step_s, scenario.time_limit_s)
     return (scenario.game, teams.pursuer_policy, teams.evader_policy, rules)
 

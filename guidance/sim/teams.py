@@ -1,7 +1,7 @@
-"""The scenario file of teams: `[[pursuer]]` and `[[evader]]` tables, several players in place of two, as mathematics.
+"""The scenario file of teams: `[[pursuer]]` and `[[evader]]` tables, simulated with point masses.
 
-Positions are in the game frame, as in `guidance.sim.scenario`. A table may stand for several players alike, `count`
-of them scattered over a disc by the seed, so that their number is a key that a sweep can vary.
+Positions are in the game frame, as in `guidance.sim.scenario`. A table can describe several equal players: the seed
+scatters `count` of them over a disc, so a sweep can vary their number.
 """
 
 import math
@@ -23,13 +23,15 @@ _NEEDS_TARGET = "task_oriented"
 
 
 class PlayerGroup(Section):
-    """Players alike: one, or several about a place."""
+    """One player, or several equal players around a place."""
 
-    count: int = Field(1, ge=1, le=50, description="how many players this table stands for")
-    scatter_m: float = Field(0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters them")
-    speed_m_s: float = Field(gt=0.0, le=30.0, description="in every direction")
-    policy: str = Field("optimal", description="what they play")
-    position_m: Point3 | Point2 = Field(description="where they begin")
+    count: int = Field(1, ge=1, le=50, description="number of players of this table")
+    scatter_m: float = Field(
+        0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters the players"
+    )
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="speed in every direction")
+    policy: str = Field("optimal", description="strategy of the players")
+    position_m: Point3 | Point2 = Field(description="initial position")
 
     @model_validator(mode="after")
     def _check_scatter(self) -> Self:
@@ -42,30 +44,30 @@ class PursuerGroup(PlayerGroup):
     """Pursuers in space."""
 
     policy: Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_POLICIES]})] = Field(
-        "optimal", description="what they play"
+        "optimal", description="strategy of the players"
     )
-    position_m: Point3 = Field(description="where they begin: x east, y north, z up")
+    position_m: Point3 = Field(description="initial position: x east, y north, z up")
 
 
 class EvaderGroup(PlayerGroup):
     """Evaders in the plane."""
 
     policy: Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})] = Field(
-        "optimal", description="what they play"
+        "optimal", description="strategy of the players"
     )
-    position_m: Point2 = Field(description="where they begin: x east, y north")
+    position_m: Point2 = Field(description="initial position: x east, y north")
 
 
 class TeamExpect(Section):
-    """What is expected of a game of teams."""
+    """Expected results of a game of teams."""
 
-    guaranteed: Range | None = Field(None, description="captures that the pursuers can force at the beginning")
-    captured: Range | None = Field(None, description="captures in the end")
+    guaranteed: Range | None = Field(None, description="captures guaranteed at the start")
+    captured: Range | None = Field(None, description="captures at the end")
     total: Range | None = Field(None, description="sum of the predicted values")
     worst_regret: Range | None = Field(None, description="largest regret of the evaders' rows")
 
     def verdicts(self, summary: dict[str, Any]) -> list[CheckedExpectation]:
-        """Hold the expectations against the columns of a game's summary."""
+        """Compare the expectations with a game's summary."""
         wanted = ((column, getattr(self, column)) for column in TeamExpect.model_fields)
         return [
             CheckedExpectation(column, str(range_), summary[column], range_.holds(summary[column]))
@@ -77,17 +79,17 @@ class TeamExpect(Section):
 class TeamScenario(Section):
     """A whole scenario file of teams."""
 
-    title: str = Field(description="a few words")
-    description: str = Field("", description="what it shows, and why it is as it is")
+    title: str = Field(description="short title")
+    description: str = Field("", description="purpose of the scenario")
     game: Literal["pe", "tad"] = Field(description="pursuit-evasion, or target-attacker-defender")
     pursuer: tuple[PursuerGroup, ...] = Field(min_length=1, description="a table [[pursuer]] for each group")
     evader: tuple[EvaderGroup, ...] = Field(min_length=1, description="a table [[evader]] for each group")
     target: Target | None = Field(None, description='with game = "tad"')
-    capture_m: float = Field(0.0, ge=0.0, le=100.0, description="distance of the players that counts as captured")
-    hysteresis: float = Field(0.0, ge=0.0, description="what a new pair must be better by; m in tad, s in pe")
-    step_s: float = Field(0.05, gt=0.0, le=10.0, description="how long velocities are held at most")
-    seed: int = Field(0, ge=0, description="of the places")
-    time_limit_s: float = Field(300.0, gt=0.0, description="of the game")
+    capture_m: float = Field(0.0, ge=0.0, le=100.0, description="distance that counts as captured")
+    hysteresis: float = Field(0.0, ge=0.0, description="least improvement for a new pair; m in tad, s in pe")
+    step_s: float = Field(0.05, gt=0.0, le=10.0, description="longest time for which velocities are held")
+    seed: int = Field(0, ge=0, description="seed of the scattered positions")
+    time_limit_s: float = Field(300.0, gt=0.0, description="longest duration of the game")
     expect: TeamExpect = TeamExpect()
 
     @model_validator(mode="after")
@@ -95,8 +97,7 @@ class TeamScenario(Section):
         slowest, fastest = min(one.speed_m_s for one in self.pursuer), max(one.speed_m_s for one in self.evader)
         if slowest <= fastest:
             raise ValueError(
-                f"speed ratio of the slowest pursuer to the fastest evader = {slowest:g} / {fastest:g}: must be above "
-                "1; a slower pursuer is another game"
+                f"speed ratio of the slowest pursuer to the fastest evader = {slowest:g} / {fastest:g}: must be above 1"
             )
         if (self.game == "tad") != (self.target is not None):
             raise ValueError(
@@ -140,12 +141,12 @@ class Teams(NamedTuple):
 
     @property
     def game(self) -> Game:
-        """The game that they play, each at its own speed."""
+        """The game, with each player's speed."""
         return Game(Ball(self.pursuer_speed_m_s[:, None]), self.evader_speed_m_s)
 
 
 def teams_of(scenario: TeamScenario) -> Teams:
-    """Place the players of a scenario; the same seed puts them in the same places, however many others there are."""
+    """Place the players of a scenario; a player's place depends on the seed and not on the number of others."""
     P, u, plays = _players(scenario.pursuer, scenario.seed, 0)
     E, v, flees = _players(scenario.evader, scenario.seed, 1)
     target = None if scenario.target is None else np.array([*scenario.target.position_m, 0.0])

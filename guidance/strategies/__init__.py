@@ -1,10 +1,10 @@
-"""Every way to play either part, by name: the game's own policies, navigation laws, and courses laid out beforehand.
+"""Strategies of either player by name: the game's policies, navigation laws, and courses.
 
-What it offers:
+Contents:
     PURSUER_STRATEGIES, EVADER_STRATEGIES: the names. OPTIMAL: the game's own.
-    Strategy: how a player plays, by name, with its course and gain; a `StrategyMemory` is passed in and out.
-    pursue, evade: the velocities that a strategy asks for.
-    Course: where a player is when; `waypoints`, `random_turns` and `recorded` make one, and COURSES names them.
+    Strategy: a strategy's name, course and gain; a `StrategyMemory` is passed in and out.
+    pursue, evade: the velocity of a strategy.
+    Course: places and times; `waypoints`, `random_turns` and `recorded` make one, and COURSES names them.
     bounded: shortens velocities to a speed.
     uniform, normal: random numbers that depend on a seed and a place in its stream only.
 """

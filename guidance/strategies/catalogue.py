@@ -1,4 +1,4 @@
-"""Strategies by name, for either player, with what they remember: the same for a flight's cycle and for a batch."""
+"""Strategies of either player by name, with their memory; for a flight's cycle and for a batch."""
 
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -15,7 +15,7 @@ OPTIMAL: Final = "optimal"
 PROPORTIONAL: Final = "proportional_navigation"
 
 COURSES: Final = ("waypoints", "random_turns", "recorded")
-"""Courses laid out beforehand: they look at the clock and not at the other player."""
+"""Courses: they depend on the time and not on the other player."""
 
 PURSUER_STRATEGIES: Final = (*PURSUER_POLICIES, PROPORTIONAL, *COURSES)
 EVADER_STRATEGIES: Final = (*EVADER_POLICIES, *COURSES)
@@ -23,11 +23,11 @@ EVADER_STRATEGIES: Final = (*EVADER_POLICIES, *COURSES)
 
 @dataclass(frozen=True, slots=True)
 class Strategy:
-    """How a player plays.
+    """A player's strategy.
 
     Attributes:
         name: One of `PURSUER_STRATEGIES` or `EVADER_STRATEGIES`.
-        course: What is followed, where the name is one of `COURSES`.
+        course: The course, if the name is one of `COURSES`.
         gain: The navigation constant N of proportional navigation.
     """
 
@@ -40,11 +40,13 @@ class Strategy:
         if self.name not in known:
             raise ConfigError(f"policy = {self.name!r}: allowed are {', '.join(known)}")
         if (self.course is not None) != (self.name in COURSES):
-            raise ConfigError(f"policy = {self.name!r}: a course is needed for {', '.join(COURSES)}, and for no other")
+            raise ConfigError(
+                f"policy = {self.name!r}: a course is needed for {', '.join(COURSES)}, and only for these"
+            )
 
 
 class StrategyMemory(NamedTuple):
-    """What a strategy remembers: its last command (..., 3), None at the begin, and for how long it has played (...)."""
+    """A strategy's last command (..., 3), None at the start, and the time since its start (...)."""
 
     velocity_m_s: Array | None = None
     played_s: Real = 0.0
@@ -70,8 +72,8 @@ def pursue(
         evader: E, (..., 3), m.
         target: T, (..., 3), m, or None in PE.
         seen_m_s: The evader's velocity as seen, (..., 3).
-        memory: What was commanded last, and for how long the strategy has been played.
-        dt_s: Since then; one number or one a row.
+        memory: The last command and the time since the start.
+        dt_s: Time since the last command, one number or one for each row.
     """
     if strategy.course is not None:
         return _flyable(game.pursuer, strategy.course.velocity_m_s(memory.played_s, pursuer))
@@ -93,7 +95,7 @@ def evade(
         pursuer: P, (..., 3), m.
         evader: E, (..., 3), m.
         target: T, (..., 3), m, or None in PE.
-        memory: For how long the strategy has been played.
+        memory: The time since the start.
     """
     if strategy.course is not None:
         return bounded(strategy.course.velocity_m_s(memory.played_s, evader), game.evader_speed_m_s)
@@ -101,7 +103,7 @@ def evade(
 
 
 def _flyable(speeds: SpeedSet, velocity_m_s: Array) -> Array:
-    """Shorten a velocity to what the speed set allows."""
+    """Shorten a velocity so that it is in the speed set."""
     if isinstance(speeds, Ball):
         return bounded(velocity_m_s, speeds.speed_m_s)
     level = bounded(velocity_m_s * np.array([1.0, 1.0, 0.0]), speeds.horizontal_m_s)

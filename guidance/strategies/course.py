@@ -1,6 +1,7 @@
-"""A course: a table of places and times, straight and at even speed in between. Waypoints, random turns and recorded
-tracks are all courses; they differ only in where the table comes from.
-"""  # noqa: D205 - one sentence needs two lines
+"""A course: a table of places and times, with straight legs at constant speed.
+
+Waypoints, random turns and recorded tracks are courses with tables from different sources.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,15 +16,15 @@ from guidance.strategies.draws import uniform
 Array = NDArray[np.float64]
 
 _BACK_S: Final = 2.0
-"""A player that is beside its course goes back to it in about this time."""
+"""Time constant with which a player returns to its course."""
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Where a player is when. Before the first time and after the last it stands.
+    """A player's place at any time. It does not move before the first time and after the last.
 
     Attributes:
-        times_s: Rising, (..., k), from the begin of the game.
+        times_s: Rising, (..., k), from the start of the game.
         places_m: Game frame, (..., k, 3).
     """
 
@@ -31,7 +32,7 @@ class Course:
     places_m: Array
 
     def velocity_m_s(self, played_s: ArrayLike, position_m: Array) -> Array:
-        """Return the velocity (..., 3) that follows the course from a position (..., 3), back onto it included."""
+        """Return the velocity (..., 3) that follows the course, and returns to it, from a position (..., 3)."""
         t = np.asarray(played_s, dtype=np.float64)[..., None]
         passed = np.sum(self.times_s <= t, axis=-1) - 1
         leg = np.clip(passed, 0, self.times_s.shape[-1] - 2)
@@ -45,7 +46,7 @@ class Course:
         return np.asarray(along + (begin_m + share * way - position_m) / _BACK_S)
 
     def corner_s(self, played_s: ArrayLike) -> Array:
-        """Return when, (...), the velocity changes next; infinite after the last time."""
+        """Return the time, (...), at which the velocity changes next; infinite after the last time."""
         t = np.asarray(played_s, dtype=np.float64)[..., None]
         return np.asarray(np.min(np.where(self.times_s > t, self.times_s, np.inf), axis=-1))
 
@@ -68,7 +69,7 @@ def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
 
 
 def _durations_s(legs_m: Array, speeds: SpeedSet) -> Array:
-    """How long each leg (..., k, 3) takes at least."""
+    """Return the least duration of each leg (..., k, 3)."""
     level = np.sqrt(np.sum(legs_m[..., :2] ** 2, axis=-1))
     if isinstance(speeds, Ball):
         return np.asarray(np.hypot(level, legs_m[..., 2]) / np.asarray(speeds.speed_m_s)[..., None])
@@ -89,16 +90,16 @@ def random_turns(
 ) -> Course:
     """Go at `speed_m_s` (...) in the plane of a start (..., 3) and turn at random every `every_s`.
 
-    The first heading is any; each later one differs from the one before by up to `most_rad`, evenly distributed.
+    The first heading is random; each later one differs from the one before by up to `most_rad`, evenly distributed.
 
     Args:
         start_m: (..., 3), m.
         speed_m_s: (...).
         seed: (...).
-        stream: Tells the players' draws of one seed apart.
-        every_s: Between two turns.
+        stream: Number of the random stream, different for each player of a seed.
+        every_s: Time between two turns.
         most_rad: The largest turn to either side.
-        duration_s: How long the course has to last.
+        duration_s: The least duration of the course.
     """
     count = int(np.ceil(duration_s / every_s)) + 1
     draws = uniform(np.asarray(seed)[..., None], stream, np.arange(count))

@@ -1,6 +1,6 @@
 """Random numbers without a state: the k-th draw of a stream is a function of the seed and of k, for arrays of either.
 
-So a game draws the same numbers alone and in a batch, on one worker or on eight, in mathematics and in flight. The
+So a game draws the same numbers alone and in a batch, on one worker or eight, in simulation and in flight. The
 generator is SplitMix64 (Steele, Lea & Flood, "Fast splittable pseudorandom number generators", 2014).
 """
 

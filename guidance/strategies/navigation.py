@@ -1,15 +1,15 @@
-"""Proportional navigation, the guidance law that a pursuit game is compared with.
+"""Proportional navigation, a guidance law for comparison with the game.
 
 Pure proportional navigation in space (Zarchan, "Tactical and Strategic Missile Guidance", ch. 2 and 20; Shneydor,
 "Missile Guidance and Pursuit", ch. 5): the velocity turns N times as fast as the line of sight to the stand-off disc,
 
     ω = N r × (v_E − v_P) / ‖r‖²,   v̇_P = ω × v_P.
 
-A Ball turns its whole velocity so. A Cylinder's bounds are apart, so that its law is that of the plane, and its height
-is met at its own pace meanwhile, as early as it can be.
+A Ball turns its whole velocity. A Cylinder has separate speed bounds, so it uses the law in the plane, and flies to the
+height of the disc at its vertical speed.
 
-What augmented navigation adds, N/2 times the evader's acceleration, is zero here: an evader of these games turns at
-once and runs straight between its turns.
+The additional term of augmented navigation, N/2 times the evader's acceleration, is zero here: an evader of these games
+turns at once and runs straight between its turns.
 """
 
 from guidance.game.arrays import (
@@ -46,15 +46,15 @@ def proportional_navigation(
 ) -> Array:
     """Turn `gain` times as fast as the line of sight does: (..., 3), m/s.
 
-    The law has a memory, its own last command; with none, or with one that leads away, it begins on the line of sight.
+    The law needs its last command; without it, or if it leads away, the law starts on the line of sight.
 
     Args:
-        game: What is played.
+        game: The game.
         pursuer: P, (..., 3), m.
         evader: E, (..., 3), m.
         evader_velocity_m_s: The evader's velocity as observed, (..., 3).
-        previous_m_s: What the law commanded before, (..., 3); None at the begin.
-        dt_s: How long ago that was, (...).
+        previous_m_s: The last command, (..., 3); None at the start.
+        dt_s: Time since then, (...).
         gain: The navigation constant N, 3 to 5 as a rule; 1 is pure pursuit.
     """
     xp, given = vectors({"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s})
@@ -84,7 +84,7 @@ def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous:
 
 
 def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, gained_s: Real) -> Space:
-    """Turn a Cylinder's horizontal velocity towards the evader, and meet its height."""
+    """Turn a Cylinder's horizontal velocity towards the evader, and fly to the disc's height."""
     zero = 0.0 * state.z
     course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), state.hold, gained_s)
     to = (course[0] * state.distance, course[1] * state.distance)

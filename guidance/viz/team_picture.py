@@ -1,7 +1,7 @@
-"""A game of teams as a picture from above: discs, their intersections, who is matched with whom, and how it was played.
+"""A game of teams as a picture from above: discs, their intersections, the matching, and the tracks.
 
-The points that an evader reaches before a pursuer form a disc, and before two of them the intersection of two. An
-evader ends where that is closest to the target.
+The points that an evader reaches before a pursuer form a disc, before two pursuers the intersection of two discs. The
+evader ends at the point of it that is closest to the target.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ from guidance.viz.figures import figure_of, save
 from guidance.viz.shapes import Array
 
 _EVADERS = ("#0b5fa5", "#2e7d32", "#8e44ad", "#c77800", "#00838f", "#ad1457", "#5d4037", "#546e7a")
-"""A colour for each evader, with its discs; begins again after the last."""
+"""A colour for each evader and its discs; repeated after the last."""
 
 _PURSUER = "#c1272d"
 
@@ -51,13 +51,13 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
 
 
 def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) -> Array:
-    """Return the edge of what an evader reaches before any of some pursuers, (points, 2), m.
+    """Return the edge of the points that an evader reaches before some pursuers, (points, 2), m.
 
     Args:
         teams: All players.
-        pursuers: Which of them, by number.
-        evader: Which one, by number.
-        points: How many directions.
+        pursuers: Numbers of the pursuers.
+        evader: Number of the evader.
+        points: Number of directions.
     """
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     n = np.cos(angle), np.sin(angle)
@@ -69,7 +69,7 @@ def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) ->
 
 
 def _regions(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
-    """Draw the discs of an evader and its pursuers, and shade what they have in common."""
+    """Draw the discs of an evader and its pursuers, and shade their intersection."""
     team = [int(i) for i in (matching.first[j], matching.second[j]) if i >= 0]
     colour = _colour(j)
     for i in team:
@@ -92,7 +92,7 @@ def _regions(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # no
 
 
 def _meeting(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # noqa: ANN401
-    """Draw who is matched with an evader, and where they meet it."""
+    """Draw the pursuers of an evader and the meeting point."""
     x, y, _ = matching.meeting_point_m[j]
     if matching.first[j] >= 0 and teams.target_m is not None:
         goal = teams.target_m
@@ -139,7 +139,7 @@ def _said(scenario: TeamScenario, matching: Matching, played: TeamRollout) -> st
 
 
 def _once(axes: Any) -> tuple[list[Any], list[str]]:  # noqa: ANN401
-    """Return the legend with every name once."""
+    """Return the legend without duplicates."""
     named = {name: handle for handle, name in reversed(list(zip(*axes.get_legend_handles_labels(), strict=True)))}
     return list(named.values())[::-1], list(named)[::-1]
 

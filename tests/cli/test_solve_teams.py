@@ -48,7 +48,7 @@ def write(table, path):
 def test_every_row_is_a_game_of_teams(tmp_path, kind, tad):
     P, E = positions(9, 3, 2)
     states, out = write(columns(P, E, target=tad), tmp_path / f"a.{kind}"), tmp_path / f"b.{kind}"
-    run("--states", states, "--out", out, "--speed-ratio", 2, "--chunk", 4)
+    run("--states", states, "--out", out, "--speed-ratio", 2)
     answers = read(out)
     known = match_teams(Game(Ball(2.0), 1.0), P, E, np.array([1.0, 2.0, 0.0]) if tad else None)
     assert answers["name"].to_pylist() == [f"row {i}" for i in range(9)]
@@ -116,7 +116,7 @@ def test_no_rows_have_the_columns_of_answers_all_the_same(tmp_path):
         ("evader_", ["--speed-ratio", 2], r"number the evaders \[\]"),
         ("pursuer_1_z", ["--speed-ratio", 2], "the column pursuer_1_z_m is missing"),
         ("nothing", ["--cylinder", "3,1,1"], "must be a Ball"),
-        ("nothing", ["--speed-ratio", 2, "--capture-radius", 1], "capture_radius_m = 1.0"),
+        ("nothing", ["--speed-ratio", 2, "--standoff", "1,0"], "standoff.radius_m = 1.0"),
     ],
 )
 def test_a_file_that_is_none_of_teams_is_refused_by_what_is_wrong(tmp_path, drop, options, said):

@@ -181,6 +181,16 @@ def test_what_is_no_array_of_vectors_is_refused_by_name(bad):
         solve(PAPER, P, E, evader_velocity_m_s=bad)
 
 
+def test_lists_of_different_lengths_and_masked_arrays_are_refused_by_name():
+    masked = np.ma.masked_array(np.zeros(3), mask=[0, 1, 0])
+    for bad, said in (
+        ([[1.0, 2.0, 3.0], [4.0]], "evader = .*must be an array of shape"),
+        (masked, "(?s)evader = .*masked"),
+    ):
+        with pytest.raises(ConfigError, match=said):
+            solve(PAPER, np.zeros(3), bad)
+
+
 def test_shapes_that_do_not_fit_are_refused_with_their_names():
     with pytest.raises(ConfigError, match=r"leading shapes do not fit.*'pursuer': \(4,\).*'evader': \(5,\)"):
         solve(PAPER, np.zeros((4, 3)), np.zeros((5, 3)))
@@ -309,7 +319,7 @@ def test_rollouts_refuse_what_they_do_not_know():
         rollout(PAPER, P, E, pursuer_policy="fly")
     with pytest.raises(ConfigError, match=r"evader_policy = 'run': must be one of optimal, pure_evade, task_oriented"):
         rollout(PAPER, P, E, evader_policy="run")
-    with pytest.raises(ConfigError, match=r"information_age_s = 0.5: a rollout keeps no past"):
+    with pytest.raises(ConfigError, match=r"information_age_s = 0.5: must be 0, because a rollout keeps no past"):
         rollout(Game(Ball(2.0), 1.0, information_age_s=0.5), P, E)
     with pytest.raises(ConfigError, match=r"order = 2: must be 1 or 4"):
         Exact(order=2)

@@ -1,8 +1,8 @@
 """Teams: several pursuers against one evader, and many against many.
 
 solve_team: several pursuers against one evader, as a `TeamSolution`: value, meeting point, which pursuers bind.
-match_teams: who goes for whom so that the most captures are guaranteed, as a `Matching`.
-rollout_teams: all of them played to the end, as a `TeamRollout`, whose path is of `TeamSample`s.
+match_teams: assign pursuers to evaders for the most guaranteed captures, as a `Matching`.
+rollout_teams: simulate a game of teams to its end, as a `TeamRollout` with `TeamSample`s.
 """
 
 from guidance.game.team.matching import Matching, match_teams

@@ -1,14 +1,14 @@
-"""Points of an intersection of discs: the one closest to a target, and one far from the evader.
+"""Points of an intersection of discs: the closest to a target, and the farthest from the evader.
 
 Seen from the evader, the points that it reaches before a pursuer at offset w = P − E form the disc
 
     κ‖x‖² + 2 w_xy·x ≤ ‖w‖²,   κ = δ² − 1,
 
-Apollonius' circle (Li, Wang & Xie, section II-B), written without its centre and radius, which grow beyond all bounds
-as δ → 1 and take the last digits with them; at κ = 0 it is the half-plane on the evader's side of the bisector. Every
-disc holds the evader, so that any number of them has an intersection, which is convex.
+Apollonius' circle (Li, Wang & Xie, section II-B). It is written without centre and radius, because these go to infinity
+as δ → 1 and cost digits; at κ = 0 it is the half-plane on the evader's side of the bisector. Every disc holds the
+evader, so any number of discs has an intersection, and it is convex.
 
-Everything that takes two discs takes them alike: the same bits come out when they change places.
+Functions of two discs give the same bits when the discs change places.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -29,7 +29,7 @@ class Discs(NamedTuple):
         curvature: κ = δ² − 1 of each pursuer, zero or more.
         x: of the pursuer from the evader, m.
         y: of the pursuer from the evader, m.
-        z: height of the pursuer above what it has to reach, m.
+        z: height of the pursuer above the evader, less that of the stand-off disc, m.
     """
 
     curvature: Array
@@ -60,7 +60,7 @@ class Meeting(NamedTuple):
 
 
 FEW = 8
-"""The most discs of which every corner is tried."""
+"""Up to this number of discs every corner is tried."""
 
 
 def project(discs: Discs, target: Point, nearest: Point, distance: Array) -> Meeting:
@@ -137,8 +137,8 @@ def _of_chosen(discs: Discs, headings: Point, reach: Array, chosen: Array) -> Me
 def _farthest_corner(discs: Discs, headings: Point, reach: Array) -> Meeting:
     """Try every disc's own farthest point and every corner.
 
-    Along each such heading the intersection is followed to its edge, so that what is returned is a point of it despite
-    rounding. Of points that are equally far, the one with the larger y, then the larger x is taken.
+    Along each such heading the distance to the edge of the intersection is computed, so that the result is a point of
+    the intersection despite rounding. Of equally far points the one with the larger y, then the larger x is taken.
     """
     count = reach.shape[-1]
     i, j = np.triu_indices(count, 1)
@@ -220,8 +220,8 @@ def rim(discs: Discs, heading: Point) -> Array:
 def crossings(one: Discs, other: Discs) -> tuple[Point, Point]:
     """Return the two points where the rims of two discs cross, from the evader, m; NaN where they do not.
 
-    They lie on a line a·x = b and on the mean of both circles. Written with differences of positions, which are exact
-    for pursuers close to each other, and with the quadratic's root that does not cancel.
+    They lie on a line a·x = b and on the mean of both circles. The formula uses differences of positions, which are
+    exact for pursuers close to each other, and the root of the quadratic that does not cancel.
     """
     tilt = (one.curvature - other.curvature) / (one.curvature + other.curvature)
     apart = [p - q for p, q in zip(one[1:], other[1:], strict=True)]
@@ -252,7 +252,7 @@ def taken(array: Array, index: Array) -> Array:
 
 
 def _nearer(goal: Point, corners: tuple[Point, Point]) -> tuple[Point, Array]:
-    """Return the corner nearer to a point, and how far it is; any where there is none."""
+    """Return the corner nearer to a point and its distance; arbitrary if there is no corner."""
     away = [_length((corner[0] - goal[0], corner[1] - goal[1])) for corner in corners]
     second = away[1] < away[0]
     x, y = (np.where(second, corners[1][axis], corners[0][axis]) for axis in (0, 1))
@@ -260,7 +260,7 @@ def _nearer(goal: Point, corners: tuple[Point, Point]) -> tuple[Point, Array]:
 
 
 def _numbers(count: int, i: Array, j: Array, times: int = 1) -> tuple[Array, Array]:
-    """Number the discs behind the candidates: each alone, then the pairs, as often as they have candidates."""
+    """Return the numbers of the discs of each candidate: each disc alone, then the pairs, `times` over."""
     own = np.arange(count)
     return np.concatenate([own, *[i] * times]), np.concatenate([own, *[j] * times])
 

@@ -4,7 +4,7 @@ TAD: an edge is a pursuer that beats an evader alone. A pair of pursuers beats a
 and more than two never bind. So a maximum matching of single pursuers, of size m, is the most that teams can guarantee.
 Its m captures stay guaranteed in play, because the L of each pair never falls (Chen, Zhou & Tomlin, ACC 2014). Among
 the maximum matchings the one with the largest sum of L is taken: a linear assignment. The remaining pursuers join the
-first pursuer of an evader, one each, so that the sum of what they add to L is largest.
+first pursuer of an evader, one each, so that the sum of their gains of L is largest.
 
 PE: as many pursuers as there are evaders are assigned so that the sum of their capture times is least. Each time is a
 guarantee. `lower_bound` is the time that the evader has at least against all pursuers.
@@ -55,17 +55,17 @@ class Matching(NamedTuple):
     Attributes:
         guaranteed: number of captures that the pursuers can force at once, (...).
         total: TAD: sum of L over the evaders that are matched, m; PE: sum of their times, s; (...).
-        first: number of the pursuer that guarantees the capture, (..., m); −1 where nobody does.
-        second: number of the pursuer beside it, (..., m); −1 where there is none.
-        evader_of: number of the evader that each pursuer plays against, (..., n); −1 where none is left.
+        first: number of the pursuer that guarantees the capture, (..., m); −1 without one.
+        second: number of the pursuer that supports it, (..., m); −1 without one.
+        evader_of: number of the evader of each pursuer, (..., n); −1 if no evader is in play.
         beats: whether a pursuer beats an evader alone, (..., n, m).
         alone: the value of each pair by itself as `solve` has it, (..., n, m); NaN for evaders out of play.
         winner: `Winner`, (..., m): 1 where the capture is guaranteed, −1 where it is not, 0 out of play.
-        value: TAD: distance from its target that an evader is kept at, (..., m), m; 0 where nobody keeps it. PE: time
-            in which it is captured at the latest, s; infinite where nobody is assigned. NaN out of play.
+        value: TAD: guaranteed distance of the evader from its target, (..., m), m; 0 without a guarantee. PE:
+            guaranteed capture time, s; infinite without a guarantee. NaN out of play.
         lower_bound: TAD: the value again. PE: the time that the evader has at least, (..., m), s.
-        meeting_point_m: where each evader ends, (..., m, 3), m: X*, or its target.
-        pursuer_velocity_m_s: (..., n, 3), m/s; zero where no evader is left.
+        meeting_point_m: end point of each evader, (..., m, 3), m: X*, or its target.
+        pursuer_velocity_m_s: (..., n, 3), m/s; zero if no evader is in play.
         evader_velocity_m_s: (..., m, 3), m/s; zero out of play.
         reason: `Reason`, (..., m).
     """
@@ -104,7 +104,7 @@ def match_teams(
         pursuers: positions, (..., n, 3), NumPy, m.
         evaders: positions, (..., m, 3), m.
         target: position of each evader's target, (..., m, 3), or of the one target of all, (3,), m; None for PE.
-        in_play: which evaders are still to be captured, (..., m); all of them by default.
+        in_play: which evaders are in play, (..., m); all by default.
         previous: the matching so far, whose promises are kept.
         hysteresis: what a new pair must be better by than one of `previous`, m in TAD and s in PE.
 
@@ -166,12 +166,12 @@ class _Table(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """What is left of an earlier matching's promises.
+    """The promises of an earlier matching that still hold.
 
     Attributes:
         first: of its teams that still win, (b, m); −1 for none.
         second: the pursuer beside it; −1 for none.
-        worth: what the team is worth now.
+        worth: the team's worth now (see `_Table`).
         asked: of all its teams.
         pairs: in TAD, these with each pursuer beside them, (b, m, n).
     """
@@ -227,7 +227,7 @@ def _in_play(given: ArrayLike | None, m: int) -> Array:
 
 
 def _kept(table: _Table, previous: Matching) -> _Kept:
-    """Return the teams of an earlier matching that still win, and what they are worth now."""
+    """Return the teams of an earlier matching that still win, with their worth now."""
     b, m, n = table.worth.shape
     first, second = (np.broadcast_to(who, (*table.shape, m)).reshape(b, m) for who in (previous.first, previous.second))
     first = np.where((first < n) & table.present, first, -1)
@@ -242,7 +242,7 @@ def _kept(table: _Table, previous: Matching) -> _Kept:
 
 
 def _firsts(table: _Table, kept: _Kept | None, hysteresis: float) -> Array:
-    """Return who guarantees the capture of each evader, (b, m), −1 for nobody."""
+    """Return the pursuer that guarantees the capture of each evader, (b, m), −1 for none."""
     every = np.arange(table.worth.shape[-1])
     least = np.min(np.where(table.beats, table.worth, np.inf), axis=(1, 2), keepdims=True)
     profit = table.worth - np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
@@ -269,7 +269,7 @@ def _pairs(table: _Table, first: Array) -> Meeting:
 
 
 def _seconds(table: _Table, pairs: Meeting, first: Array, kept: _Kept | None, hysteresis: float) -> Array:
-    """Return who joins the first of each evader, (b, m), −1 for nobody."""
+    """Return the pursuer that supports the first of each evader, (b, m), −1 for none."""
     every, matched = np.arange(table.worth.shape[-1]), first >= 0
     busy = (every == first[..., None]).any(axis=1)
     if busy.all() or not matched.any():
@@ -339,7 +339,7 @@ def _defended(table: _Table, target: Array, pairs: Meeting, first: Array, second
 
 
 def _answer(table: _Table, first: Array, second: Array, played: TeamSolution) -> Matching:
-    """Put the answer together, (b, ...), from what is played with each evader; in TAD by its own two pursuers."""
+    """Put the answer together, (b, ...), from each evader's game; in TAD the game with its own two pursuers."""
     alone, present, guarded = table.all.alone, table.present, first >= 0
     there = np.where(present, 0.0, np.nan)
     evader_of = _evader_of(table, first, second)
@@ -370,7 +370,7 @@ def _answer(table: _Table, first: Array, second: Array, played: TeamSolution) ->
 
 
 def _evader_of(table: _Table, first: Array, second: Array) -> Array:
-    """Return whom each pursuer plays against: its own evader, or else the one it is closest to capturing."""
+    """Return the evader of each pursuer: its own, or else the one that it is closest to capturing."""
     every = np.arange(table.worth.shape[-1])
     mine = (every == first[..., None]) | (every == second[..., None])
     left = table.present & (first < 0)
@@ -408,9 +408,9 @@ def _judged(answer: Matching, table: _Table) -> Matching:
         return answer
     if sound.ndim == 0:
         raise ConfigError(f"pursuers, evaders: have no answer: {Reason(int(worst)).word.replace('_', ' ')}")
-    nobody = dict.fromkeys(("first", "second", "evader_of"), -1)
+    missing = dict.fromkeys(("first", "second", "evader_of"), -1)
     parts = {
-        name: np.where(_over(sound, part), part, nobody[name]) if name in nobody else spoiled(part, sound)
+        name: np.where(_over(sound, part), part, missing[name]) if name in missing else spoiled(part, sound)
         for name, part in answer._asdict().items()
     }
     reason = np.where(_over(sound, answer.reason), answer.reason, _over(worst, answer.reason))

@@ -52,13 +52,13 @@ class TeamRollout(NamedTuple):
 
     Attributes:
         end: `End` of each evader, (..., m).
-        time_s: when, (..., m).
+        time_s: time of its end, (..., m).
         captor: number of the pursuer that captured it, (..., m); −1 for none.
         distance_m: final distance of each evader from its target, (..., m); NaN without one.
         pursuers_m: final positions, (..., n, 3).
         evaders_m: final positions, (..., m, 3).
         first: the matching at the beginning.
-        path: every sample if asked for, else empty.
+        path: every sample with `keep_path`, else empty.
     """
 
     end: Array
@@ -72,7 +72,7 @@ class TeamRollout(NamedTuple):
 
 
 class _Sides(NamedTuple):
-    """What stays the same while a batch is played: speeds (..., n) and (..., m), targets, and policies."""
+    """The constants of a rollout: speeds (..., n) and (..., m), targets, and policies."""
 
     game: Game
     u: Array
@@ -104,7 +104,7 @@ def rollout_teams(
         evaders: initial positions, (..., m, 3), m.
         target: each evader's target, (..., m, 3), or the one of all, (3,), m; None for PE.
         pursuer_policy: "optimal" is the play of `match_teams`. Any other name in `PURSUER_POLICIES`, or a function
-            like them, is played by each pursuer against the evader that it is matched with.
+            like them, is played by each pursuer against its matched evader.
         evader_policy: "optimal", or a name in `EVADER_POLICIES` or a function, played against the nearest pursuer.
         capture_m: distance that counts as captured, m.
         step_s: longest step, s.
@@ -162,7 +162,7 @@ def rollout_teams(
 
 
 def _ahead(team: _Sides, P: Array, E: Array, capture_m: float) -> tuple[Array, Array]:
-    """Return the least times, s, in which a pursuer could capture an evader, and an evader arrive at its target."""
+    """Return the least times, s, until a pursuer could capture an evader, and an evader could arrive."""
     w = P[..., :, None, :] - E[..., None, :, :]
     height = w[..., 2] - team.game.standoff.height_m
     gap = np.sqrt(w[..., 0] ** 2 + w[..., 1] ** 2 + height**2) - capture_m

@@ -7,7 +7,7 @@ convex, so one point X* of it is closest to the target, and the value of the gam
 
 The team wins if one pursuer wins alone, because T is outside the intersection only if it is outside one disc. A second
 pursuer increases L, and at most two discs decide X*. The pursuers that decide it fly straight to X*; then L never
-falls, whatever the evader does. The others are free and fly to X* too.
+falls for any play of the evader. The others are free and fly to X* too.
 
 PE with two pursuers ("two cutters": Szots & Harmati, arXiv 2403.15188; Von Moll et al., arXiv 2407.19954): the value is
 the evader's time to the point X* of the intersection that is farthest from it. The evader and both pursuers go straight
@@ -18,9 +18,9 @@ to X*. With λᵢ as in `TeamSolution.multipliers`, the value changes at the rat
 PE with three or more: the farthest point of the intersection is only a lower bound, because Σ λᵢ may be less than 1.
 The best pair is an upper bound: it captures in its own value alone. `TeamSolution` gives both.
 
-Where two points are equally far (a dispersal surface), any of them is optimal, and the evader may choose. Of points
-that are equally far to the last bit, `solve_team` takes the one with the larger y, then the larger x. Near such a
-surface each new solution decides anew; what the pursuers lose by that is less than the distance of one step.
+If two points are equally far (a dispersal surface), both are optimal, and the evader may choose. Of points that are
+equally far to the last bit, `solve_team` takes the one with the larger y, then the larger x. Near such a surface each
+new solution decides again; this costs the pursuers a time that goes to zero with the time step.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class TeamSolution(NamedTuple):
 
 
 class Team(NamedTuple):
-    """Every pursuer's game against the evader, (..., n), and what the games of several are made of.
+    """Every pursuer's game against the evader, (..., n), and its disc.
 
     Attributes:
         u: speeds of the pursuers, m/s.
@@ -169,7 +169,7 @@ def speeds(game: Game) -> tuple[Any, Any]:
     """Return the speeds of pursuers and evader of a game that teams play.
 
     Raises:
-        ConfigError: If it is none, with the key, its value and what is allowed.
+        ConfigError: If teams cannot play this game.
     """
     if not isinstance(game.pursuer, Ball):
         raise ConfigError(f"pursuer = {game.pursuer!r}: must be a Ball in a game of teams, {_NO_DISC}")
@@ -248,7 +248,7 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, alone: Solution) ->
     """Return the team whose pursuers are along the last axis but one of P.
 
     Args:
-        game: what is played.
+        game: the game.
         P: positions of the pursuers, (..., n, 3), m.
         E: position of the evader, (..., 1, 3), m.
         T: position of its target, (..., 1, 3), m, or None for PE.
@@ -292,7 +292,7 @@ def defence(team: Team, evader: Array, found: Meeting) -> TeamSolution:
     alone = team.alone
     winner = np.max(alone.winner, axis=-1)
     won = winner > 0
-    # If nobody stops the evader, the pursuer counts that comes least short, or that is there at the same instant.
+    # If the evader wins, the value is that of the pursuer that comes least short, or is there at the same instant.
     least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
     first, second = np.where(won, found.first, least), np.where(won, found.second, least)
     value = np.where(won, found.distance, taken(alone.value, least))
@@ -331,7 +331,7 @@ def _best_pair(team: Team, found: Meeting, soonest: Array) -> Meeting:
 
     Args:
         team: three pursuers or more.
-        found: the meeting with all of them; where two decide it, it is that of the best pair.
+        found: the meeting with all pursuers; it is exact if it is not sooner than that of the best pair.
         soonest: number of the pursuer that captures soonest alone.
     """
     i, j = np.triu_indices(team.measure.shape[-1], 1)
@@ -358,7 +358,15 @@ def _best_pair(team: Team, found: Meeting, soonest: Array) -> Meeting:
 
 
 def _assembled(team: Team, evader: Array, found: Meeting, best: Meeting, flown: Array) -> TeamSolution:
-    """Put an answer together, without multipliers: where the evader goes, who decides the value, what they fly."""
+    """Return an answer without multipliers.
+
+    Args:
+        team: the pursuers.
+        evader: position of the evader, (..., 3), m.
+        found: the point that the evader runs to.
+        best: the meeting that gives the value.
+        flown: velocities of the pursuers, m/s.
+    """
     alone, (x, y), first = team.alone, found.point, found.first
     single, v = found.first == found.second, team.v[..., 0]
     run = np.sqrt(x * x + y * y)
@@ -383,7 +391,7 @@ def _assembled(team: Team, evader: Array, found: Meeting, best: Meeting, flown: 
 
 
 def _straight(team: Team, found: Meeting) -> Array:
-    """Return the velocities of pursuers that fly straight to the meeting point; who decides it alone plays its own."""
+    """Return velocities straight to the meeting point; a pursuer that decides it alone plays its own game."""
     x, y = (part[..., None] for part in found.point)
     to = x - team.discs.x, y - team.discs.y, 0.0 - team.discs.z
     length = np.sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2])
@@ -394,6 +402,6 @@ def _straight(team: Team, found: Meeting) -> Array:
 
 
 def _own_or(single: Array, own: Array, first: Array, other: Array) -> Array:
-    """Return a pursuer's own vector where it decides alone, else another."""
+    """Return the first pursuer's own vector if it decides alone, else another."""
     picked = np.take_along_axis(own, first[..., None, None], axis=-2)[..., 0, :]
     return np.where(single[..., None], picked, other)
