@@ -185,7 +185,7 @@ def pursuer_strategy(scenario: Scenario, start_m: Array, speeds: SpeedSet, seed:
     return Strategy(scenario.pursuer.policy, course, scenario.pursuer.navigation_gain)
 
 
-def evader_strategy(scenario: Scenario, start_m: Array, speed_m_s: ArrayLike, seed: ArrayLike) -> Strategy:
+def evader_strategy(scenario: Scenario, start_m: Array, speed_m_s: float | Array, seed: ArrayLike) -> Strategy:
     """Return the evader's strategy.
 
     Args:

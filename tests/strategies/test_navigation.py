@@ -151,7 +151,7 @@ def test_a_name_that_is_no_strategy_and_a_course_that_does_not_fit_are_refused()
         Strategy("swerve")
     with pytest.raises(ConfigError, match="a course is needed for waypoints"):
         Strategy("waypoints")
-    with pytest.raises(ConfigError, match="and for no other"):
+    with pytest.raises(ConfigError, match="and only for these"):
         Strategy(OPTIMAL, Course(np.zeros(2), np.zeros((2, 3))))
 
 
