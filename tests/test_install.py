@@ -36,7 +36,7 @@ main()
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("scenario", "run", "teams_tad"),
+        ("scenario", "run", "pe", "--as", "maths"),
         ("log", "info", str(ROOT / "tests" / "data" / "short_chase.mcap")),
         ("log", "export", str(ROOT / "tests" / "data" / "short_chase.mcap"), "flight.tlog"),
     ],
@@ -66,6 +66,14 @@ def test_a_command_whose_extra_is_missing_says_which_and_how_to_add_it(arguments
     monkeypatch.setattr("guidance.extras.find_spec", lambda _: None)
     with pytest.raises(ConfigError, match=rf"not installed: pip install 'pursuit-guidance\[{extra}\]'"):
         app(list(arguments), standalone_mode=False)
+
+
+def test_teams_without_scipy_name_the_extra(tmp_path):
+    done = without_extras("scenario", "run", "teams_tad", folder=tmp_path)
+    assert done.returncode == 2
+    assert (
+        "match_teams: needs pyarrow, scipy, which are not installed: pip install 'pursuit-guidance[sim]'" in done.stderr
+    )
 
 
 def test_every_extra_that_a_message_names_is_declared_and_brings_what_is_missed():
