@@ -9,7 +9,7 @@ import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from guidance.clock import Clock
 from guidance.config import parse
@@ -22,7 +22,9 @@ from guidance.log.writer import BackgroundRecorder, NullRecorder, Recorder, star
 from guidance.session.log import Logger
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
-from guidance.sim.scenario import Scenario
+
+if TYPE_CHECKING:
+    from guidance.sim.scenario import Scenario
 
 RECORD: Final = "record.mcap"
 PICTURE: Final = "flight.png"
@@ -32,7 +34,7 @@ _SHORT: Final = {SCENARIO: {"policy": "pursuer.policy"}, CONFIG: {"policy": "gam
 """Short forms of keys."""
 
 
-def flight_metadata(scenario: Scenario | None, config: Config | None, clock: Clock | None) -> dict[str, str]:
+def flight_metadata(scenario: "Scenario | None", config: Config | None, clock: Clock | None) -> dict[str, str]:
     """Return a record's metadata: files, seed, versions and, in real time, the start."""
     said = {} if scenario is None else {"scenario": scenario.model_dump_json(exclude_unset=config is not None)}
     said |= {} if config is None else {"config": config.model_dump_json()}
@@ -125,6 +127,8 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
     config = None
     if CONFIG in metadata:
         config = parse(Config, json.loads(metadata[CONFIG]), source="the record's config")
+    from guidance.sim.scenario import Scenario  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
+
     return plan_of(config, parse(Scenario, document, source=source)).flight
 
 

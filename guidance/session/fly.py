@@ -8,7 +8,7 @@ from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
 from guidance.session.log import SILENT, Logger
 from guidance.session.loop import Signals, World, run
-from guidance.session.mission import MOCKED, Conduct, Mission, Progress
+from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress
 from guidance.session.orders import Mailbox
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.process import Notifier
@@ -25,7 +25,7 @@ def fly(
     show: Callable[[Progress], None] = lambda _: None,
     *,
     plan: FlightPlan | None = None,
-    conduct: Conduct = MOCKED,
+    policy: MissionPolicy = MOCKED,
     name: str = PURSUER,
     mailbox: Mailbox | None = None,
     log: Logger = SILENT,
@@ -42,7 +42,7 @@ def fly(
         record: Where the flight is kept.
         show: Is told of every cycle.
         plan: What it is flown by; the scenario's own if not given.
-        conduct: What a person allowed, and what becomes of the vehicle.
+        policy: What a person allowed, and what becomes of the vehicle.
         name: The vehicle's.
         mailbox: Where a person's orders come in.
         log: Where the daemon logs.
@@ -60,7 +60,7 @@ def fly(
     daemon = Daemon(
         name, plan, world.link, heard, mailbox=mailbox, log=log, notifier=notifier, record=record, broadcast=broadcast
     )
-    mission = Mission(scenario, daemon, world, heard, conduct, show=show)
+    mission = Mission(scenario, daemon, world, heard, policy, show=show)
     begun_s = time.perf_counter()
     run(daemon, world, clock, mission=mission, signals=signals, record=record)
     if world.player is not None:

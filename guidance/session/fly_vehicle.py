@@ -28,7 +28,7 @@ from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
 from guidance.session.log import Log
 from guidance.session.loop import Signals
-from guidance.session.mission import Conduct, Progress
+from guidance.session.mission import MissionPolicy, Progress
 from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.plan import FlightPlan, config_of, plan_of
 from guidance.session.process import Notifier
@@ -100,10 +100,10 @@ def fly_vehicle(
         say(f"record   {out / RECORD}")
         if not engage:
             say("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
-        conduct = Conduct(engage, hand_over=hand_over)
+        policy = MissionPolicy(engage, hand_over=hand_over)
         metadata = flight_metadata(scenario, own, clock)
         broadcast = closing.enter_context(broadcasting(own.name, control, metadata))
-        return _conducted(scenario, Reached(own, world, clock), plan, conduct, out, mailbox, broadcast, signals)
+        return _conducted(scenario, Reached(own, world, clock), plan, policy, out, mailbox, broadcast, signals)
 
 
 def fly_url(
@@ -152,13 +152,13 @@ def fly_url(
         on_record(folder / RECORD)
         hand_over = ORDER_OF[own.flight.on_terminate]
         signals = Signals(hand_over, _kept)
-        conduct = Conduct(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
+        policy = MissionPolicy(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
         reached = Reached(own, world, clock, radio)
         plan = plan_of(own, laid)
         metadata = flight_metadata(laid, own, clock)
         with signals.installed(), broadcasting(own.name, bus, metadata) as broadcast:
             mailbox.meanwhile(None)
-            result = _conducted(laid, reached, plan, conduct, folder, mailbox, broadcast, signals, show)
+            result = _conducted(laid, reached, plan, policy, folder, mailbox, broadcast, signals, show)
             if broadcast is not None:
                 broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, "vehicle", folder))
         result.wall_s = time.perf_counter() - began_s
@@ -169,7 +169,7 @@ def _conducted(
     scenario: Scenario,
     reached: Reached,
     plan: FlightPlan,
-    conduct: Conduct,
+    policy: MissionPolicy,
     folder: Path,
     mailbox: Mailbox,
     broadcast: Broadcast | None,
@@ -191,7 +191,7 @@ def _conducted(
             record,
             show,
             plan=plan,
-            conduct=conduct,
+            policy=policy,
             name=own.name,
             mailbox=mailbox,
             broadcast=broadcast,

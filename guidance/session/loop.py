@@ -1,11 +1,10 @@
-"""The one loop of every flight: fifty times a second, signals heard in between, frames and garbage kept for the gaps.
+"""The loop of every flight: 50 cycles a second, with signals, the record's frames and garbage collection between them.
 
-It runs in three worlds: the mock stepped in this process by a moved clock (`guidance.sim.stepped`), the mock as a child
-process in real time (`guidance.sim.live`), and a vehicle that is not ours (`guidance.session.vehicle_world`).
+It runs in three worlds: a mock stepped in this process with a virtual clock (`guidance.sim.stepped`), a mock as a child
+process in real time (`guidance.sim.live`), and a vehicle that runs elsewhere (`guidance.session.vehicle_world`).
 
-In real time the cycles keep a grid of their own, which is moved along by a little (`nudge_s`) so that they begin just
-after the vehicle's position arrives: a setpoint then rests on what is 2 ms old, and not on what is half a period old on
-average.
+In real time the cycles are shifted slowly (`nudge_s`) until each begins just after a position of the vehicle arrives.
+A setpoint then uses a position that is 2 ms old; without the shift it would be half a period old on average.
 """
 
 import contextlib
@@ -18,25 +17,46 @@ from typing import Final, Protocol
 
 from guidance.clock import Clock, Timing
 from guidance.flight import Event
+from guidance.frames import Vector
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.links.wires.shared import CapturedFrame
 from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
 from guidance.session.plan import FlightPlan
 from guidance.session.process import GcScheduler
-from guidance.sim.players import EvaderPlayer
 
 PERIOD_S: Final = 0.02
 AGE_S: Final = 0.002
-"""How old the vehicle's position is to be when a cycle begins: later than it may come, and no more."""
+"""Target age of the position at cycle start; slightly more than its transport delay."""
 
 MOST_NUDGE_S: Final = 0.0002
 _NUDGE_SHARE: Final = 0.05
 _CLOSE_S: Final = 0.0005
 
 
+class EvaderPlayer(Protocol):
+    """An evader that this process plays itself."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can begin to play."""
+        ...
+
+    def position_game_m(self) -> Vector | None:
+        """Its position in the game frame, None until it knows."""
+        ...
+
+    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
+        """Move on to the present, playing or standing still."""
+        ...
+
+    def stop(self) -> None:
+        """The flight is over: disarm."""
+        ...
+
+
 class World(Protocol):
-    """The vehicle and whom it pursues, as the flight reaches them."""
+    """The vehicle and the evader, as the flight reaches them."""
 
     @property
     def real_time(self) -> bool:
@@ -80,10 +100,10 @@ class World(Protocol):
 
 
 class Signals:
-    """What the operating system asks of a daemon, noted by handlers and acted on by the loop.
+    """Signals of the operating system: the handlers note them, the loop acts on them.
 
     Args:
-        hand_over: What SIGTERM and SIGINT hand the vehicle to.
+        hand_over: The order that SIGTERM and SIGINT give.
         load: Reads the configuration again, for SIGHUP.
     """
 
@@ -96,7 +116,7 @@ class Signals:
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
-        """Take SIGTERM, SIGINT and SIGHUP, and give them back in the end: what stays open then ends by them."""
+        """Handle SIGTERM, SIGINT and SIGHUP, and restore the previous handlers in the end."""
         taken = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
         before = {number: signal.signal(number, self._note) for number in taken}
         try:
@@ -106,7 +126,7 @@ class Signals:
                 signal.signal(number, handler)
 
     def begin(self) -> None:
-        """The loop begins, and is the one to act from now on. Before, nothing is to be handed over: an end is one."""
+        """The loop begins and acts on signals from now on. Before that, SIGTERM and SIGINT end the process at once."""
         self._looping = True
 
     def _note(self, number: int, _: FrameType | None) -> None:
@@ -127,8 +147,8 @@ class Signals:
             daemon.exchange(self._load, now_s)
 
 
-class Around(Protocol):
-    """What happens around every cycle, before and after the daemon's step."""
+class CycleHooks(Protocol):
+    """Called before and after the daemon's step in every cycle."""
 
     @property
     def finished(self) -> bool:
@@ -149,7 +169,7 @@ def run(
     world: World,
     clock: Clock,
     *,
-    mission: Around | None = None,
+    mission: CycleHooks | None = None,
     signals: Signals | None = None,
     record: Record | None = None,
 ) -> None:
@@ -159,8 +179,8 @@ def run(
         daemon: What flies.
         world: Where.
         clock: Its time.
-        mission: What is done around every cycle; None where a person orders.
-        signals: What acts on the operating system's; None leaves them to the process.
+        mission: Called around every cycle; None if only people give orders.
+        signals: Acts on the signals of the operating system; None leaves these to the process.
         record: Where the raw frames are kept.
 
     Raises:
@@ -194,7 +214,7 @@ def run(
         garbage.end()
 
 
-def _cycle(daemon: Daemon, mission: Around | None, now_s: float, timing: Timing) -> None:
+def _cycle(daemon: Daemon, mission: CycleHooks | None, now_s: float, timing: Timing) -> None:
     if mission is not None:
         mission.before(now_s)
     try:
@@ -206,14 +226,14 @@ def _cycle(daemon: Daemon, mission: Around | None, now_s: float, timing: Timing)
 
 
 def nudge_s(age_s: float) -> float:
-    """Return how much later the next cycle is due than the grid has it, for the age of the position at this one.
+    """Return the shift of the next cycle, s, for the age of the position at this one.
 
-    Where positions come at the loop's own rate, this settles with each at `AGE_S`; at another rate the ages go round
-    and so do the nudges, which come to nothing. Without positions there is nothing to go by.
+    If positions come at the loop's rate, their age settles at `AGE_S`. At another rate the shifts average to zero.
+    Without positions there is no shift.
     """
     if not age_s < 2.0 * PERIOD_S:
         return 0.0
-    # Late by less than half a period is mended by being earlier, by more by being later.
+    # The nearer of two ways: up to half a period late is corrected by an earlier cycle, more by a later one.
     late_s = math.remainder(age_s - AGE_S, PERIOD_S)
     if abs(late_s) < _CLOSE_S:
         return 0.0
@@ -221,6 +241,6 @@ def nudge_s(age_s: float) -> float:
 
 
 def next_due(due_s: float, done_s: float) -> tuple[float, int]:
-    """Return the next moment of the grid that is still to come, and how many were missed: none is made up for."""
+    """Return the start of the next cycle, and how many were missed. Missed cycles are not made up for."""
     missed = max(0, int((done_s - due_s) // PERIOD_S))
     return due_s + (missed + 1) * PERIOD_S, missed

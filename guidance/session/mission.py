@@ -66,7 +66,7 @@ class Progress(NamedTuple):
     next: str = ""
 
 
-class Conduct(NamedTuple):
+class MissionPolicy(NamedTuple):
     """What a person allowed, and what becomes of the vehicle.
 
     Attributes:
@@ -82,7 +82,7 @@ class Conduct(NamedTuple):
     hand_over: Event | None = None
 
 
-MOCKED: Final = Conduct(engage=True, end_with=Event.LAND)
+MOCKED: Final = MissionPolicy(engage=True, end_with=Event.LAND)
 
 
 class Mission:
@@ -93,7 +93,7 @@ class Mission:
         daemon: What flies it.
         world: Where; its evader is moved from here, where this process plays it.
         heard: Where the daemon hears of the evader.
-        conduct: What a person allowed.
+        policy: What a person allowed.
         show: Is told of every cycle.
         ready_within_s: Longest wait for a vehicle that is fit to fly.
 
@@ -107,7 +107,7 @@ class Mission:
         daemon: Daemon,
         world: World,
         heard: SensedEvader,
-        conduct: Conduct = MOCKED,
+        policy: MissionPolicy = MOCKED,
         *,
         show: Callable[[Progress], None] = lambda _: None,
         ready_within_s: float = READY_WITHIN_S,
@@ -119,15 +119,15 @@ class Mission:
         self._daemon = daemon
         self._world = world
         self._heard = heard
-        self._conduct = conduct
+        self._policy = policy
         self._show = show
         self._ready_within_s = ready_within_s
         self._sequencer = MissionSequencer(
             hold_s=scenario.hold_s,
             time_limit_s=scenario.time_limit_s,
             # Who waits for a person has all the time there is.
-            patience_s=PATIENCE_S if conduct.engage else {},
-            end_with=conduct.end_with or Event.LAND,
+            patience_s=PATIENCE_S if policy.engage else {},
+            end_with=policy.end_with or Event.LAND,
         )
         self._unit = "s" if scenario.target is None else "m"
         self._begun_s: float | None = None
@@ -156,9 +156,9 @@ class Mission:
         ready = player is None or player.ready
         for order in self._sequencer.orders(now_s, evader_ready=ready, evader_fresh=fresh):
             if order in {Event.START, Event.ENGAGE}:
-                if self._conduct.engage:
+                if self._policy.engage:
                     self._ask(order, now_s)
-            elif self._conduct.end_with is not None:
+            elif self._policy.end_with is not None:
                 self._ask(order, now_s)
             elif self._sequencer.engaged_s is not None:
                 self._leave(now_s)
@@ -190,7 +190,7 @@ class Mission:
             if flight.state in ON_GROUND:
                 self._judge(now_s, now_s - self._begun_s)
                 waiting = self._waiting(now_s)
-        given_up = self._conduct.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
+        given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
         if self._sequencer.finished or given_up:
             self._leave(now_s)
         self._show(
@@ -242,14 +242,14 @@ class Mission:
             self._daemon.mailbox.ask(str(order), authority=Authority.MISSION)
 
     def _leave(self, now_s: float) -> None:
-        if self._conduct.hand_over is None:
+        if self._policy.hand_over is None:
             self._over = True
         elif self._daemon.leaving is None:
-            self._daemon.leave(self._conduct.hand_over, now_s, Authority.MISSION)
+            self._daemon.leave(self._policy.hand_over, now_s, Authority.MISSION)
 
     def _judge(self, now_s: float, waited_s: float) -> None:
         daemon = self._daemon
-        if self._conduct.end_with is not None and daemon.flight.vehicle.armed:
+        if self._policy.end_with is not None and daemon.flight.vehicle.armed:
             raise FlightError("armed by another hand; disarm it, and begin again: nothing was ordered")
         self._check_start()
         otherwise_fit = daemon.surveyed and all(check.passed for check in daemon.flight.checks(now_s))

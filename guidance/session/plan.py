@@ -21,12 +21,11 @@ from guidance.flight.settings import LIMITS_S, FlightSection
 from guidance.frames import Amsl, Vector
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
 from guidance.session.vehicle_file import Config, EvaderSection, GameSection, LogSection, Vehicle
-from guidance.sim import players
-from guidance.sim.scenario import EVADER_ID, PURSUER, Scenario
 from guidance.strategies import Strategy
 
 if TYPE_CHECKING:
     from guidance.links.opening import Found
+    from guidance.sim.scenario import Scenario
 
 _UNLIMITED_WITH_A_PERSON: Final = (State.CONNECTING, State.CHECKING)
 _MOCK_URL: Final = "udpin://127.0.0.1:14540"
@@ -47,7 +46,7 @@ class FlightPlan:
     document: str = ""
 
 
-def plan_of(config: Config | None = None, scenario: Scenario | None = None) -> FlightPlan:
+def plan_of(config: Config | None = None, scenario: "Scenario | None" = None) -> FlightPlan:
     """Return the plan of a vehicle file, a scenario, or both.
 
     A scenario alone is flown by a mock: preflight does not judge it, and the flight fails if the mock does not become
@@ -61,7 +60,7 @@ def plan_of(config: Config | None = None, scenario: Scenario | None = None) -> F
         if scenario is None:
             raise ConfigError("neither a vehicle file nor a scenario: give at least one")
         vehicle = Vehicle(autopilot=scenario.pursuer.autopilot, url=_MOCK_URL)
-        settings = _settings(_as_vehicle_file(scenario, vehicle, _MOCK_URL), scenario, players.site(scenario), LIMITS_S)
+        settings = _settings(_as_vehicle_file(scenario, vehicle, _MOCK_URL), scenario, _site(scenario), LIMITS_S)
         return FlightPlan(flight=settings, document=scenario.model_dump_json())
     site = None
     if scenario is None:
@@ -70,7 +69,7 @@ def plan_of(config: Config | None = None, scenario: Scenario | None = None) -> F
             site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
     else:
         config = merged(scenario, config)
-        site = players.site(scenario) if "site" in scenario.model_fields_set else None
+        site = _site(scenario) if "site" in scenario.model_fields_set else None
     limits_s: dict[State, float] = {
         state: limit_s for state, limit_s in LIMITS_S.items() if state not in _UNLIMITED_WITH_A_PERSON
     }
@@ -79,12 +78,14 @@ def plan_of(config: Config | None = None, scenario: Scenario | None = None) -> F
 
 
 def _settings(
-    config: Config, scenario: Scenario | None, site: tuple[float, float, Amsl] | None, limits_s: Mapping[State, float]
+    config: Config, scenario: "Scenario | None", site: tuple[float, float, Amsl] | None, limits_s: Mapping[State, float]
 ) -> FlightSettings:
     autopilot, game = autopilot_named(config.vehicle.autopilot), config.game
     speed_set, standoff = _speed_set(game), StandOff(game.standoff_radius_m, game.standoff_height_m)
     strategy, start_game_m, target_game_m = Strategy(game.policy, gain=game.navigation_gain), None, None
     if scenario is not None:
+        from guidance.sim import players  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
+
         start_game_m, target_game_m = _start_game_m(scenario), players.target_game_m(scenario)
         strategy = players.pursuer_strategy(scenario, np.array(start_game_m), speed_set, scenario.seed)
     elif game.target is not None:
@@ -125,12 +126,18 @@ def _wants(config: Config, flight: FlightSettings) -> Wants:
     return Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
 
 
-def _start_game_m(scenario: Scenario) -> Vector:
+def _site(scenario: "Scenario") -> tuple[float, float, Amsl]:
+    from guidance.sim import players  # noqa: PLC0415 - as above
+
+    return players.site(scenario)
+
+
+def _start_game_m(scenario: "Scenario") -> Vector:
     x, y, z = scenario.pursuer.position_m
     return (x, y, z - scenario.evader.height_m)
 
 
-def merged(scenario: Scenario, config: Config) -> Config:
+def merged(scenario: "Scenario", config: Config) -> Config:
     """Return the vehicle file with the scenario's game and the tighter limits.
 
     Raises:
@@ -159,7 +166,7 @@ def merged(scenario: Scenario, config: Config) -> Config:
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
-def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found: "Found", evader_url: str) -> Config:
+def config_of(scenario: "Scenario", *, url: str, link: str, autopilot: str, found: "Found", evader_url: str) -> Config:
     """Return the vehicle file that flies a scenario with the scenario's own limits.
 
     Args:
@@ -180,8 +187,10 @@ def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found:
     return parse(Config, document, source=f"{scenario.title!r} at {url}")
 
 
-def _as_vehicle_file(scenario: Scenario, vehicle: Vehicle, evader_url: str) -> Config:
+def _as_vehicle_file(scenario: "Scenario", vehicle: Vehicle, evader_url: str) -> Config:
     """Return a vehicle file without its checks, which demand more than a mock needs."""
+    from guidance.sim.scenario import EVADER_ID, PURSUER  # noqa: PLC0415 - as above
+
     return Config.model_construct(
         name=PURSUER,
         vehicle=vehicle,
@@ -193,7 +202,7 @@ def _as_vehicle_file(scenario: Scenario, vehicle: Vehicle, evader_url: str) -> C
     )
 
 
-def _game(scenario: Scenario) -> dict[str, Any]:
+def _game(scenario: "Scenario") -> dict[str, Any]:
     pursuer, disc = scenario.pursuer, scenario.standoff
     return {
         "speed_set": pursuer.speed_set,
@@ -205,7 +214,7 @@ def _game(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def _speeds(scenario: Scenario, config: Config) -> Iterator[str]:
+def _speeds(scenario: "Scenario", config: Config) -> Iterator[str]:
     pursuer, given, game = scenario.pursuer, scenario.pursuer.model_fields_set, config.game
     if "autopilot" in given and pursuer.autopilot != config.vehicle.autopilot:
         yield f"pursuer.autopilot = {pursuer.autopilot!r}, but vehicle.autopilot = {config.vehicle.autopilot!r}"
@@ -214,7 +223,7 @@ def _speeds(scenario: Scenario, config: Config) -> Iterator[str]:
             yield f"pursuer.{key} = {speed_m_s:g} is more than the vehicle's game.{key} = {limit_m_s:g}"
 
 
-def _evader(scenario: Scenario, config: Config) -> Iterator[str]:
+def _evader(scenario: "Scenario", config: Config) -> Iterator[str]:
     game, evader = config.game, scenario.evader
     if evader.believed_speed_m_s < game.evader_speed_m_s:
         key = "speed_m_s" if evader.declared_speed_m_s is None else "declared_speed_m_s"
@@ -231,7 +240,7 @@ def _evader(scenario: Scenario, config: Config) -> Iterator[str]:
             yield f"standoff.{key} = {near_m:g} is nearer to the evader than game.standoff_{key} = {least_m:g}"
 
 
-def _places(scenario: Scenario, config: Config) -> Iterator[str]:
+def _places(scenario: "Scenario", config: Config) -> Iterator[str]:
     pursuer, limits = scenario.pursuer, config.limits
     low, high = limits.floor_m, limits.ceiling_m
     for key, height_m in (

@@ -22,9 +22,9 @@ from guidance.links.wires.zenoh import open_session
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import ControlBus, OwnerToken
+from guidance.session.loop import EvaderPlayer
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
-from guidance.sim.players import EvaderPlayer
 
 _WIRE_LIMIT_S = 5.0
 OWN_ID = 255

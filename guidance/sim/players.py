@@ -4,7 +4,7 @@ The evader of a mocked flight is a ground vehicle that this process commands ove
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,27 +43,6 @@ class EvaderSettings:
     strategy: Strategy
     target_game_m: Vector | None
     site: tuple[float, float, Amsl]
-
-
-class EvaderPlayer(Protocol):
-    """An evader that this process plays."""
-
-    @property
-    def ready(self) -> bool:
-        """Whether it can begin to play."""
-        ...
-
-    def position_game_m(self) -> Vector | None:
-        """Its position in the game frame, None until known."""
-        ...
-
-    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
-        """Advance to `now_s`, playing or standing still."""
-        ...
-
-    def stop(self) -> None:
-        """End: disarm."""
-        ...
 
 
 class EvaderPilot:

@@ -94,7 +94,7 @@ class SteppedWorld:
 
 
 class EvaderHere:
-    """`EvaderPlayer` of a flight whose vehicle is not ours, stepped from the run's own loop.
+    """The evader of a flight whose vehicle is not ours, stepped from the run's own loop.
 
     It is the rover of mocked flights, and reports over UDP as a real evader would: what the service hears are its
     MAVLink frames on a loopback port, where its TIMESYNC is answered too.

@@ -20,7 +20,7 @@ from guidance.log.writer import Recorder, Records
 from guidance.session.daemon import Daemon
 from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import PERIOD_S, run
-from guidance.session.mission import Conduct, Mission
+from guidance.session.mission import Mission, MissionPolicy
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.sim.mock_files import faults_after
 from guidance.sim.scenario import EVADER_ID, PURSUER
@@ -36,7 +36,7 @@ LEFT_S = 3.5
 
 LONGEST_S = 120.0
 _TO_THE_VEHICLE = f"{PURSUER}/mavlink_raw/in"
-HOLD_AT_THE_END = Conduct(engage=True, end_with=Event.HOLD)
+HOLD_AT_THE_END = MissionPolicy(engage=True, end_with=Event.HOLD)
 
 
 class Row(NamedTuple):

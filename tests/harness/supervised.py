@@ -10,7 +10,7 @@ from guidance.session.daemon import Daemon
 from guidance.session.log import Log
 from guidance.session.loop import World
 from guidance.session.metrics import Metrics
-from guidance.session.mission import Conduct, Mission
+from guidance.session.mission import Mission, MissionPolicy
 from guidance.session.orders import Mailbox
 from guidance.session.plan import FlightPlan
 from guidance.session.process import Notifier
@@ -27,7 +27,7 @@ class Supervised(Sortie):
         heard: The evader's reports as the daemon hears them.
         plan: What is flown.
         scenario: What the mission plays.
-        conduct: What the mission orders.
+        policy: What the mission orders.
         more: Of the mission.
     """
 
@@ -39,7 +39,7 @@ class Supervised(Sortie):
         *,
         plan: FlightPlan,
         scenario: Scenario,
-        conduct: Conduct,
+        policy: MissionPolicy,
         **more: Any,
     ) -> None:
         self.mailbox, self.log = Mailbox(), Log("json", "error")
@@ -54,7 +54,7 @@ class Supervised(Sortie):
             notifier=Notifier(None, None),
         )
         super().__init__(clock, self.daemon, world)
-        self.mission = Mission(scenario, self.daemon, world, heard, conduct, **more)
+        self.mission = Mission(scenario, self.daemon, world, heard, policy, **more)
 
     @property
     def finished(self) -> bool:

@@ -23,7 +23,7 @@ from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.fly_vehicle import laid_about
-from guidance.session.mission import Conduct
+from guidance.session.mission import MissionPolicy
 from guidance.session.plan import config_of, plan_of
 from guidance.session.result import outcome_of_flight
 from guidance.session.vehicle_world import VehicleWorld
@@ -130,7 +130,7 @@ class Sortie(Supervised):
             SensedEvader(source, scenario.sensor, scenario.seed, world.now_s),
             plan=plan_of(self.own, self.laid),
             scenario=self.laid,
-            conduct=Conduct(engage=True, end_with=Event.RETURN, hand_over=Event.LAND),
+            policy=MissionPolicy(engage=True, end_with=Event.RETURN, hand_over=Event.LAND),
             show=self.shown.append,
             ready_within_s=ready_within_s,
         )

@@ -16,7 +16,7 @@ from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.log import replay
 from guidance.session.flight_files import recorded_settings
-from guidance.session.mission import Conduct
+from guidance.session.mission import MissionPolicy
 from guidance.session.plan import merged, plan_of
 from guidance.session.result import outcome_of_flight
 from guidance.session.vehicle_file import Config
@@ -68,8 +68,8 @@ def supervised(config, flown, *, engage):
     clock = VirtualClock()
     world = SteppedWorld(flown, clock)
     heard = SensedEvader(world.evader_source, flown.sensor, flown.seed, clock.now_s)
-    conduct = Conduct(engage, hand_over=Event.HOLD)
-    return Supervised(clock, world, heard, plan=plan_of(config, flown), scenario=flown, conduct=conduct)
+    policy = MissionPolicy(engage, hand_over=Event.HOLD)
+    return Supervised(clock, world, heard, plan=plan_of(config, flown), scenario=flown, policy=policy)
 
 
 @pytest.fixture

@@ -5,15 +5,15 @@ import pytest
 from guidance.clock import VirtualClock
 from guidance.flight import Authority, Event, State
 from guidance.session.fly import fly
-from guidance.session.mission import MISSION_LIMIT_S, MOCKED, Conduct
+from guidance.session.mission import MISSION_LIMIT_S, MOCKED, MissionPolicy
 from guidance.session.orders import Mailbox
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR
 
 RUNNERS = {
     "fly": MOCKED,
-    "fly --vehicle": Conduct(engage=True, end_with=Event.LAND, hand_over=Event.LAND),
-    "scenario run --as vehicle": Conduct(engage=True, hand_over=Event.LAND),
+    "fly --vehicle": MissionPolicy(engage=True, end_with=Event.LAND, hand_over=Event.LAND),
+    "scenario run --as vehicle": MissionPolicy(engage=True, hand_over=Event.LAND),
 }
 LEADS_TO = {"hold": State.HOLDING, "return": State.RETURNING, "land": State.LANDING, "abort": State.LANDING}
 STANDS_S = 30.0
@@ -38,13 +38,13 @@ class Operator:
                 self.orders.pop(0)
                 self.mailbox.ask(order, "a person")
 
-    def fly(self, conduct=MOCKED, scenario=NEAR, **changes):
+    def fly(self, policy=MOCKED, scenario=NEAR, **changes):
         clock = VirtualClock()
         pursuer = scenario.pursuer.model_copy(update=changes)
         scenario = scenario.model_copy(update={"pursuer": pursuer})
         world = SteppedWorld(scenario, clock)
         try:
-            self.result = fly(scenario, world, clock, None, self.watch, conduct=conduct, mailbox=self.mailbox)
+            self.result = fly(scenario, world, clock, None, self.watch, policy=policy, mailbox=self.mailbox)
         finally:
             world.close()
         assert self.orders == []
