@@ -147,12 +147,22 @@ class Flight:
             if order not in ORDERS:
                 raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
         try:
-            if self._fault_handover is None:
-                return self._step(inputs)
-            self._heard.vehicle_says(inputs.messages)  # for people to see
-            return self._hand_over(inputs, self._fault_handover)
+            if self._fault_handover is not None:
+                self._heard.vehicle_says(inputs.messages)  # for people to see
+                return self._hand_over(inputs, self._fault_handover)
+            dt_s = self._take_in(inputs)
+            happenings = tuple(self._follow(inputs, dt_s))
+            pilots = self._mode_left is Mode.OTHER
+            requests = self._asking.requests(self.state, self._heard, inputs.now_s, asked_once=pilots)
+            setpoint = None
+            if self._sends(inputs.now_s):
+                needed = math.nan if self.settings.reserve is None else self.battery_needed
+                setpoint = self._playing.setpoint(self._heard, self.state, inputs.now_s, dt_s, battery_needed=needed)
+            self._note_setpoint(setpoint, inputs.now_s)
         except Exception as error:  # whatever it was: nobody else flies this vehicle
             return self.give_up(inputs, error)
+        certificate, alarm = self._playing.certificate, self._playing.alarm
+        return Outputs(self.state, setpoint, requests, happenings, certificate, alarm, cause=self.cause)
 
     def give_up(self, inputs: Inputs, error: Exception) -> Outputs:
         """End the flight for an error of our own: hand a vehicle that flies by our setpoints to its hold, and yield.
@@ -182,25 +192,21 @@ class Flight:
         requests = handover.requests(inputs.now_s, inputs.messages)
         return Outputs(self.state, None, requests, unheeded, None, cause=self.cause)
 
-    def _step(self, inputs: Inputs) -> Outputs:
-        now_s, heard, playing = inputs.now_s, self._heard, self._playing
+    def _take_in(self, inputs: Inputs) -> float:
+        """Take in what was heard; return the time since the last cycle."""
+        now_s, heard = inputs.now_s, self._heard
         dt_s = 0.0 if self._last_s is None else now_s - self._last_s
         if self._last_s is None:
             self._since_s = now_s
         self._last_s = now_s
         if inputs.alive or inputs.orders or self._operator_s == math.inf:
             self._operator_s = now_s
-
         heard.take_in(inputs, in_flight=self.state not in BEFORE_FLIGHT)
         if heard.moved_ned_m != NOWHERE:
-            playing.move(heard.moved_ned_m)
+            self._playing.move(heard.moved_ned_m)
         if heard.beats:
             self._note_modes()
-        happenings = tuple(self._follow(inputs, dt_s))
-        pilots = self._mode_left is Mode.OTHER
-        requests = self._asking.requests(self.state, heard, now_s, asked_once=pilots)
-        setpoint = self._setpoint(now_s, dt_s)
-        return Outputs(self.state, setpoint, requests, happenings, playing.certificate, playing.alarm, cause=self.cause)
+        return dt_s
 
     def _note_modes(self) -> None:
         """Note which modes HEARTBEAT has shown since the state was entered."""
@@ -305,23 +311,23 @@ class Flight:
             battery_was_low=self._battery_was_low,
         )
 
-    def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
-        """Say a setpoint where the state commands, leaves the guided mode, or invites a pilot to it; else be silent."""
-        heard, echo = self._heard, self._heard.echo
-        leaving = self.state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed
-        inviting = self.state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
-        inviting = inviting and now_s - self._since_s > INVITE_AFTER_S
-        if heard.local is None or not (self.state in SETPOINT_STATES or leaving or inviting):
+    def _sends(self, now_s: float) -> bool:
+        """Whether a setpoint goes out: to command, to hover until the guided mode is left, or to invite a pilot."""
+        leaving = self.state in HANDING_OVER and self._heard.mode is Mode.GUIDED and self._claimed
+        inviting = self._invites and now_s - self._since_s > INVITE_AFTER_S
+        return self._heard.local is not None and (self.state in SETPOINT_STATES or leaving or inviting)
+
+    @property
+    def _invites(self) -> bool:
+        return self.state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
+
+    def _note_setpoint(self, setpoint: Setpoint | None, now_s: float) -> None:
+        if setpoint is None:
             self._playing.silent()
-            echo.silent()
-            return None
-        battery_needed = math.nan if self.settings.reserve is None else self.battery_needed
-        setpoint = self._playing.setpoint(heard, self.state, now_s, dt_s, battery_needed=battery_needed)
-        if inviting:
-            echo.silent()  # what the autopilot reports of a mode of its own is no echo
+        if setpoint is None or self._invites:
+            self._heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode
         else:
-            echo.sent(now_s, setpoint)
-        return setpoint
+            self._heard.echo.sent(now_s, setpoint)
 
 
 def _orders(inputs: Inputs) -> Iterator[tuple[Authority, Event]]:

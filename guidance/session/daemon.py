@@ -134,14 +134,15 @@ class Daemon:
         """Run one cycle; `timing` is how the loop kept time."""
         queries, orders = self.mailbox.queries(), self._orders(now_s)
         people, mission = ([one for one in orders if one.authority is by] for by in _ORDERING)
-        outputs = self.outputs = self._linked.run(
+        inputs = self._linked.read(
             now_s,
             [Event(one.order) for one in people],
             self._refusals(orders),
-            timing,
             alive=any(query.order == ALIVE for query in queries),
             mission=[Event(one.order) for one in mission],
         )
+        outputs = self.outputs = self.flight.step(inputs)
+        self._linked.write(outputs, timing)
         self._answer((*people, *mission), outputs, now_s)
         self._tell(queries, now_s)
         say_outputs(self._log, outputs)

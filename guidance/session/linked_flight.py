@@ -1,4 +1,4 @@
-"""A flight with its links: read everything once, step the flight, say what it decided, keep a record of it all."""
+"""The links and the record of a flight."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,7 +20,7 @@ class Stopped(NamedTuple):
 
 
 class LinkedFlight:
-    """A flight with its links and its record: the loop's body, the same in real and in virtual time."""
+    """A flight's links and its record: what a cycle reads, and what it sends and records."""
 
     def __init__(self, flight: Flight, link: VehicleLink, evader: EvaderSource, recorder: Record | None) -> None:
         self.flight = flight
@@ -33,33 +33,39 @@ class LinkedFlight:
         self.record_stopped: Stopped | None = None
         self._begun = False
 
-    def run(
+    def read(
         self,
         now_s: float,
         orders: Sequence[Event] = (),
         refusals: Sequence[str] = (),
-        timing: Timing | None = None,
         *,
         alive: bool = False,
         mission: Sequence[Event] = (),
-    ) -> Outputs:
-        """Run one cycle at `now_s`; `inputs` is then what it has seen.
+    ) -> Inputs:
+        """Read everything that one cycle sees, and send our HEARTBEAT once a second.
 
         Args:
             now_s: The present.
-            orders: What people ordered since the last cycle.
+            orders: Orders of people since the last cycle.
             refusals: What preflight refuses, by name.
-            timing: How late the cycle is, for the record.
             alive: Whether a person gave a sign of life since the last cycle.
             mission: Orders of a mission.
         """
-        inputs = self.inputs = Inputs(
+        self.inputs = Inputs(
             now_s, self._link.receive(), self._evader.receive(), orders, refusals, alive or None, mission
         )
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
-        outputs = self.flight.step(inputs)
+        return self.inputs
+
+    def write(self, outputs: Outputs, timing: Timing | None = None) -> None:
+        """Send what the flight decided on the inputs that were read, and record both.
+
+        Args:
+            outputs: Of the flight.
+            timing: How late the cycle is, for the record.
+        """
         # The setpoint first: everything else can wait a millisecond.
         if outputs.setpoint is not None:
             self._link.send_setpoint(outputs.setpoint)
@@ -67,10 +73,9 @@ class LinkedFlight:
         for request in outputs.requests:
             self._link.request(request)
         if self._recorder is not None:
-            self._keep(self._recorder, inputs, outputs, timing)
+            self._keep(self._recorder, self.inputs, outputs, timing)
             if self.record_stopped is None and self._recorder.failed is not None:
-                self.record_stopped = Stopped(now_s, self._recorder.failed)
-        return outputs
+                self.record_stopped = Stopped(self.inputs.now_s, self._recorder.failed)
 
     def _keep(self, recorder: Record, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> None:
         if not self._begun:

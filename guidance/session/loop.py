@@ -199,10 +199,15 @@ def run(
             now_s = clock.now_s()
             if signals is not None:
                 signals.act(daemon, now_s)
-            _cycle(daemon, mission, now_s, Timing(now_s - due_s, worked_s))
-            if record is not None:
-                for passed in world.drain():
-                    record.frame(*passed)
+            if mission is not None:
+                mission.before(now_s)
+            try:
+                daemon.step(now_s, Timing(now_s - due_s, worked_s))
+            except Exception as error:  # the last catch: nobody else flies this vehicle
+                daemon.survive(error, now_s)
+            if mission is not None:
+                mission.after(now_s, now_s - due_s)
+            _record_frames(world, record)
             done_s = clock.now_s()
             worked_s = done_s - now_s
             due_s, missed = next_due(due_s, done_s)
@@ -214,15 +219,10 @@ def run(
         garbage.end()
 
 
-def _cycle(daemon: Daemon, mission: CycleHooks | None, now_s: float, timing: Timing) -> None:
-    if mission is not None:
-        mission.before(now_s)
-    try:
-        daemon.step(now_s, timing)
-    except Exception as error:  # the last catch: nobody else flies this vehicle
-        daemon.survive(error, now_s)
-    if mission is not None:
-        mission.after(now_s, timing.late_s)
+def _record_frames(world: World, record: Record | None) -> None:
+    if record is not None:
+        for passed in world.drain():
+            record.frame(*passed)
 
 
 def nudge_s(age_s: float) -> float:

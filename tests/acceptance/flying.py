@@ -139,8 +139,8 @@ def fly(case: Case, relay: Relay, folder: Path, *, end: str) -> list[Line]:
         return [line("a flight", flown.last_words(), held=False)]
     lines = [line(one.words, one.got(row), held=one.held(one.got(row))) for one in case.wanted]
     if case.prompt:
-        entered_s, engaged_s = flown.at_s("entering"), flown.at_s("engaged")
-        took_s = math.inf if entered_s is None or engaged_s is None else engaged_s - entered_s
+        ordered_s, engaged_s = flown.at_s("standing by"), flown.at_s("engaged")
+        took_s = math.inf if ordered_s is None or engaged_s is None else engaged_s - ordered_s
         words = f"engaged ≤ {ENGAGED_AFTER_ORDER_S:g} s after the order"
         lines.append(line(words, f"{took_s:.2f} s", held=took_s <= ENGAGED_AFTER_ORDER_S))
     if case.fence_m is not None:

@@ -24,11 +24,11 @@ from guidance.clock import VirtualClock
 from guidance.flight import Flight, State
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.session.linked_flight import LinkedFlight
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from sitl_mock.vehicle import MockVehicle
 from tests.harness.chase import ORDERS, Runner, hover_chase
+from tests.harness.linked import FlownByHand
 
 PAGE = Path(__file__).parents[2] / "docs" / "architecture.md"
 ROOT = str(Path(guidance.__file__).parent)
@@ -136,7 +136,7 @@ def walk(autopilot: str) -> Walk:
     ours, theirs = Watched.pair(clock.now_s)
     link, runner = PymavlinkLink(ours, clock.now_s, system_id=1), Runner(scenario, settings)
     flight = Flight(settings)
-    linked, engaged_s = LinkedFlight(flight, link, runner, None), float("inf")
+    linked, engaged_s = FlownByHand(flight, link, runner, None), float("inf")
     while not walked.arrived:
         now_s = clock.now_s()
         frames = vehicle.step(now_s, [frame for _, frame in theirs.receive()])

@@ -17,13 +17,13 @@ from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import EvaderReport, Setpoint
 from guidance.monitor import Alarm
-from guidance.session.linked_flight import LinkedFlight
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario, Target
 from guidance.sim.scenario_file import load_scenario
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import Home
+from tests.harness.linked import FlownByHand
 from tests.harness.sortie import Sortie
 
 REPORT_S = 0.1
@@ -267,7 +267,7 @@ class Chase(Sortie):
         clock = VirtualClock(-PERIOD_S)  # the first cycle is at zero
         ours, self._end = MemoryWire.pair(clock.now_s)
         link = PymavlinkLink(ours, clock.now_s, system_id=1)
-        super().__init__(clock, LinkedFlight(Flight(settings), Altering(link, send), self.runner, None))
+        super().__init__(clock, FlownByHand(Flight(settings), Altering(link, send), self.runner, None))
         self._changed_s, self._engaged_s = 0.0, math.nan
 
     @property

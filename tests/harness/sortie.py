@@ -9,12 +9,12 @@ from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import Event, Flight, State
 from guidance.messages import LocalPosition
-from guidance.session.linked_flight import LinkedFlight
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.copies import Flown
+from tests.harness.linked import FlownByHand
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 
@@ -139,7 +139,7 @@ class Stepped(Sortie):
         clock = VirtualClock()
         world = SteppedWorld(self.scenario, clock)
         flight = Flight(change(settings or plan_of(scenario=self.scenario).flight))
-        super().__init__(clock, LinkedFlight(flight, world.link, world.evader_source, None), world)
+        super().__init__(clock, FlownByHand(flight, world.link, world.evader_source, None), world)
         self.mock, self.rover = world.vehicles["pursuer"], world.vehicles["evader"]
         self.evader = world.player
         self.evader_plays = False

@@ -4,7 +4,7 @@ import pytest
 
 from guidance.autopilots import Mode
 from guidance.flight import Event, Flight, State
-from guidance.session.linked_flight import LinkedFlight
+from tests.harness.linked import FlownByHand
 
 pytestmark = pytest.mark.flight
 
@@ -28,7 +28,7 @@ def restarted(flight):
     flight.run(4.0)
     flight.frozen = False
     again = Flight(flight.flight.settings)
-    flight.pilot = LinkedFlight(again, flight.world.link, flight.world.evader_source, None)
+    flight.pilot = FlownByHand(again, flight.world.link, flight.world.evader_source, None)
     flight.sent.clear()
     return flight
 
