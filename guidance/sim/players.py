@@ -13,7 +13,7 @@ from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, ROVER, Mode
 from guidance.frames import Amsl, GameFrame, Vector, ned_from_game
 from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
 from guidance.links.port import VehicleLink
-from guidance.messages import Heartbeat, LocalPosition, Message, Setpoint
+from guidance.messages import Heartbeat, Home, LocalPosition, Message, Origin, Setpoint
 from guidance.sim.scenario import Player, Scenario
 from guidance.strategies import Course, Strategy, StrategyMemory, evade, random_turns, recorded, waypoints
 from guidance.strategies.course import Array
@@ -55,6 +55,8 @@ class EvaderPilot:
         self._requested_s = float("-inf")
         self.vehicle = VehicleState()
         self.messages: Sequence[Message] = ()
+        self._frame: GameFrame | None = None
+        self._frame_sources: tuple[Home | None, Origin | None] = (None, None)
 
     @property
     def ready(self) -> bool:
@@ -115,11 +117,12 @@ class EvaderPilot:
         return ned_from_game((x, y, 0.0))
 
     def _game_frame(self) -> GameFrame | None:
-        frame = local_frame(self.vehicle, ROVER.projection)
-        if frame is None:
-            return None
-        latitude_deg, longitude_deg, altitude = self._settings.site
-        return GameFrame(frame.ned_from_wgs84(latitude_deg, longitude_deg, altitude))
+        sources = (self.vehicle.last(Home), self.vehicle.last(Origin))
+        if sources != self._frame_sources:
+            self._frame_sources = sources
+            frame = local_frame(self.vehicle, ROVER.projection)
+            self._frame = None if frame is None else GameFrame(frame.ned_from_wgs84(*self._settings.site))
+        return self._frame
 
 
 def site(scenario: Scenario) -> tuple[float, float, Amsl]:

@@ -82,7 +82,7 @@ def test_row_4_item_0_is_home_in_an_empty_mission_too(fly, asked):
 
 
 @pytest.mark.parametrize("current", [2, 3])
-def test_row_5_a_mission_item_with_current_2_is_flown_to_and_with_3_taken_without_effect(fly, current):
+def test_row_5_a_mission_item_with_current_2_is_flown_to_and_with_3_has_no_effect(fly, current):
     flight = fly.airborne("arducopter", height=10.0)
     lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(20.0, 5.0, 0.0)
     flight.send("MISSION_ITEM", 1, 1, 0, 3, 16, current, 0, 0, 0, 0, 0, lat, lon, 12.0, 0)
@@ -201,7 +201,7 @@ def test_row_9_a_switch_that_does_not_move_does_not_fight_a_client(fly):
     assert flight.mode == "GUIDED"
 
 
-def test_row_9_loiter_climbs_beyond_the_dead_band_of_the_throttle_and_sinks_when_the_override_ends(fly):
+def test_row_9_loiter_climbs_beyond_the_dead_band_and_sinks_without_override(fly):
     flight = fly.airborne("arducopter", source=GROUND, height=30.0)
     flight.command(176, 1, 5)
     for _ in range(5):

@@ -40,7 +40,7 @@ def plain_vehicle():
     return Faulted(MockVehicle())
 
 
-def test_a_restart_lasts_as_long_as_the_fault_and_is_tried_again_while_the_port_is_taken():
+def test_a_restart_lasts_as_long_as_the_fault_and_retries_while_the_port_is_taken():
     script = parse_script({"fault": [{"kind": "router_restart", "for_s": 2.0}]})
     vehicle, router = Faulted(MockVehicle(), "uav1", script), Router(failures=1)
     disturbances = Disturbances({"uav1": vehicle}, [router])
@@ -145,7 +145,7 @@ def test_faults_that_double_each_other_do_not_multiply_without_end():
     assert len(beats) in {MAX_COPIES, 2 * MAX_COPIES}
 
 
-def test_hostile_bytes_pass_every_fault_of_frames_without_an_exception_or_a_change_of_state():
+def test_hostile_bytes_pass_every_fault_without_exception_or_change_of_state():
     needs = {"ack_wrong": {"result": 3}, "param_echo": {"parameter": "COM_OF_LOSS_T", "value": 1}}
     both = [
         {"kind": name, **needs.get(name, {}), **({"direction": "both", "messages": []} if kind.scope.open else {})}

@@ -247,7 +247,7 @@ def test_altered_frames_of_a_vehicle_that_signs_are_signed_again(rig):
     assert decoder.counts.wrong_key == decoder.counts.crc == 0
 
 
-def test_every_kind_that_strikes_frames_leaves_frames_that_pymavlink_takes_unless_it_damages_them(rig):
+def test_frames_of_every_kind_of_fault_are_valid_unless_the_fault_damages_them(rig):
     needs = {"ack_wrong": {"result": 3}, "param_echo": {"parameter": "COM_OF_LOSS_T", "value": 1}}
     for name, kind in KINDS.items():
         if kind.scope is None or name in {"corrupt", "router_restart"}:

@@ -64,7 +64,7 @@ def test_offboard_is_refused(rig, ned_velocity, flavour, refusal):
 
 
 @pytest.mark.parametrize("axis", ["north", "east", "down"])
-def test_the_estimate_jumps_along_one_axis_and_the_counter_rises_while_the_body_stays(rig, axis):
+def test_the_estimate_jumps_along_one_axis_with_the_counter_while_the_body_stays(rig, axis):
     flight = rig({"kind": "ekf_jump", axis: 7.0, "at_s": 20.0}).airborne()
     before = flight.all("LOCAL_POSITION_NED")[-1][1]
     counter = flight.all("ODOMETRY")[-1][1].reset_counter

@@ -260,7 +260,7 @@ def test_the_dialect_is_mavlink_2_whatever_the_environment_says():
     assert Encoder(1, 1).pack("PING", 1, 1, 0, 0)[0] == 0xFD
 
 
-def test_messages_that_pymavlink_lacks_have_the_seeds_and_sizes_of_mavlinks_own_headers():
+def test_messages_missing_in_pymavlink_have_the_seeds_and_sizes_of_mavlinks_headers():
     published = {
         8: (117, 36),
         300: (217, 22),

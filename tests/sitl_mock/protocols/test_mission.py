@@ -334,7 +334,7 @@ def test_px4_takes_a_fence_circle_of_any_radius_and_ardupilot_refuses_the_plan(w
     acked(ack, MissionResult.ERROR, FENCE)
 
 
-def test_an_item_beyond_the_count_is_an_invalid_sequence_and_an_early_one_is_waited_for(wire, vehicle):
+def test_an_item_beyond_the_count_is_an_invalid_sequence_and_an_early_one_waits(wire, vehicle):
     client = wire(vehicle())
     client.send("MISSION_COUNT", 1, 1, 3, MISSION)
     (ack,) = send_item(client, waypoint(3))
@@ -367,7 +367,7 @@ def test_an_unknown_kind_of_plan_is_unsupported(wire, vehicle, name, values):
 # -- several clients ---------------------------------------------------------------------------------------------------
 
 
-def test_a_second_client_is_refused_while_the_first_uploads_on_the_same_link_or_another(wire, vehicle, plans):
+def test_a_second_client_is_refused_on_any_link_while_the_first_uploads(wire, vehicle, plans):
     first_link = vehicle()
     first = wire(first_link)
     first.send("MISSION_COUNT", 1, 1, 3, MISSION)

@@ -265,7 +265,7 @@ def test_a_message_without_a_target_is_for_everybody():
     assert addressed(_heartbeat(), 1, 1)
 
 
-def test_timesync_counts_by_the_clock_of_the_vehicles_own_telemetry_however_late_it_was_switched_on():
+def test_timesync_uses_the_clock_of_the_vehicles_telemetry_independent_of_its_boot():
     vehicle = MockVehicle("rover")
     vehicle.step(1000.0)
     sender = dialect.MAVLink(None, 255, 190)

@@ -188,7 +188,7 @@ def test_row_07_the_local_frame_stays_and_equal_seeds_wander_equally(fly):
     assert first != other
 
 
-def test_row_07_home_is_set_at_arming_and_at_leaving_the_ground_and_a_given_home_is_kept(fly):
+def test_row_07_home_is_set_at_arming_and_take_off_unless_a_command_has_set_it(fly):
     flight = fly("px4", noise=True, seed=7).run(8.0)
     homes = flight.all("HOME_POSITION")
     assert len({m.time_usec for _, m in homes}) == 1
@@ -429,7 +429,7 @@ def test_row_20_position_target_is_the_moving_trajectory(fly):
     assert place.lat_int == pytest.approx(degrees(flight, 40.0, 0.0)["x"], abs=2), "the goal itself"
 
 
-def test_row_20_on_the_ground_it_is_an_acceleration_downwards_and_in_offboard_the_stream(fly, ned_velocity):
+def test_row_20_the_target_is_a_downward_acceleration_on_the_ground_else_the_stream(fly, ned_velocity):
     flight = fly("px4").run(2.0)
     idle = flight.last("POSITION_TARGET_LOCAL_NED")
     assert (idle.type_mask, idle.afz) == (63, 100.0)
