@@ -44,9 +44,7 @@ def test_offboard_is_really_accepted_within_0_12_s_of_the_first_setpoint(fly, ne
 
 
 @pytest.mark.parametrize("phase_s", [0.0, 0.02, 0.04, 0.06, 0.08])
-def test_stream_loss_leads_to_return_after_1_s_and_the_heartbeat_says_so_in_2_s(
-    fly, ned_velocity, phase_s
-):
+def test_stream_loss_leads_to_return_after_1_s_and_the_heartbeat_says_so_in_2_s(fly, ned_velocity, phase_s):
     flight = fly.airborne("px4").offboard(ned_velocity(2.0, 0.0, 0.0))
     flight.run(8.0 + phase_s, ned_velocity(2.0, 0.0, 0.0))
     last_s = flight.now_s
