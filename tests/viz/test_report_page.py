@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.errors import ConfigError, OutputError
-from guidance.log import metadata_of, scan
-from guidance.log.entries import EVENT_TOPIC
+from guidance.log import cycles_of, metadata_of
 from guidance.log.writer import Recorder
 from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
@@ -234,9 +233,8 @@ def test_a_title_cannot_break_out_of_the_page(pe, tmp_path, monkeypatch):
     metadata["scenario"] = metadata["scenario"].replace(NEAR.title, "<script>alert(1)</script>")
     assert "<script>" in metadata["scenario"]
     recorder = Recorder(path, metadata)
-    for item in scan(torn_copy(pe[1], tmp_path)):
-        if item.encoding == "json" and item.topic != EVENT_TOPIC:
-            recorder._write(item.now_s, item.topic, item.data, encoding="json", codec=None)
+    for cycle in cycles_of(torn_copy(pe[1], tmp_path)):
+        recorder.cycle(cycle)
     recorder.close()
     write_report(path, tmp_path, recorded_settings)
     assert "script" not in parsed(page_in(tmp_path)).seen
