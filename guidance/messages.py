@@ -241,7 +241,7 @@ class EvaderReport(NamedTuple):
 
 
 class Setpoint(NamedTuple):
-    """SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. The autopilot chooses what is None."""
+    """SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. The autopilot chooses parts that are None."""
 
     velocity_ned_m_s: Vector
     acceleration_ned_m_s2: Vector | None = None

@@ -16,16 +16,16 @@ zenoh = typer.Typer(cls=CommandGroup, help="Certificates and a router for Zenoh 
 
 @zenoh.command()
 def keys(
-    names: Annotated[list[str], typer.Argument(help="Who speaks: uav1, uav1-guidance, evader1, operator.")],
+    names: Annotated[list[str], typer.Argument(help="Names of the parties: uav1, uav1-guidance, evader1, operator.")],
     out: Annotated[Path, typer.Option(help="Folder of the certificates.")] = Path("keys"),
-    host: Annotated[list[str] | None, typer.Option(help="A name or address that the router is called by.")] = None,
+    host: Annotated[list[str] | None, typer.Option(help="A name or address of the router.")] = None,
     days: Annotated[int, typer.Option(help="How long they are valid.", min=1, max=3650)] = 365,
 ) -> None:
-    """Make a test authority, a router's certificate and one for each name, for mutual TLS.
+    """Create a test authority, a certificate for the router and one for each name, for mutual TLS.
 
-    Called again, it adds names to the same authority. NAME.toml has what a party needs: `--zenoh keys/NAME.toml` of
-    `guidance ctl`, `guidance view` and `sitl-mock run`, and the section `[zenoh]` of a vehicle file. The keys are
-    readable by you alone; ca.key signs whatever you like, and belongs on none of the machines that fly.
+    Run it again to add names to the same authority. NAME.toml holds the settings of a party: pass it as
+    `--zenoh keys/NAME.toml` to `guidance ctl`, `guidance view` and `sitl-mock run`, or copy it to the section `[zenoh]`
+    of a vehicle file. Only you can read the keys. Keep ca.key off the computers that fly: it can sign any certificate.
 
     - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
     """
@@ -47,12 +47,12 @@ def keys(
 def router(
     config: Annotated[str, typer.Argument(help="zenohd's configuration.")] = "zenoh/router.json5",
     keys: Annotated[Path | None, typer.Option(help="Folder of `guidance zenoh keys`.")] = None,
-    listen: Annotated[str | None, typer.Option(help="Endpoint in place of the file's: tls/0.0.0.0:7447.")] = None,
+    listen: Annotated[str | None, typer.Option(help="Endpoint that replaces the file's: tls/0.0.0.0:7447.")] = None,
 ) -> None:
-    """Run a Zenoh router until Ctrl-C, where zenohd is not installed.
+    """Run a Zenoh router until Ctrl-C, for computers without zenohd.
 
-    The configuration that comes along (`config/zenoh/router.json5`) lets in who has a certificate of ours, and
-    lets each say and hear only what is its own. zenohd reads the same file.
+    The default configuration (`config/zenoh/router.json5`) admits parties with a certificate of our authority and
+    restricts each to its own keys. zenohd reads the same file.
 
     - `guidance zenoh router --keys keys --listen tls/0.0.0.0:7447`
     """

@@ -1,12 +1,12 @@
-"""The evader's track: reports in, passed in and out as a value; the evader at any time out, with its uncertainty.
+"""The evader's track, a value: `observe` adds reports, `predict` returns the evader at any time with its uncertainty.
 
-What it offers:
-    Observer: all that is remembered of the evader; a new one knows nothing. `Track` is its estimate, `TrackSettings`
-        its noise and patience, `ClockOffset` what is known of the sender's clock.
-    observe: takes in a report, with the answer to our TIMESYNC. compare_clocks: takes in the evader's own answer.
-    update: takes in a `Measurement`; its `ReportOutcome` says whether it was used, and those in `TAKEN` were.
+Contents:
+    Observer: the memory of one evader. `Track` is its estimate, `TrackSettings` its noise and limits, `ClockOffset` the
+        difference between the sender's clock and ours.
+    observe: adds a report, with the answer to our TIMESYNC. compare_clocks: adds such an answer alone.
+    update: adds a `Measurement` to a track. Its `ReportOutcome` is in `TAKEN` if it changed the estimate.
     predict: the evader at a time of our clock, an `EvaderState`.
-    moved: all of it in another frame, after an estimator's reset.
+    moved: the same memory in another local frame, after an estimator reset.
 """
 
 from guidance.estimation.measurement import ClockOffset, Measurement

@@ -1,17 +1,17 @@
 """The filters of the evader's motion: interacting multiple models in the plane, and a Kalman filter of the height.
 
-In the plane, mix ▸ move ▸ correct: two models side by side, constant velocity (0) and coordinated turn (1).
+In the plane two models run side by side, constant velocity (0) and coordinated turn (1): mix, move, correct.
 
 State, last axis: north, east (m), their rates (m/s), turn rate (rad/s, north to east). Leading axis: the model.
 Source: Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), 6.2.2 (white
-noise acceleration) and 11.7 (coordinated turn with unknown rate). The turn rate fades with a correlation time, so
-that it stays bounded however long nothing is heard; the steady model only carries it along.
+noise acceleration) and 11.7 (coordinated turn with unknown rate). The turn rate decays with a correlation time, so it
+stays bounded without reports; the steady model does not use it.
 
 Source of the filter: Blom & Bar-Shalom (1988); Bar-Shalom, Li & Kirubarajan (2001), 11.6.6. The switching is a Markov
-chain in continuous time, so that 1 Hz and 50 Hz reports mean the same. Before mixing, the steady model borrows the
-turning model's turn rate, which it has none of its own of (unbiased mixing: Yuan, Lian & Zhou, 2012).
+chain in continuous time, so the report rate does not matter. Before mixing, the steady model takes the turn rate of the
+turning model, since it has none of its own (unbiased mixing: Yuan, Lian & Zhou, 2012).
 
-The height is a filter of two numbers, down and its rate, apart from the plane.
+The height has a filter of its own with two states, down and its rate.
 """
 
 import math
@@ -31,7 +31,7 @@ _SMALL_TURN_RAD = 1e-3
 
 
 class Step(NamedTuple):
-    """Both models moved on: states (2, 5), transition Jacobians (2, 5, 5) and process noise (2, 5, 5)."""
+    """Both models after a time step: states (2, 5), transition Jacobians (2, 5, 5) and process noise (2, 5, 5)."""
 
     mean: Array
     jacobian: Array
@@ -39,7 +39,7 @@ class Step(NamedTuple):
 
 
 def step(mean: Array, dt_s: float, settings: TrackSettings) -> Step:
-    """Move both models' states (2, 5) on by dt ≥ 0."""
+    """Advance both models' states (2, 5) by dt ≥ 0."""
     fade = math.exp(-dt_s / settings.turn_time_s)
     north, east, north_rate, east_rate, turn_rate = mean[1].tolist()
     along, across, along_slope, across_slope = _arc(turn_rate, dt_s)
@@ -113,10 +113,10 @@ class Modes(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """What a report says beyond what was expected.
+    """The difference between a report and its prediction.
 
-    Differences from both models (2, k), the covariances expected of them and of the mixture and their inverses
-    (3, k, k), and the normalised innovation squared of the mixture, νᵀS⁻¹ν, which is χ² in k.
+    Differences from both models (2, k); the expected covariances of both and of the mixture, and their inverses
+    (3, k, k); the normalised innovation squared of the mixture, νᵀS⁻¹ν, which is χ² distributed with k degrees.
     """
 
     differences: Array
@@ -137,7 +137,7 @@ def begin(measured: Array, noise: Array, settings: TrackSettings) -> Modes:
 
 
 def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
-    """Mix and move both models on by dt; for no time, the same modes."""
+    """Mix both models and advance them by dt; for dt = 0 return the same modes."""
     if dt_s <= 0.0:
         return modes
     mixed = _mix(modes, dt_s, settings)
@@ -161,7 +161,7 @@ def compare(modes: Modes, measured: Array, noise: Array) -> Innovation:
 
 
 def correct(modes: Modes, innovation: Innovation) -> Modes:
-    """Take in a report that was compared with these modes."""
+    """Correct with a report that was compared with these modes."""
     differences, inverses = innovation.differences[:, :, None], innovation.inverses[:2]
     known = differences.shape[1]
     gain = modes.covariance[:, :, :known] @ inverses
@@ -204,7 +204,7 @@ def _mix(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
 
 
 def _posterior(turning: float, log_ratio: float) -> float:
-    """Bayes on two hypotheses, kept off 0 and 1: a model that is ruled out for ever can never come back."""
+    """Bayes' rule for two hypotheses, kept off 0 and 1, so that both models remain possible."""
     odds = math.log(turning / (1.0 - turning)) + log_ratio
     probability = 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
     return min(1.0 - 1e-9, max(1e-9, probability))
@@ -221,7 +221,7 @@ class Height(NamedTuple):
 
 
 def advance_height(height: Height, dt_s: float, noise_m2_s3: float) -> Height:
-    """Move on by dt at a constant rate, with white vertical acceleration."""
+    """Advance by dt at a constant rate, with white vertical acceleration."""
     down, rate, variance, shared, rate_variance = height
     return Height(
         down + rate * dt_s,
@@ -233,7 +233,7 @@ def advance_height(height: Height, dt_s: float, noise_m2_s3: float) -> Height:
 
 
 def correct_down(height: Height, measured_m: float, variance_m2: float) -> Height:
-    """Take in a measured height."""
+    """Correct with a measured height."""
     down, rate, variance, shared, rate_variance = height
     total, difference = variance + variance_m2, measured_m - down
     return Height(
@@ -246,14 +246,14 @@ def correct_down(height: Height, measured_m: float, variance_m2: float) -> Heigh
 
 
 def correct_rate(height: Height, measured_m_s: float, variance_m2_s2: float) -> Height:
-    """Take in a measured vertical speed."""
+    """Correct with a measured vertical speed."""
     turned = Height(height.rate_m_s, height.down_m, height.rate_variance, height.shared, height.down_variance)
     rate, down, rate_variance, shared, variance = correct_down(turned, measured_m_s, variance_m2_s2)
     return Height(down, rate, variance, shared, rate_variance)
 
 
 class Estimate(NamedTuple):
-    """Where the evader was at a time of our clock, in the plane and in height, and when that was last heard of."""
+    """The evader at a time of our clock, in the plane and in height, and the arrival of its last report."""
 
     time_s: float
     received_s: float
@@ -262,7 +262,7 @@ class Estimate(NamedTuple):
 
 
 def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estimate:
-    """Move an estimate on to a later time; an earlier one leaves it as it is."""
+    """Advance an estimate to a later time; for an earlier time return it unchanged."""
     dt_s = time_s - estimate.time_s
     if dt_s <= 0.0:
         return estimate

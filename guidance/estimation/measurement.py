@@ -1,10 +1,9 @@
-"""A report of the evader made ready for the filter: local metres, our clock, and honest spreads.
+"""Reports of the evader as measurements: local metres, our clock, and a spread for every value.
 
-From a sender's clock to ours, out of what reports themselves say and, where there is one, TIMESYNC: received - sent =
-offset + delay, and no delay is negative. So the least difference seen is the best bound on the offset, and it is let
-rise as fast as two clocks can drift apart. A round trip (TIMESYNC) measures the offset itself, to half its duration. A
-sender that starts anew jumps by seconds: that is believed only once it has lasted, because a single corrupt time, or a
-burst of reports that waited in a queue, looks the same for a moment.
+The sender's clock is converted to ours by the reports' own times and by TIMESYNC. received - sent = offset + delay, and
+no delay is negative. So the smallest difference bounds the offset; it may rise as fast as two clocks drift apart. A
+TIMESYNC round trip measures the offset itself, to half its duration. A restarted sender jumps by seconds. The jump is
+accepted only after a while, because one corrupt time, or a burst from a queue, looks the same at first.
 """
 
 import math
@@ -40,13 +39,13 @@ class Measurement(NamedTuple):
     velocity_sd_m_s: float
 
     def is_usable(self) -> bool:
-        """Whether everything in it is a number of a size that can be, the spreads included."""
+        """Return whether all numbers, including the spreads, are finite and of a possible size."""
         numbers = (*self[:2], *self.position_ned_m, *(self.velocity_ned_m_s or ()))
         spreads_fit = all(_LEAST_SD <= spread <= _LARGEST_SD for spread in self[4:])
         return spreads_fit and all(abs(number) < _LARGEST for number in numbers)
 
     def plane(self) -> tuple[Array, Array]:
-        """What is measured in the plane, (2,) or with a velocity (4,), and its covariance."""
+        """Return the measured values in the plane, (2,) or with velocity (4,), and their covariance."""
         place = self.position_sd_m**2
         if self.velocity_ned_m_s is None:
             return np.array(self.position_ned_m[:2]), np.array([[place, 0.0], [0.0, place]])
@@ -58,16 +57,16 @@ class Measurement(NamedTuple):
 
 
 def measure(report: EvaderReport, frame: LocalFrame, time_s: float, settings: TrackSettings) -> Measurement:
-    """Bring a report into the local frame.
+    """Convert a plausible report to the local frame.
 
-    A velocity of which any part is NaN is not known, and none is invented. A spread that is not given, or not
-    positive, is the setting's; nobody is believed to a millimetre. A place that is none on Earth is not usable.
+    A velocity is unknown if any part is NaN. A spread that is missing or not positive is taken from the settings; very
+    small ones are raised to 1 cm.
 
     Args:
-        report: As the source gave it.
+        report: From the source.
         frame: The vehicle's local frame.
         time_s: When it was true, on our clock.
-        settings: For spreads that are not given.
+        settings: For missing spreads.
     """
     known = not any(math.isnan(part) for part in report.velocity_ned_m_s)
     return Measurement(
@@ -86,10 +85,10 @@ class ClockOffset:
 
     Attributes:
         offset_s: The estimate, valid at `at_s`.
-        at_s: Our time of the last report that had a part in it.
-        round_trip_s: Of the TIMESYNC exchange it rests on; NaN if it rests on reports alone.
+        at_s: Our time of the last report that contributed.
+        round_trip_s: Duration of the TIMESYNC exchange that measured it; NaN if only reports did.
         synced_s: Our time of that exchange.
-        candidate_s: Another offset that the latest reports agree on; NaN if there is none.
+        candidate_s: Another offset, common to the latest reports; NaN if there is none.
         candidate_since_s: Our time when it was first seen.
         candidate_reports: How many reports agree on it.
     """
@@ -103,17 +102,17 @@ class ClockOffset:
     candidate_reports: int = 0
 
     def ours(self, sent_s: float) -> float:
-        """A time of the sender's clock, on ours."""
+        """Convert a time of the sender's clock to ours."""
         return sent_s + self.offset_s
 
     @property
     def measured(self) -> bool:
-        """Whether a round trip measured it: otherwise the least delay on the way is part of it."""
+        """True if a round trip measured it; otherwise it includes the least transport delay."""
         return not math.isnan(self.round_trip_s)
 
 
 def hear(clock: ClockOffset | None, sent_s: float, received_s: float) -> ClockOffset | None:
-    """Take in the two times of a report. Times that are no numbers change nothing."""
+    """Add the two times of a report; ignore times that are not finite."""
     sample_s = received_s - sent_s
     if not math.isfinite(sample_s):
         return clock
@@ -132,15 +131,15 @@ def hear(clock: ClockOffset | None, sent_s: float, received_s: float) -> ClockOf
 
 
 def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answered_s: float) -> ClockOffset | None:
-    """Take in a TIMESYNC exchange: we asked, the sender read its clock, the answer came.
+    """Add a TIMESYNC exchange: we asked, the sender read its clock, the answer arrived.
 
-    The shortest round trip is the best one; a longer one replaces it only when it has grown old.
+    The shortest round trip is the best; a longer one replaces it only when it has become old.
 
     Args:
-        clock: What is known of the sender's clock so far.
-        remote_s: The sender's clock as the answer tells it.
-        asked_s: When we asked, by our clock.
-        answered_s: When the answer came, by our clock.
+        clock: The offset so far.
+        remote_s: The sender's clock in the answer.
+        asked_s: When we asked, on our clock.
+        answered_s: When the answer arrived, on our clock.
     """
     round_trip_s, offset_s = answered_s - asked_s, 0.5 * (asked_s + answered_s) - remote_s
     if not (0.0 <= round_trip_s <= _STEP_S and math.isfinite(offset_s)):
@@ -169,7 +168,7 @@ def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOff
 
 
 def true_at(report: EvaderReport, clock: ClockOffset | None, settings: TrackSettings) -> float:
-    """When the report was true: by its sender's clock where it has one, else by its arrival less the latency."""
+    """Return when a report was true: by its sender's clock if it has one, else its arrival minus the latency."""
     if math.isnan(report.sent_s) or clock is None:
         return report.received_s - settings.latency_s
     return clock.ours(report.sent_s) - (0.0 if clock.measured else settings.latency_s)

@@ -1,7 +1,7 @@
-"""What is remembered of one evader: how a report from the wire enters it (clock ▸ frame ▸ track), and what comes out.
+"""The memory of one evader. A report passes clock, frame and track; `predict` returns the evader at any time.
 
-Out comes where the evader is at a time, how fast it may be, how old and how sure that is. In a local frame whose zero
-is moved, every place moves alike, and nothing is less sure.
+The prediction has position, velocity, speed bound, age and uncertainty. If the origin of the local frame moves, all
+positions move with it and their uncertainty stays the same.
 """
 
 import math
@@ -25,14 +25,14 @@ class EvaderState(NamedTuple):
 
     Attributes:
         position_ned_m: Position in the local frame.
-        velocity_ned_m_s: Velocity; without meaning (and near zero) while `velocity_known` is False.
-        velocity_known: Whether reports or motion have shown the velocity yet. Unknown is not zero.
+        velocity_ned_m_s: Velocity; undefined (near zero) while `velocity_known` is False.
+        velocity_known: True once reports or motion have determined the velocity. Unknown is not zero.
         speed_bound_m_s: max(declared, estimate + kσ) over the ground.
         turn_rate_rad_s: Positive from north to east.
         turning: Probability that it is turning, 0 to 1.
-        age_s: From the moment the last report was true, to now: τ of the game's l − uτ.
-        silence_s: From the moment the last report arrived.
-        velocity_sd_m_s: Spread of the velocity over the ground, in its worst direction.
+        age_s: Time since the last report was true: τ of the game's l − uτ.
+        silence_s: Time since the last report arrived.
+        velocity_sd_m_s: Spread of the velocity over ground in its worst direction.
         covariance: (4, 4), of north, east (m) and their rates (m/s).
     """
 
@@ -49,13 +49,13 @@ class EvaderState(NamedTuple):
 
     @property
     def position_sd_m(self) -> float:
-        """Spread of the position over the ground, in its worst direction."""
+        """Spread of the position over ground in its worst direction."""
         (one, shared), (_, other) = self.covariance[:2, :2].tolist()
         return _worst_sd(one, shared, other)
 
 
 def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderState | None:
-    """The evader at a time of our clock; None before the first report, the last report's for a time before it."""
+    """Return the evader at a time of our clock, not before its last report; None before the first report."""
     last = track.estimate
     if last is None:
         return None
@@ -81,7 +81,7 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderState 
 
 
 def _sd_along(north_rate: float, east_rate: float, spread: list[list[float]], worst_sd: float) -> float:
-    """σ of the speed: of the velocity along itself, or in its worst direction while it is lost in its own spread."""
+    """Return σ of the speed: along the velocity, or in the worst direction while the velocity is below its spread."""
     speed = math.hypot(north_rate, east_rate)
     if speed <= worst_sd:
         return worst_sd
@@ -91,7 +91,7 @@ def _sd_along(north_rate: float, east_rate: float, spread: list[list[float]], wo
 
 
 def _worst_sd(one: float, shared: float, other: float) -> float:
-    """Square root of the larger eigenvalue of a symmetric 2 × 2 matrix."""
+    """Return the square root of the larger eigenvalue of a symmetric 2 × 2 matrix."""
     return math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
 
 
@@ -104,7 +104,7 @@ _FITS: Final[Mapping[ReportOutcome, bool]] = {
 
 
 class Observer(NamedTuple):
-    """The sender's clock, the track, and whether somebody else speaks as the evader. A new one knows nothing."""
+    """The sender's clock, the track, and the detection of a second source. Empty at first."""
 
     clock: ClockOffset | None = None
     track: Track = Track()
@@ -112,13 +112,13 @@ class Observer(NamedTuple):
 
 
 def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
-    """Take in one report of the one evader, and the answer to our TIMESYNC that it may bring along.
+    """Add one report, and the answer to our TIMESYNC if the report carries one.
 
     Args:
-        observer: What is known so far.
-        report: As received; its clock is the sender's.
-        frame: The vehicle's local frame, in which the track is kept.
-        settings: What may be believed of this evader.
+        observer: The memory so far.
+        report: Plausible, as sources deliver it.
+        frame: The vehicle's local frame, also the frame of the track.
+        settings: Noise and limits of the track.
     """
     if report.timesync is not None:
         observer = compare_clocks(observer, report.timesync)
@@ -150,17 +150,17 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
 
 
 def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
-    """Take in the evader's own answer to our TIMESYNC."""
+    """Add the evader's answer to our TIMESYNC."""
     clock = synchronise(observer.clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
     return observer._replace(clock=clock)
 
 
 def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
-    """Move everything that is remembered of an evader, as if its reports had been heard in the new frame.
+    """Convert the memory to a new local frame.
 
     Args:
-        observer: As it was.
-        into: From a position in the old frame to the same place in the new one, metres; both point the same way.
+        observer: In the old frame.
+        into: Converts a position from the old frame to the new one, metres. Both have the same axes.
     """
     track = observer.track
     if not track.history:

@@ -11,8 +11,8 @@ The true evader keeps reporting, so two sources take turns. They contradict each
   (`EvaderReport.impostors`), in alternation;
 - in *rate*, if reports have no time of their own: there are several times as many as at first.
 
-One source that is late, duplicated, reordered, silent for a while, or jumps once shows none of these. Reports do not
-tell which of two sources is the wrong one.
+One source that is late, duplicated, reordered, silent for a while, or jumps once is not detected as two. Reports cannot
+show which of two sources is the wrong one.
 """
 
 import itertools

@@ -1,41 +1,44 @@
-"""What the estimator believes of the evader and of its reports before it has heard any."""
+"""Noise and limits of the evader's track, fixed before the first report."""
 
 from dataclasses import dataclass, fields
+from typing import Final
 
 from guidance.errors import ConfigError
 
-_LARGEST = 1e4
+_LARGEST: Final = 1e4
+_MAY_BE_ZERO: Final = frozenset({"latency_s", "future_s", "sigmas", "history_s"})
+_LEAST: Final = {**dict.fromkeys(_MAY_BE_ZERO, 0.0), "position_sd_m": 0.01, "velocity_sd_m_s": 0.01}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackSettings:
-    """Noise, patience and bounds of the evader's track.
+    """Noise, time limits and bounds of the evader's track.
 
     Attributes:
-        declared_speed_m_s: What the evader is said never to exceed.
+        declared_speed_m_s: Largest speed of the evader, as declared.
         sigmas: k of the speed bound max(declared, estimate + kσ).
         steady_noise_m2_s3: Spectral density of the acceleration while the evader holds its course.
         turning_noise_m2_s3: The same while it turns.
         turn_rate_sd_rad_s: Spread of turn rates while it turns.
-        turn_time_s: How long a turn rate lasts (correlation time).
+        turn_time_s: Correlation time of the turn rate.
         steady_time_s: Mean time between turns.
         turning_time_s: Mean time in a turn.
-        position_sd_m: Of a report that does not say.
-        velocity_sd_m_s: Of a report that does not say.
+        position_sd_m: Spread of a report that gives none.
+        velocity_sd_m_s: Spread of a report that gives none.
         height_noise_m2_s3: Spectral density of the vertical acceleration.
-        prior_speed_sd_m_s: Spread of the velocity before anything is known of it.
-        known_velocity_sd_m_s: The velocity counts as known from this spread on.
-        largest_speed_m_s: Reports that claim more are refused.
-        latency_s: Least time from measurement to arrival, for clocks that no TIMESYNC compares.
-        stale_s: Age on arrival from which a report is dropped.
-        future_s: How far after its own arrival a report may claim to be.
-        silence_s: After this long without a report the next one starts the track anew.
-        history_s: How far back reports can be put in order.
-        jump_reports: Outliers in a row that agree with each other and start the track anew,
-        jump_s: or fewer that do so for this long.
-        jump_m_s: A jump is believed only so far as this speed goes in the time since the evader was last known,
-        way_m_s: and no report that is further from where it was some seconds ago than this speed goes,
-        reach_m: each give or take this. The largest numbers allowed are no bound.
+        prior_speed_sd_m_s: Spread of the velocity before the first report of it.
+        known_velocity_sd_m_s: Largest spread of a velocity that counts as known.
+        largest_speed_m_s: Reports of a higher speed are refused.
+        latency_s: Least time from measurement to arrival, for clocks without TIMESYNC.
+        stale_s: Reports older than this on arrival are dropped.
+        future_s: A report may be this far ahead of its own arrival.
+        silence_s: After this long without a report, the next one restarts the track.
+        history_s: Time span within which reports can be reordered.
+        jump_reports: So many outliers in a row that agree with each other restart the track,
+        jump_s: or fewer that agree for this long.
+        jump_m_s: A restart must be within the distance covered at this speed since the last estimate,
+        way_m_s: and every report within the distance covered at this speed since some seconds ago,
+        reach_m: each with this tolerance. The largest numbers allowed mean no bound.
     """
 
     declared_speed_m_s: float
@@ -65,8 +68,6 @@ class TrackSettings:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            least = 0.0 if field.name in {"latency_s", "future_s", "sigmas", "history_s"} else 1e-6
-            least = 0.01 if field.name in {"position_sd_m", "velocity_sd_m_s"} else least
+            value, least = getattr(self, field.name), _LEAST.get(field.name, 1e-6)
             if not least <= value <= _LARGEST:
                 raise ConfigError(f"{field.name} = {value}: allowed is {least} to {_LARGEST}")

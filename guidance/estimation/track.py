@@ -1,8 +1,8 @@
-"""The evader's track: `update(track, measurement)` takes a report in or drops it, with the reason counted.
+"""The evader's track: `update(track, measurement)` adds a report, or drops it and counts the reason.
 
-A track is a value: update returns a new one. Besides the estimate it holds the last seconds of accepted reports with
-the estimate after each, so that a late report is put in its place in time and the later ones are taken in again; and
-a rival, fed by outliers, that takes over once several in a row agree with it.
+A track is a value; update returns a new one. It keeps the accepted reports of the last seconds with the estimate after
+each, so a late report is inserted at its time and the later ones are processed again. Outliers form a second track, the
+rival, which replaces the first once several in a row agree with it.
 """
 
 import math
@@ -27,36 +27,27 @@ from guidance.estimation.settings import TrackSettings
 
 
 class ReportOutcome(StrEnum):
-    """The last report's fate. The first five changed the estimate."""
+    """The outcome of a report. The first five changed the estimate."""
 
     STARTED = "started"
     ACCEPTED = "accepted"
-    REORDERED = "reordered"  # older than the newest one, put in its place in time
-    JUMPED = "jumped"  # several outliers in a row agree with each other: the track starts anew there
+    REORDERED = "reordered"  # older than the newest one, inserted at its time
+    JUMPED = "jumped"  # several outliers in a row agree: the track restarts there
     REACQUIRED = "reacquired"  # the first one after a long silence
-    UNUSABLE = "unusable"  # something in it is no number, or of no size that can be
-    IMPLAUSIBLE = "implausible"  # faster than anything that is being pursued
+    UNUSABLE = "unusable"  # a number is not finite or impossibly large
+    IMPLAUSIBLE = "implausible"  # faster than any evader
     STALE = "stale"  # too old when it arrived
     FUTURE = "future"  # from after its own arrival
     DUPLICATE = "duplicate"
-    TOO_OLD = "too old"  # from before everything that can still be put in order
+    TOO_OLD = "too old"  # older than all reports that are kept
     OUTLIER = "outlier"
-    TOO_FAR = "too far"  # further from where it was than it can have got
+    TOO_FAR = "too far"  # out of reach of where it was
 
 
-TAKEN = frozenset(
-    {
-        ReportOutcome.STARTED,
-        ReportOutcome.ACCEPTED,
-        ReportOutcome.REORDERED,
-        ReportOutcome.JUMPED,
-        ReportOutcome.REACQUIRED,
-    }
-)
+TAKEN = frozenset(list(ReportOutcome)[:5])
 
-
-# χ² at a probability of 1e-6, by the number of things measured. No tighter: at 1 Hz a sharp turn lies in the tails of
-# the mixture, and to refuse it costs more than to take in what a receiver's bad moment could still hide below.
+# χ² at a probability of 1e-6, by the number of measured values. No tighter: at 1 Hz a sharp turn lies in the tails of
+# the mixture, and refusing it costs more than accepting an error that is still below this gate.
 _GATE = {2: 27.63, 4: 33.38}
 _SAME_TIME_S = 1e-4
 _ANCHOR_EVERY_S = 0.5
@@ -65,14 +56,14 @@ _FAR = ReportOutcome.TOO_FAR
 
 
 class Accepted(NamedTuple):
-    """A report that was taken in, and the estimate after it."""
+    """An accepted report, and the estimate after it."""
 
     measurement: Measurement
     estimate: Estimate
 
 
 class Anchor(NamedTuple):
-    """A place, north and east in metres, where the evader was taken to be at a time."""
+    """Estimated place of the evader at a time: north and east, metres."""
 
     time_s: float
     place_m: tuple[float, float]
@@ -80,15 +71,15 @@ class Anchor(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """Everything that is remembered of an evader.
+    """The memory of an evader's motion.
 
     Attributes:
         history: Accepted reports of the last seconds, oldest first; empty before the first one.
-        rival: A track that outliers agree on, not yet believed.
-        outcome: What became of the last report.
-        counts: How many reports ended with each outcome.
+        rival: A track of outliers that agree, not accepted yet.
+        outcome: Of the last report.
+        counts: Number of reports by outcome.
         nis: Normalised innovation squared of the last report that was compared with the estimate.
-        anchors: Where it was in the last seconds, jumps or none, oldest first; they bound how far it can be.
+        anchors: Estimated places of the last seconds, oldest first; they bound how far it can have moved.
         estimate: The newest one, None before the first report.
     """
 
@@ -105,7 +96,7 @@ class Track:
 
 
 def update(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
-    """Take a report in, or drop it and count why."""
+    """Add a report, or drop it and count the reason."""
     refused = _refusal(track, measurement, settings)
     if refused is not None:
         return _ended(track, refused)
@@ -128,7 +119,7 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
 
 
 def _within_way(track: Track, measurement: Measurement, settings: TrackSettings) -> bool:
-    """Whether the evader can have got there from where it was some seconds ago, jumps or none."""
+    """Return whether the evader can have reached the place since its oldest anchor."""
     if not track.anchors:
         return True
     oldest = track.anchors[0]
@@ -137,7 +128,7 @@ def _within_way(track: Track, measurement: Measurement, settings: TrackSettings)
 
 
 def _within_jump(estimate: Estimate, measurement: Measurement, settings: TrackSettings) -> bool:
-    """Whether it can have got there since it was last known, at the speed that it declares."""
+    """Return whether it can have reached the place since the last estimate at its declared speed."""
     moved = advance(estimate, measurement.time_s, settings)
     north, east = combine(moved.modes)[0][:2].tolist()
     spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
@@ -147,7 +138,7 @@ def _within_jump(estimate: Estimate, measurement: Measurement, settings: TrackSe
 
 
 def _anchored(track: Track, settings: TrackSettings) -> Track:
-    """Remember where it is from time to time."""
+    """Add an anchor from time to time."""
     estimate, anchors = track.estimate, track.anchors
     if estimate is None or (anchors and estimate.time_s - anchors[-1].time_s < _ANCHOR_EVERY_S):
         return track
@@ -183,7 +174,7 @@ def _repetition(track: Track, measurement: Measurement) -> ReportOutcome | None:
 def _replayed(
     history: tuple[Accepted, ...], later: tuple[Accepted, ...], settings: TrackSettings
 ) -> tuple[Accepted, ...]:
-    """Take the later reports in again; one that no longer fits is left out."""
+    """Process the later reports again; drop those that no longer fit."""
     for one in later:
         again, _ = _take(history[-1].estimate, one.measurement, settings)
         if again is not None:
@@ -192,7 +183,7 @@ def _replayed(
 
 
 def _recent(history: tuple[Accepted, ...], settings: TrackSettings) -> tuple[Accepted, ...]:
-    """Leave out what is older than the history reaches back; the newest always stays."""
+    """Drop reports older than the history's time span, but never the newest."""
     oldest_s = history[-1].measurement.time_s - settings.history_s
     first = 0
     while history[first].measurement.time_s < oldest_s:
@@ -215,7 +206,7 @@ def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> T
 
 
 def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -> tuple[Estimate | None, float]:
-    """The estimate with a report taken in, None if the report is an outlier; and its NIS."""
+    """Return the estimate after a report, None if the report is an outlier; and its NIS."""
     moved = advance(before, measurement.time_s, settings)
     measured, noise = measurement.plane()
     innovation = compare(moved.modes, measured, noise)
@@ -229,7 +220,7 @@ def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -
 
 
 def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
-    """Feed the rival; once enough outliers agree, it is the track."""
+    """Add the outlier to the rival; once enough outliers agree, the rival becomes the track."""
     rival = track.rival
     if rival is not None:
         rival = update(rival, measurement, settings)
@@ -243,7 +234,7 @@ def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) ->
 
 
 def _begun_anew(track: Track, anew: Track, outcome: ReportOutcome, settings: TrackSettings) -> Track:
-    """The track that begins elsewhere, if the evader can have got there since it was last known."""
+    """Return the new track if the evader can have reached it since the last estimate; else keep the old one."""
     estimate, measurement = track.estimate, anew.history[-1].measurement
     if estimate is not None and not _within_jump(estimate, measurement, settings):
         return _ended(track, _FAR)

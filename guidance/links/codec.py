@@ -221,11 +221,11 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
     """Return a SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero.
 
     Its type mask is 3527 for velocity alone, 2503 with yaw, 3079 with acceleration and 2055 with both. PX4 and
-    ArduCopter accept all of these. No height is sent beside a velocity: ArduCopter then ignores the whole and stops.
+    ArduCopter accept all four. No height is sent beside a velocity: ArduCopter then ignores the whole and stops.
 
     Args:
         setpoint: NED, m/s and m/s².
-        now_s: Our clock; becomes time_boot_ms.
+        now_s: Our clock; becomes time_boot_ms, which wraps at 2^32.
         system_id: The vehicle's.
         component_id: Its autopilot's.
 
@@ -235,17 +235,12 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
     velocity, acceleration, yaw_rad = setpoint
     numbers = (*velocity, *(acceleration or _ZERO), yaw_rad or 0.0)
     if not all(abs(number) <= FLOAT32_MAX for number in numbers):
-        raise ValueError(f"{setpoint}: a setpoint must be finite; nothing was sent")
+        raise ValueError(f"{setpoint}: a setpoint must be finite; it was not sent")
     mask = IGNORE_POSITION | IGNORE_YAW_RATE
     mask |= IGNORE_ACCELERATION if acceleration is None else 0
     mask |= IGNORE_YAW if yaw_rad is None else 0
-    target = boot_ms(now_s), system_id, component_id, MAV_FRAME_LOCAL_NED, mask
+    target = int(now_s * 1e3) % 2**32, system_id, component_id, MAV_FRAME_LOCAL_NED, mask
     return common.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
-
-
-def boot_ms(now_s: float) -> int:
-    """Convert our clock to MAVLink's time_boot_ms, which wraps at 2^32."""
-    return int(now_s * 1e3) % 2**32
 
 
 def request(request: Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0) -> Decoded:

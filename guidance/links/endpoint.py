@@ -1,4 +1,4 @@
-"""What a link's URL says."""
+"""URLs of links: parsed and checked."""
 
 import ipaddress
 from typing import NamedTuple
@@ -14,7 +14,7 @@ _HOSTS_AND_PORTS = ("udpin", "udpout", "tcpin", "tcpout", "zenoh")
 
 
 class Endpoint(NamedTuple):
-    """A URL taken apart: host and port, or device (in `host`) and baud (in `port`); the namespace for Zenoh only."""
+    """A parsed URL: host and port, or for serial the device (`host`) and baud rate (`port`); `namespace` is Zenoh's."""
 
     url: str
     scheme: str
@@ -24,7 +24,7 @@ class Endpoint(NamedTuple):
 
     @property
     def on_loopback(self) -> bool:
-        """Whether only this machine can be at the other end: a simulator, in all likelihood."""
+        """True if the other end is on this computer, so most likely a simulator."""
         if self.scheme == "serial":
             return False
         try:
@@ -34,10 +34,10 @@ class Endpoint(NamedTuple):
 
 
 def parse(url: str) -> Endpoint:
-    """Take a URL apart.
+    """Parse a URL.
 
     Raises:
-        ConfigError: If it is not one of `FORMS`.
+        ConfigError: If it has none of `FORMS`.
     """
     try:
         return taken_apart(url)
@@ -46,10 +46,10 @@ def parse(url: str) -> Endpoint:
 
 
 def taken_apart(url: str) -> Endpoint:
-    """The same for a configuration's own check, which names the key and the value itself.
+    """Parse a URL for a configuration, whose own error names the key and the value.
 
     Raises:
-        ValueError: If it is not one of `FORMS`.
+        ValueError: If it has none of `FORMS`.
     """
     scheme, separator, rest = url.partition("://")
     if separator and scheme in ("udp", "tcp"):

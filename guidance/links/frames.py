@@ -2,7 +2,7 @@
 
 pymavlink decodes, packs and signs. Only the search for frames and the check of signatures are our own. pymavlink's
 stream parser takes twice as long, and after a false start mark it drops as many bytes as that mark announces, together
-with the valid frames among them. The search here is linear in the number of bytes, whatever they are.
+with the valid frames among them. The search here is linear in the number of bytes for any input.
 Sources: MAVLink 2 serialisation (mavlink.io/en/guide/serialization.html) and signing
 (mavlink.io/en/guide/message_signing.html).
 """
@@ -10,10 +10,12 @@ Sources: MAVLink 2 serialisation (mavlink.io/en/guide/serialization.html) and si
 import hashlib
 import hmac
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, Final
 
+from fastcrc import crc16
 from pymavlink.dialects.v20 import common
 
 from guidance.errors import ConfigError
@@ -35,6 +37,8 @@ _START: Final = re.compile(b"[\xfd\xfe]")
 _MAX_BROKEN: Final = 128
 """The rest of a piece is skipped after this many frames with a wrong checksum."""
 
+_UNUSED: Final = object()
+
 KEY_BYTES: Final = 32
 _EPOCH_UNIX_S: Final = 1_420_070_400.0  # 1 January 2015 UTC
 _TICKS_PER_S: Final = 1e5
@@ -48,24 +52,26 @@ class FrameReader:
     it. All other bytes that belong to no frame are counted in `garbage_bytes`.
 
     Args:
+        names: Messages that are returned; other valid frames are counted in `unused`. None returns all.
         dialect: The module of pymavlink that defines the messages.
     """
 
-    def __init__(self, dialect: ModuleType = common) -> None:
+    def __init__(self, names: Collection[str] | None = None, dialect: ModuleType = common) -> None:
         self._known = dialect.mavlink_map
+        used = {number for number, message in self._known.items() if names is None or message.msgname in names}
+        self._unused = frozenset(self._known.keys() - used)
         self._mavlink = dialect.MAVLink(None)
         self._error = dialect.MAVError
         self._buffer = bytearray()
         self._unknown_left = 0
-        self.garbage_bytes = 0
-        self.unknown = 0
+        self.garbage_bytes = self.unknown = self.unused = 0
 
     def read(self, data: bytes, *, stream: bool = True) -> list[Decoded]:
         """Return the frames that `data` completes. With `stream` False an incomplete frame is dropped."""
         if not self._buffer and len(data) >= _SHORTEST and frame_length(data) == len(data):
             whole = self._decoded(bytearray(data))
             if whole is not None:
-                return [whole]
+                return [whole] if whole is not _UNUSED else []
         self._buffer += data
         frames = self._search(stream=stream)
         excess = len(self._buffer) - (_BUFFER_BYTES if stream else 0)
@@ -76,7 +82,8 @@ class FrameReader:
     def first(self, data: bytes) -> Decoded | None:
         """Return the frame at the start of a datagram; None if there is none. What `read` has buffered is kept."""
         length = frame_length(data) if len(data) >= _SHORTEST else 0
-        return self._decoded(bytearray(data[:length])) if 0 < length <= len(data) else None
+        frame = self._decoded(bytearray(data[:length])) if 0 < length <= len(data) else None
+        return None if frame is _UNUSED else frame
 
     def _search(self, *, stream: bool) -> list[Decoded]:
         buffer = self._buffer
@@ -89,7 +96,8 @@ class FrameReader:
                 break
             frame = self._decoded(buffer[position:end]) if position < end <= len(buffer) else None
             if frame is not None:
-                frames.append(frame)
+                if frame is not _UNUSED:
+                    frames.append(frame)
                 position, self._unknown_left = end, 0
                 continue
             broken += length > 0
@@ -101,13 +109,20 @@ class FrameReader:
         return frames
 
     def _decoded(self, data: bytearray) -> Decoded | None:
-        """Decode one whole frame; None if its checksum is wrong or its message unknown."""
+        """Decode one whole frame; `_UNUSED` if its message is not used, None if it is unknown or damaged."""
         number = data[5] if data[0] == MAGIC_V1 else int.from_bytes(data[7:10], "little")
         if number not in self._known:
             if self._unknown_left == 0:
                 self.unknown += 1
                 self._unknown_left = len(data)
             return None
+        if number in self._unused:
+            end = len(data) - 2 - (_SIGNATURE_BYTES if data[0] == MAGIC_V2 and data[2] & SIGNED else 0)
+            checksum = crc16.mcrf4xx(bytes(data[1:end]) + bytes((self._known[number].crc_extra,)))
+            if checksum != data[end] | data[end + 1] << 8:
+                return None
+            self.unused += 1
+            return _UNUSED
         try:
             return self._mavlink.decode(data)
         except self._error:
@@ -245,7 +260,7 @@ class Station:
             signing.secret_key, signing.link_id, signing.sign_outgoing = signing_key.secret, signing_key.link_id, True
 
     def pack(self, message: Decoded) -> bytes:
-        """Return a message as our next frame, whoever it is from.
+        """Return a message as our next frame, also if another sender made it.
 
         Raises:
             struct.error: If a field does not fit.

@@ -1,6 +1,6 @@
-"""Certificates for a Zenoh network of our own: one authority, a router, and a certificate for everybody who may speak.
+"""Certificates for a Zenoh network: one authority, a router, and one certificate for each party.
 
-Elliptic-curve keys (P-256). A party's certificate lets it call and not be called: nobody can pose as the router by it.
+Elliptic-curve keys (P-256). The certificate of a party is for clients only, so no party can pose as the router.
 Needs the extra `keys`.
 """
 
@@ -30,31 +30,31 @@ class KeyPair(NamedTuple):
 
 
 class Validity(NamedTuple):
-    """From when to when."""
+    """Begin and end of a certificate's validity."""
 
     begin: datetime.datetime
     end: datetime.datetime
 
 
 def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validity: Validity) -> list[Path]:
-    """Make what is missing in a folder: the authority, the router's certificate, and one for each party.
+    """Create the missing files in a folder: the authority, the router's certificate, and one for each party.
 
     Args:
-        folder: Where PEM files go, and NAME.toml for each party, with the keys of `[zenoh]`.
-        parties: Common names, as the router's access control calls them.
-        hosts: Names and addresses that the router is called by.
-        validity: Of every certificate.
+        folder: For the PEM files, and NAME.toml for each party with the keys of `[zenoh]`.
+        parties: Common names, as in the router's access control.
+        hosts: Names and addresses of the router.
+        validity: The same for every certificate.
 
     Returns:
-        The files that were written.
+        The files written.
 
     Raises:
-        ConfigError: If a party has a certificate there already, or the folder has an authority without its key.
-        OSError: If something cannot be written.
+        ConfigError: If a party already has a certificate there, or the key of the authority is missing.
+        OSError: If a file cannot be written.
     """
     for name in parties:
         if name in {AUTHORITY, ROUTER} or (folder / f"{name}.pem").exists():
-            raise ConfigError(f"{folder / name}.pem: is there already; give another name, or remove it")
+            raise ConfigError(f"{folder / name}.pem: already exists; choose another name or remove it")
     private_folder(folder)
     written: list[Path] = []
     if (folder / f"{AUTHORITY}.pem").exists():
@@ -154,10 +154,10 @@ def _read(folder: Path) -> KeyPair:
         certificate = x509.load_pem_x509_certificate((folder / f"{AUTHORITY}.pem").read_bytes())
     except OSError as error:
         raise ConfigError(
-            f"{path}: cannot be read ({error.strerror}); without the authority's key none is signed"
+            f"{path}: cannot be read ({error.strerror}); certificates need the authority's key"
         ) from error
     except (ValueError, TypeError) as error:
-        raise ConfigError(f"{path} and its .pem: are no key and certificate in PEM ({error})") from error
+        raise ConfigError(f"{path} and its .pem: not a key and certificate in PEM ({error})") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey) or certificate.public_key() != key.public_key():
         raise ConfigError(f"{path}: is not the key of {AUTHORITY}.pem")
     return KeyPair(key, certificate)

@@ -3,7 +3,7 @@
 MAVSDK gets its bytes through its `raw://` connection, over the same wires as the other link, so both directions can be
 recorded. MAVSDK's own UDP, TCP and serial connections show no bytes, and two of them share a port without an error.
 Telemetry is decoded here, as in the other link. MAVSDK gets only the frames that it needs to know the vehicle, and the
-answers to what it sends.
+answers to its requests.
 
 Setpoints and TIMESYNC are sent from here directly: through MAVSDK's threads a frame takes 0.2 ms longer, and more
 while the loop is busy. MAVSDK's Offboard plugin is not used because it repeats the last velocity at 20 Hz by itself:
@@ -28,7 +28,7 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, Mav
 from guidance.errors import LinkError
 from guidance.links.frames import Decoded, FrameReader
 from guidance.links.port import Clock, Wire
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.pymavlink_link import USED, PymavlinkLink
 
 _SHOWN: Final = frozenset(
     {
@@ -70,6 +70,8 @@ def route_to_logging() -> None:
 
 class MavsdkLink(PymavlinkLink):
     """`VehicleLink` over MAVSDK 4.1 and a wire."""
+
+    _reads = USED | _SHOWN
 
     def __init__(
         self,
@@ -115,18 +117,20 @@ class MavsdkLink(PymavlinkLink):
             with self._numbering:
                 self._wire.send(self._station.pack(frame))
 
-    def _heard(self, frame: Decoded, received_s: float) -> None:
-        if frame.get_type() in _SHOWN:
-            self._mavsdk.pass_received_raw_bytes(bytes(frame.get_msgbuf()))
-        super()._heard(frame, received_s)
+    def hear(self, message: Decoded, received_s: float) -> None:
+        """Take one message of the vehicle, and pass it on to MAVSDK if needed; raises as the other link's."""
+        if message.get_type() in _SHOWN:
+            self._mavsdk.pass_received_raw_bytes(bytes(message.get_msgbuf()))
+        if message.get_type() in USED:
+            super().hear(message, received_s)
 
     @property
     def heard(self) -> bool:
-        """Whether both we and MAVSDK have received a HEARTBEAT of the vehicle."""
+        """True once both we and MAVSDK have received a HEARTBEAT of the vehicle."""
         return self.heartbeats > 0 and self._direct is not None
 
     def poll(self) -> None:
-        """Read the wire, keep the messages for the next `receive`, and send what is due."""
+        """Read the wire, keep the messages for the next `receive`, and send due requests."""
         super().poll()
         if self._direct is None and not self._closed and self.heartbeats:
             self._find_system()

@@ -116,12 +116,12 @@ def open_link(
         wire: Closed with the link, also if opening fails.
         kind: "mavsdk" or "pymavlink".
         system_id: The vehicle's MAVLink system id; messages of others are dropped.
-        clock: Stamps what arrives and what is sent.
+        clock: Time of arrivals, setpoints and repeated requests.
         who: Names the vehicle in errors.
         component_id: Its autopilot's.
         own_system_id: Ours; None takes the vehicle's, as its companion computer.
         own_component_id: Ours; 195 is MAVSDK's for a companion computer.
-        signing_key: Sign what is sent and refuse what is not signed (pymavlink only; MAVSDK cannot sign).
+        signing_key: Sign our frames and refuse unsigned ones (pymavlink only; MAVSDK cannot sign).
         timeout_s: How long to wait for the first HEARTBEAT.
         sleep: Waits between two looks, s.
 

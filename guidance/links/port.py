@@ -29,10 +29,10 @@ class VehicleLink(Protocol):
         """Block until data has arrived, at most `timeout_s` of real time. For loops without a rate of their own."""
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
-        """Send one SET_POSITION_TARGET_LOCAL_NED frame now. Nothing is sent again later.
+        """Send one SET_POSITION_TARGET_LOCAL_NED frame now, and never repeat it.
 
         Raises:
-            ValueError: If the setpoint is not finite; nothing is sent then.
+            ValueError: If the setpoint is not finite; it is not sent then.
         """
 
     def request(self, request: Request) -> None:
@@ -78,7 +78,7 @@ class Wire(Protocol):
 
     @property
     def stream(self) -> bool:
-        """Whether a frame may be split between two pieces."""
+        """True if a frame may be split between two pieces."""
 
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Return (arrival time, frame or piece of a stream) since the last call, oldest first. Never blocks."""

@@ -1,4 +1,4 @@
-"""`VehicleLink` through pymavlink, over any wire. The MAVSDK link is the same, but for what it sends.
+"""`VehicleLink` through pymavlink, over any wire. The MAVSDK link differs only in how it sends.
 
 It listens to one vehicle on one wire. Messages of others are dropped and counted. A STATUSTEXT longer than 50 bytes
 arrives in chunks; they are joined here.
@@ -30,11 +30,17 @@ from guidance.messages import (
 USED: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
 """Names of the messages that a link reads."""
 
+ADDRESSED: Final = frozenset(
+    message.msgname for message in common.mavlink_map.values() if "target_system" in message.fieldnames
+)
+"""Names of the messages that are addressed to one station."""
+
 QUEUE_LENGTH: Final = 2048
+_ANSWERS: Final = (Heartbeat, CommandAck, FenceCount, FenceItem, FenceRefused)
 _TEXT_CHUNK_BYTES: Final = 50
 _TEXT_TIMEOUT_S: Final = 1.0
 _MAX_TEXT_CHUNKS: Final = 16
-_REASONS: Final = ("foreign", "unused", "unsigned", "refused", "unsent", "received", "invalid", "for_others")
+_REASONS: Final = ("foreign", "unsigned", "refused", "unsent", "received", "invalid", "for_others")
 _COUNTED: Final = (*_REASONS, "overflowed", "requests_sent", "setpoints_sent")
 
 
@@ -51,7 +57,7 @@ def own_heartbeat() -> Decoded:
 
 
 class OpenText(NamedTuple):
-    """A text of which the last chunk has not arrived."""
+    """A text whose last chunk has not arrived."""
 
     first_received_s: float
     message_id: int
@@ -97,6 +103,8 @@ def expire_text(open_text: OpenText | None, now_s: float) -> tuple[OpenText | No
 class PymavlinkLink:
     """`VehicleLink` over a `Wire`. Nothing blocks, and all time comes from the given clock."""
 
+    _reads: frozenset[str] = USED
+
     def __init__(
         self,
         wire: Wire,
@@ -113,12 +121,12 @@ class PymavlinkLink:
 
         Args:
             wire: Where the vehicle sends.
-            clock: Stamps what is sent, and repeats requests.
+            clock: Time of setpoints, TIMESYNC and repeated requests.
             system_id: The vehicle's.
             component_id: Its autopilot's.
             own_system_id: Ours; None takes the vehicle's, as its companion computer.
             own_component_id: Ours. Messages addressed to other stations are dropped.
-            signing_key: Sign what is sent and refuse what is not signed; None does neither.
+            signing_key: Sign our frames and refuse unsigned ones; None does neither.
             unix_s: The Unix time now, needed for signing only.
         """
         self._wire = wire
@@ -127,7 +135,7 @@ class PymavlinkLink:
         self._vehicle = Address(system_id, component_id)
         self._to_vehicle = self._vehicle._asdict()
         self._station = Station(*self._own, signing_key=signing_key, clock=clock, unix_s=unix_s)
-        self._frames = FrameReader()
+        self._frames = FrameReader(self._reads)
         self._inbox: deque[Message] = deque()
         self._requests = RequestQueue()
         self._timesync = TimesyncPeer()
@@ -141,7 +149,7 @@ class PymavlinkLink:
 
     @property
     def heard(self) -> bool:
-        """Whether a HEARTBEAT of the vehicle has arrived."""
+        """True once a HEARTBEAT of the vehicle has arrived."""
         return self.heartbeats > 0
 
     def receive(self) -> Sequence[Message]:
@@ -157,7 +165,7 @@ class PymavlinkLink:
             self._wire.wait(timeout_s)
 
     def poll(self) -> None:
-        """Read the wire, keep the messages for the next `receive`, and send what is due."""
+        """Read the wire, keep the messages for the next `receive`, and send due requests."""
         if self._closed:
             return
         for received_s, data in self._wire.receive():
@@ -175,18 +183,11 @@ class PymavlinkLink:
         elif (problem := self._station.problem(frame)) is not None:
             self.counts[problem] += 1
         else:
-            self._heard(frame, received_s)
-
-    def _heard(self, frame: Decoded, received_s: float) -> None:
-        """Take a frame of the vehicle."""
-        if frame.get_type() not in USED:
-            self.counts["unused"] += 1
-            return
-        self.counts["received"] += 1
-        try:
-            self.hear(frame, received_s)
-        except (KeyError, TypeError, ValueError, ArithmeticError):
-            self.counts["invalid"] += 1
+            self.counts["received"] += 1
+            try:
+                self.hear(frame, received_s)
+            except (KeyError, TypeError, ValueError, ArithmeticError):
+                self.counts["invalid"] += 1
 
     def hear(self, message: Decoded, received_s: float) -> None:
         """Take one used message of the vehicle.
@@ -195,7 +196,7 @@ class PymavlinkLink:
             KeyError, TypeError, ValueError, ArithmeticError: If its values are implausible.
         """
         name = message.get_type()
-        if not self._is_for_us(message):
+        if name in ADDRESSED and not self._is_for_us(message):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
             self._open_text, texts = join_text(self._open_text, message, received_s)
@@ -207,20 +208,22 @@ class PymavlinkLink:
             if reply is not None:
                 self._send(reply)
         elif name == "PARAM_VALUE":
-            value = parameter(message, received_s, autopilot=self.autopilot)
-            self._requests.parameter_came(value.name)
-            self._inbox.append(plausible(value))
+            read = parameter(message, received_s, autopilot=self.autopilot)
+            self._requests.parameter_came(read.name)
+            self._inbox.append(plausible(read))
         else:
-            self._note(decode(message, received_s))
+            value = decode(message, received_s)
+            self._inbox.append(value)
+            if isinstance(value, _ANSWERS):
+                self._note(value)
 
     def _is_for_us(self, message: Decoded) -> bool:
-        """Whether it is addressed to us or to all (0); a message without target fields is for all."""
-        system_id, component_id = getattr(message, "target_system", 0), getattr(message, "target_component", 0)
+        """Return whether the message is addressed to us or to all (0)."""
+        system_id, component_id = message.target_system, getattr(message, "target_component", 0)
         return system_id in (0, self._own.system_id) and component_id in (0, self._own.component_id)
 
     def _note(self, message: Message) -> None:
-        """Keep a message, and note which request it answers."""
-        self._inbox.append(message)
+        """Note the vehicle's HEARTBEAT, and which request a message answers."""
         if isinstance(message, Heartbeat):
             self.autopilot = message.autopilot
             self.heartbeats += 1
@@ -232,7 +235,7 @@ class PymavlinkLink:
             self._requests.fence_refused()
 
     def _tend(self, now_s: float) -> None:
-        """Send what is due: unanswered requests, and our TIMESYNC once the vehicle has been heard."""
+        """Send unanswered requests again, and our TIMESYNC once a HEARTBEAT has arrived."""
         if self._open_text is not None:
             self._open_text, texts = expire_text(self._open_text, now_s)
             self._inbox.extend(texts)
@@ -258,7 +261,7 @@ class PymavlinkLink:
         """Send one setpoint frame now.
 
         Raises:
-            ValueError: If it is not finite; nothing is sent then.
+            ValueError: If it is not finite; it is not sent then.
         """
         if not self._closed:
             self._send(codec.setpoint(setpoint, now_s=self._clock(), **self._to_vehicle))
@@ -279,13 +282,14 @@ class PymavlinkLink:
             **self.counts,
             "garbage_bytes": self._frames.garbage_bytes,
             "unknown": self._frames.unknown,
+            "unused": self._frames.unused,
             "requests_unanswered": self._requests.unanswered,
             "requests_refused": self._requests.refused,
             **self._wire.counters(),
         }
 
     def close(self) -> None:
-        """Close the wire; nothing is received or sent any more. May be called twice."""
+        """Close the wire and end receiving and sending. May be called twice."""
         self._closed = True
         self._inbox.clear()
         self._wire.close()

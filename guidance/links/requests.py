@@ -62,7 +62,7 @@ class _Pending:
 
 @dataclass(slots=True)
 class RequestQueue:
-    """Requests that wait for an answer. Time is passed in, never read."""
+    """Requests that wait for an answer. The caller passes the time."""
 
     waiting: dict[Key, deque[_Pending]] = field(default_factory=dict)
     unanswered: int = 0

@@ -97,7 +97,9 @@ def _frames(path: Path, survey: Survey) -> Iterator[tuple[float, bytes]]:
         if _is_one_frame(item):
             yield item.now_s, item.data
         else:  # a piece of a byte stream
-            reader = readers.setdefault(item.topic, FrameReader(dialect))  # a log keeps the messages of every dialect
+            reader = readers.setdefault(
+                item.topic, FrameReader(dialect=dialect)
+            )  # a log keeps the messages of every dialect
             yield from ((item.now_s, bytes(frame.get_msgbuf())) for frame in reader.read(item.data))
 
 

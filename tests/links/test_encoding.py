@@ -80,7 +80,8 @@ def test_a_field_that_does_not_fit_is_no_frame_and_takes_no_number():
 
 
 def test_our_clock_wraps_like_time_boot_ms():
-    assert codec.boot_ms(2**32 / 1e3 + 5.0) == 5000
+    sent = codec.setpoint(Setpoint(VELOCITY), now_s=2**32 / 1e3 + 5.0, system_id=1, component_id=1)
+    assert sent.time_boot_ms == 5000
 
 
 def test_a_command_long_keeps_its_parameters_and_counts_its_repeats():

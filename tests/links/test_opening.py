@@ -10,7 +10,8 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links import SigningKey, parse
-from guidance.links.opening import open_wire
+from guidance.links.frames import ticks
+from guidance.links.opening import open_link, open_wire
 from guidance.messages import Setpoint
 from tests.links.peer import Peer, living, until
 from tests.links.rigs import clock, free_port, opened_link, udp
@@ -224,3 +225,24 @@ def test_an_autopilot_that_waits_to_be_called_is_called(kind):
             link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
             assert until(lambda: len(peer.of("SET_POSITION_TARGET_LOCAL_NED")) == 1)
             link.close()
+
+
+def test_unsigned_heartbeats_sent_first_do_not_keep_a_signed_vehicle_out():
+    key, now = SigningKey(bytes(range(32))), FastClock()
+    to = ("127.0.0.1", free_port())
+    wire = open_wire(f"udpin://127.0.0.1:{to[1]}", clock=now, systems=(1,), keys={1: key})
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as strangers,
+    ):
+        forger = Peer(lambda data: strangers.sendto(data, to))
+        vehicle = Peer(lambda data: theirs.sendto(data, to))
+        signing = vehicle.mavlink.signing
+        signing.secret_key, signing.sign_outgoing, signing.timestamp = key.secret, True, ticks(time.time())
+        for _ in range(10):
+            forger.heartbeat()
+        with living(forger, list, heartbeat_every_s=0.02), living(vehicle, list, heartbeat_every_s=0.05):
+            link = open_link(wire, "pymavlink", system_id=1, clock=now, who="signed", signing_key=key, sleep=now.sleep)
+        assert link.counters()["wire_unsigned"] + link.counters()["wire_impostor"] > 0
+        assert link.counters()["unsigned"] == 0
+        link.close()

@@ -45,7 +45,7 @@ class Refused(ValueError):  # noqa: N818 -- a verdict on a report, counted and n
 
 
 class Carrier(Protocol):
-    """How one MAVLink message becomes a report. A carrier may remember the sender's clock."""
+    """Converts one MAVLink message to a report. A carrier may remember the sender's clock."""
 
     @property
     def message(self) -> str:

@@ -1,6 +1,6 @@
 """Reports of an evader from the MAVLink messages of one system.
 
-The evader is asked for its clock with TIMESYNC once a second, so the age of a report is measured. Its answer is
+TIMESYNC reads the evader's clock once a second, so the age of a report is measured. Its answer is
 attached to the next report if the report's own time agrees with it: some messages carry another clock than TIMESYNC.
 """
 
@@ -48,7 +48,7 @@ class MavlinkEvader:
         self._carrier = carrier
         self._system_id = system_id
         self._component_id = component_id
-        self._frames = FrameReader()
+        self._frames = FrameReader((carrier.message, "TIMESYNC"))
         signing = {} if clock is None else {"clock": clock}
         self._station = Station(system_id, OWN_COMPONENT_ID, signing_key=signing_key, unix_s=unix_s, **signing)
         self._clock = clock
@@ -74,9 +74,7 @@ class MavlinkEvader:
         return reports
 
     def _is_meant(self, frame: Decoded) -> bool:
-        """Whether it is a report or a TIMESYNC of the evader, validly signed where there is a key."""
-        if frame.get_type() not in (self._carrier.message, "TIMESYNC"):
-            return False
+        """Return whether a frame is the evader's, validly signed if there is a key."""
         if frame.get_srcSystem() != self._system_id or self._component_id not in (None, frame.get_srcComponent()):
             self._counts["foreign"] += 1
             return False

@@ -222,7 +222,7 @@ class CdrReader:
 
 
 def rmw_key(topic: str, dds_type: str) -> str:
-    """Return the Zenoh key on which rmw_zenoh publishes a topic, for any ROS domain and type hash."""
+    """Return the key of a topic in rmw_zenoh, for any ROS domain and type hash."""
     return f"*/{topic.strip('/')}/{dds_type}/*"
 
 

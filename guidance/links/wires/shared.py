@@ -1,4 +1,4 @@
-"""What all wires share: a bounded queue of arrivals, a reader thread, and the counts of frames sent.
+"""The base of all wires: a bounded queue of arrivals, a reader thread, and the counts of frames sent.
 
 `MemoryWire` connects two ends in one process, for virtual time and tests. `WireShare` lets a vehicle's link and the
 source of its evader read one wire. `TappedWire` captures all frames for the record.
@@ -110,7 +110,7 @@ class QueuedWire(ABC):
 
     @abstractmethod
     def _release(self) -> None:
-        """Close what the wire owns. Called once."""
+        """Close the wire's own resources. Called once."""
 
     def receive(self) -> Sequence[Packet]:
         """Return the pieces since the last call."""
@@ -217,7 +217,7 @@ class WireShare:
             self._wire.send(frame)
 
     def counters(self) -> Mapping[str, int]:
-        """Return the wire's counts, and how many packets this reader was too slow for."""
+        """Return the wire's counts, and how many packets this slow reader has lost."""
         return {**self._wire.counters(), "share_dropped": self._dropped}
 
     def close(self) -> None:
@@ -258,7 +258,7 @@ class TappedWire:
         return [self._captured.popleft() for _ in range(len(self._captured))]
 
     def receive(self) -> Sequence[Packet]:
-        """Return and capture what the wire received."""
+        """Return and capture the arrivals of the wire."""
         arrived = self._wire.receive()
         self._captured.extend(CapturedFrame(received_s, self._from, frame) for received_s, frame in arrived)
         return arrived

@@ -79,7 +79,7 @@ class _StreamWire(QueuedWire):
 
     @abstractmethod
     def _hang_up(self) -> None:
-        """Close what is open."""
+        """Close the connection or port."""
 
     def _write(self, frame: bytes) -> bool:
         return self._tail.send(frame)
@@ -201,7 +201,7 @@ class SerialWire(_StreamWire):
         except (OSError, ValueError, termios.error) as error:
             raise LinkError(
                 f"serial {device}:{baud}: {error}; is it plugged in, unused and able to do this baud rate, and "
-                "may you open it (usually: are you in the group dialout)?"
+                "do you have the permission (usually the group dialout)?"
             ) from error
         self._begin(name=f"serial {device}")
 

@@ -30,7 +30,7 @@ SILENT_S: Final = 3.0
 """After this silence of a pinned address, another address may take its place."""
 
 MAX_SYSTEMS: Final = 8
-"""How many systems are pinned if any system is allowed."""
+"""Largest number of pinned systems if any system is allowed."""
 
 YIELD_S: Final = 0.01
 """The reader thread pauses this long while the loop itself waits at the socket."""
@@ -81,7 +81,7 @@ class AddressPins:
         return iter(dict.fromkeys(pin.address for pin in tuple(self._pins.values())))
 
     def admit(self, now_s: float, address: Address, data: bytes) -> bytes:
-        """Return the accepted part of a datagram: all of it, its first frame (unexpected system), or nothing."""
+        """Return the accepted part of a datagram: the whole, its first frame (unexpected system), or empty bytes."""
         header = header_of(data)
         pin = None if header is None else self._pins.get(header[0])
         if header is not None and pin is not None:

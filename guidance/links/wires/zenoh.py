@@ -29,7 +29,7 @@ _REFUSED: Final = (
 
 
 def is_over(stop: threading.Event, wait_s: float = 0.0) -> bool:
-    """Return whether a thread that calls Zenoh should end: it was told to, or the interpreter is ending.
+    """Return whether a thread that calls Zenoh should end: `stop` is set, or the interpreter is ending.
 
     Such threads must not be daemon threads: one that returns from Zenoh while the interpreter ends aborts the process
     ("FATAL: exception not rethrown").
@@ -76,7 +76,7 @@ class Subscription:
 
     Args:
         session: Closed with the subscription.
-        key: What is subscribed to; samples of our own session are not received.
+        key: The subscribed key; samples of our own session are not received.
         on_sample: Called on a thread of Zenoh's.
     """
 

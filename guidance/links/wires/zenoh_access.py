@@ -22,7 +22,7 @@ _PATHS: Final = ("tls_ca_file", "tls_certificate_file", "tls_key_file", "passwor
 
 
 class ZenohSection(Section):
-    """How to reach a Zenoh router on another computer. Without this section Zenoh uses plain TCP."""
+    """Access to a Zenoh router on another computer. Without this section Zenoh uses plain TCP."""
 
     tls_ca_file: Path | None = Field(None, description="PEM; use TLS, with routers whose certificate it has signed")
     tls_certificate_file: Path | None = Field(None, description="PEM; mutual TLS: its common name is our identity")
@@ -56,7 +56,7 @@ class Credentials(NamedTuple):
     tls: Mapping[str, Any] | None = None
 
     def endpoint(self, host: str, port: int) -> str:
-        """Return the endpoint of a router: by TLS if we have an authority to verify it with."""
+        """Return the endpoint of a router: by TLS if an authority is configured."""
         return f"{'tcp' if self.tls is None else 'tls'}/{host}:{port}"
 
 
