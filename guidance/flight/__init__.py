@@ -1,13 +1,12 @@
-"""The flight's state machine: a table of transitions, what an event is read from, and the step that joins them.
+"""The flight's state machine: transition table, event detection, and the step of a cycle.
 
-What it offers:
-    Flight: one flight of one vehicle; its `step` takes `Inputs` and returns `Outputs`, with every `Happening`.
-    Authority: who caused a change of state: an operator, a mission, or the flight itself.
-    FlightSettings: what it is of; `EngageOn` says what begins the game, `AfterCapture` what follows it.
-    State, Event: where a flight stands, and what may happen. ORDERS: the events that a person orders.
-    TRANSITIONS: the table, which `next_state` looks a pair up in. `is_done` tells whether an order is in effect.
-    BEFORE_FLIGHT, FINAL: states in which nothing is flown yet, and those that nothing leads out of.
-    Check: one condition for arming and engaging, and what was found.
+Flight: one flight of one vehicle. Its `step` maps `Inputs` to `Outputs`, with every `Happening`.
+Authority: the cause of a change of state: an operator, a mission, or the flight itself.
+FlightSettings: the settings. `EngageOn` selects the start of the game, `AfterCapture` the action after capture.
+State, Event: states and events. ORDERS: the events that are orders.
+TRANSITIONS: the transition table. `next_state` looks up a transition; `is_done` checks whether an order is in effect.
+BEFORE_FLIGHT, FINAL: states before take-off, and end states.
+Check: one condition of arming and engaging.
 """
 
 from guidance.flight.inputs_outputs import ORDERS, Authority, Happening, Inputs, Outputs

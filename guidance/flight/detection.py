@@ -1,7 +1,7 @@
-"""Event detection: what happened, read once a cycle from what was heard, without memory of its own.
+"""Event detection, once per cycle and without memory.
 
-One reading each of the vehicle itself and who commands it, where it is, whether it may be trusted to fly on, what is
-missing, the game, and how far the phase has come: the most severe first.
+It checks, most severe first: the vehicle and who commands it, its position, operator and battery, missing inputs, the
+game, and the progress of the phase.
 """
 
 import math
@@ -24,14 +24,14 @@ _AT_START_M_S = 0.4
 _AT_HEIGHT_M = 0.7
 
 BREACH_M = 0.5
-"""How far beyond floor, ceiling or stand-off a vehicle is when the limit counts as broken: hovering wanders by less."""
+"""Distance beyond floor, ceiling or stand-off that counts as a breach. A hover wanders by less."""
 
 LEFT_WITHIN_S = 5.0
-"""How long after an order a pilot's mode may still be shown before it counts as kept: HEARTBEAT is up to 2 s late."""
+"""Time after an order in which HEARTBEAT may still show the pilot's old mode. It is up to 2 s late."""
 
 
 class EventContext(NamedTuple):
-    """Everything an event may be read from, at one cycle."""
+    """Everything that event detection uses in one cycle."""
 
     now_s: float
     dt_s: float
@@ -62,18 +62,18 @@ class EventContext(NamedTuple):
 
     @property
     def heard_since_entry(self) -> bool:
-        """True once a HEARTBEAT arrived after the state was entered."""
+        """Whether a HEARTBEAT arrived after the state was entered."""
         heartbeat = self.vehicle.last(Heartbeat)
         return heartbeat is not None and heartbeat.received_s > self.since_s
 
 
 def events(context: EventContext) -> Iterator[Event]:
-    """Yield what happened, the most severe first; only events that the table answers in this state."""
+    """Yield the events of this cycle, the most severe first; only those that are in the table for this state."""
     return (event for read in _READINGS for event in read(context) if (context.state, event) in TRANSITIONS)
 
 
 def detail_of(event: Event, context: EventContext) -> str:
-    """Say what was measured when an event was detected; empty if its name says everything."""
+    """Return the measurement behind an event; empty if the name is enough."""
     match event:
         case Event.TELEMETRY_LOST:
             return telemetry_gap(context.vehicle, context.now_s)
@@ -90,14 +90,14 @@ def detail_of(event: Event, context: EventContext) -> str:
 
 
 def fit(context: EventContext) -> bool:
-    """True when every readiness check passes and preflight refuses nothing."""
+    """Whether every readiness check passes and preflight refuses nothing."""
     settings = context.settings
     rows = checks(context.vehicle, settings.autopilot, context.now_s, battery_minimum=context.battery_needed)
     return not context.refusals and all(row.passed for row in rows)
 
 
 def _vehicle(context: EventContext) -> Iterator[Event]:
-    """Read who flies the vehicle, whether it is there at all, and whether it still flies by what we send."""
+    """Check who commands the vehicle, and whether it is in contact."""
     vehicle = context.vehicle
     if _external_mode_change(context):
         yield Event.PILOT
@@ -118,9 +118,9 @@ def _external_mode_change(context: EventContext) -> bool:
     if ours is None or context.mode is None or context.mode in ours:
         return False
     if context.mode is context.mode_left:
-        # The order is younger than what HEARTBEAT shows. But a pilot's mode that stays is the pilot's answer.
+        # HEARTBEAT may be older than the order. A pilot's mode that stays is intended.
         return context.mode is Mode.OTHER and context.now_s - context.since_s > LEFT_WITHIN_S
-    return not _waits_for_pilot(context)  # who flies while one is waited for is to choose the guided mode
+    return not _waits_for_pilot(context)  # while waiting for the pilot's switch, any mode is allowed
 
 
 def _waits_for_pilot(context: EventContext) -> bool:
@@ -135,19 +135,19 @@ def _may_be_invited(context: EventContext) -> bool:
 def _telemetry_lost(context: EventContext) -> bool:
     vehicle = context.vehicle
     if context.state in HANDING_OVER and context.now_s - context.since_s < TELEMETRY_LIMIT_S:
-        return False  # ordered while out of contact: the request goes out first
+        return False  # ordered without contact: send the request first
     if vehicle.age_s(Heartbeat, context.now_s) > HEARTBEAT_LIMIT_S:
         return True
-    # Before the checks pass, the streams have only just been asked for.
+    # Before the checks pass, the streams have just been requested.
     flying = context.state not in {State.CHECKING, State.READY}
     age_s = vehicle.age_s(LocalPosition, context.now_s)
     if context.state in HANDING_OVER and math.isinf(age_s):
-        return False  # found armed and handed over at once: its modes are heard, and no setpoint rests on its position
+        return False  # found armed and handed over: only its modes matter
     return flying and age_s > TELEMETRY_LIMIT_S
 
 
 def _place(context: EventContext) -> Iterator[Event]:
-    """Read where the vehicle is to everything that it should have kept within."""
+    """Check fence, floor, ceiling and stand-off."""
     here, envelope = context.position_ned_m, context.envelope
     if context.fence is not None and context.fence.outside:
         yield Event.FENCE
@@ -167,7 +167,7 @@ def _place(context: EventContext) -> Iterator[Event]:
 
 
 def _trust(context: EventContext) -> Iterator[Event]:
-    """Read whether the flight may go on at all: by whom it is watched, and on what charge."""
+    """Check rival sources, the operator and the battery."""
     settings, silence_s = context.settings, context.operator_silence_s
     if context.rival and settings.hold_on_rival:
         yield Event.RIVAL
@@ -182,12 +182,12 @@ def _trust(context: EventContext) -> Iterator[Event]:
 
 
 def battery_low(status: SystemStatus | None, needed: float) -> bool:
-    """True if the vehicle reports less than the share of the charge that is needed; an unknown charge is not low."""
+    """Whether the charge is below the needed share; an unknown charge is not low."""
     return status is not None and status.battery_remaining < needed
 
 
 def _missing(context: EventContext) -> Iterator[Event]:
-    """Read what the game cannot be played without."""
+    """Check the inputs of the game."""
     if context.vehicle.resets != context.resets_seen:
         yield Event.ESTIMATOR_RESET
     if context.dt_s > LATE_LOOP_S:
@@ -197,7 +197,7 @@ def _missing(context: EventContext) -> Iterator[Event]:
 
 
 def _game(context: EventContext) -> Iterator[Event]:
-    """Read what the last certificate says, and who is to begin."""
+    """Check the last certificate, and whether the pilot engages."""
     certificate = context.certificate
     if certificate is not None:
         if certificate.no_game:
@@ -206,7 +206,7 @@ def _game(context: EventContext) -> Iterator[Event]:
             yield Event.ESCAPED
         if certificate.captured:
             yield Event.CAPTURED
-    # A change, not a mode that the vehicle was left in.
+    # Only a change of mode counts.
     if context.other_mode_seen and context.mode is Mode.GUIDED and _may_be_invited(context):
         yield Event.INVITED
     if context.state is State.ON_STATION and context.settings.after_capture is AfterCapture.RETURN:
@@ -216,7 +216,7 @@ def _game(context: EventContext) -> Iterator[Event]:
 
 
 def _phase(context: EventContext) -> Iterator[Event]:
-    """Read whether what the state waits for is there, or has not come for too long."""
+    """Check whether the state has reached its end or its time limit."""
     ended = _PHASE_ENDS.get(context.state)
     if ended is not None and ended[1](context):
         yield ended[0]
@@ -228,7 +228,7 @@ def _phase(context: EventContext) -> Iterator[Event]:
 
 
 def _armed(context: EventContext) -> bool:
-    # Both in one HEARTBEAT: armed, and in a mode of ours, so that the climb is not mistaken for a pilot's.
+    # One HEARTBEAT must show both, so that the climb is not taken for a pilot's mode change.
     return context.vehicle.armed and context.mode in OUR_MODES[State.CLIMBING]
 
 
@@ -280,4 +280,4 @@ _PHASE_ENDS: Final[Mapping[State, tuple[Event, Callable[[EventContext], bool]]]]
     State.PAUSED: (Event.CLEAR, _clear),
     State.OUT_OF_CONTACT: (Event.CONTACT, _in_contact),
 }
-"""What ends each phase by itself."""
+"""The event that ends each phase, and its condition."""

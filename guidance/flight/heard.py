@@ -1,7 +1,6 @@
-"""What a flight has heard: its vehicle, the mode it is in, where it is to its fences, who else flies it, the evader.
+"""Everything a flight has received: vehicle, mode, fences, foreign setpoints and evader.
 
-Read once a cycle, before anything is decided. Whatever the rest of the flight asks about the present is found here, and
-is reckoned once.
+It is updated once per cycle, before any decision.
 """
 
 import math
@@ -20,39 +19,39 @@ from guidance.messages import Heartbeat, LocalPosition, Message, PositionTarget,
 from guidance.vehicle import VehicleState, observe
 
 REMEMBERED_S: Final = 1.5
-"""Longest time from our sending a setpoint to the autopilot's report of it."""
+"""Longest time from sending a setpoint to the autopilot's report of it."""
 
 TOLERANCE_M_S: Final = 0.75
 STRANGE_REPORTS: Final = 3
-"""So many strange reports within `WINDOW_S` are a second source; one or two are not."""
+"""Number of foreign reports within `WINDOW_S` that show a second source."""
 
 WINDOW_S: Final = 2.0
 APART_S: Final = 0.2
-"""Strange reports closer together than this count once: a transient of the autopilot's own shows in several."""
+"""Foreign reports closer together than this count once: the autopilot's own transients show in several."""
 
 _ROUNDING_S: Final = 1e-6
 
 _LEAST_SHARE: Final = 0.5
-"""An autopilot may cut a setpoint to its own speed limits: down to this share of it still counts as ours."""
+"""An autopilot may reduce a setpoint to its speed limits; down to this share it counts as ours."""
 
 
 class Heard:
-    """Everything heard so far, and what it comes to in this cycle.
+    """Everything received so far, as it stands in this cycle.
 
     Attributes:
-        vehicle: As last heard.
-        tracking: The evader, home, the local frame and the game's.
-        echo: Whether the autopilot's setpoints are ours.
-        messages: Of this cycle.
-        beats: The HEARTBEATs among them.
-        mode: What the last HEARTBEAT shows.
-        foreign: Whether another source commands the vehicle, and a HEARTBEAT came since that shows no pilot's mode.
+        vehicle: Last known state of the vehicle.
+        tracking: The evader, home, the local frame and the game frame.
+        echo: Compares the autopilot's setpoints with ours.
+        messages: Messages of this cycle.
+        beats: HEARTBEATs of this cycle.
+        mode: Mode in the last HEARTBEAT.
+        foreign: Whether another source commands the vehicle, confirmed by a HEARTBEAT without a pilot's mode.
         local: The last LOCAL_POSITION_NED.
-        position_ned_m: Where the vehicle is, in the local frame as it is believed.
-        moved_ned_m: By how much that frame moved under the vehicle in this cycle.
-        cycle: The settings of a guidance cycle, with heights and fences about home.
-        fence: Where the vehicle is to its fences.
-        start_ned_m: Where the autopilot flies to before standing by, if that is configured.
+        position_ned_m: Position of the vehicle in the local frame.
+        moved_ned_m: Movement of that frame in this cycle.
+        cycle: Settings of the guidance cycle, with heights and fences about home.
+        fence: Position of the vehicle relative to its fences.
+        start_ned_m: Stand-by position, if configured.
     """
 
     def __init__(self, settings: FlightSettings) -> None:
@@ -76,7 +75,7 @@ class Heard:
         self.start_ned_m: Vector | None = None
 
     def vehicle_says(self, messages: Sequence[Message]) -> None:
-        """Take in what the vehicle says, and no more."""
+        """Update only the vehicle."""
         self.messages = messages
         self.vehicle = observe(self.vehicle, messages)
         self.beats = [one for one in messages if isinstance(one, Heartbeat)]
@@ -84,22 +83,22 @@ class Heard:
             self.mode = self._settings.autopilot.mode_of(self.beats[-1].custom_mode)
 
     def take_in(self, inputs: Inputs, *, in_flight: bool) -> None:
-        """Take in what one cycle heard.
+        """Update everything with the inputs of one cycle.
 
         Args:
-            inputs: Of the cycle.
-            in_flight: Whether the evader's jumps are bounded by the way that it can have gone.
+            inputs: Inputs of the cycle.
+            in_flight: Whether jumps of the evader are bounded by the distance it can have covered.
         """
         self.vehicle_says(inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         strange = self.echo.foreign
         self.echo.hear(inputs.messages, guided=self.mode is Mode.GUIDED)
-        # A pilot's takeover shows as strange setpoints before a HEARTBEAT tells of it: the next one must not.
+        # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
         self.foreign = strange and self.echo.foreign and bool(self.beats)
         self._place()
 
     def _place(self) -> None:
-        """Put vehicle, fences and start where they are in the local frame as it is believed now."""
+        """Compute the positions of vehicle, fences and start in the present local frame."""
         tracking, held_back_ned_m = self.tracking, self.tracking.held_back_ned_m
         self.moved_ned_m = NOWHERE
         jumps = self.vehicle.jumped_ned_m, held_back_ned_m
@@ -123,7 +122,7 @@ class Heard:
             self.fence = measure_fence(self.position_ned_m, self.cycle.envelope)
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
-        """Heights and fences count from home, which need not be the origin of the local frame."""
+        """Return the envelope about home, which may differ from the origin of the local frame."""
         envelope, corners_deg = self.cycle.envelope, self._settings.limits.fence_polygon_deg
         if corners_deg is not None:
             envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
@@ -131,12 +130,12 @@ class Heard:
 
 
 class Echo:
-    """The memory of what was sent lately and of when reports did not fit it.
+    """Detects a second source of setpoints, by comparing the autopilot's reports with the setpoints we sent.
 
-    Does the autopilot fly what we sent? POSITION_TARGET_LOCAL_NED shows a second source of setpoints on the vehicle. It
-    repeats the setpoint in force, a moment late and perhaps cut to the autopilot's own limits. A velocity that is none
-    of those sent lately was sent by somebody else. Between ours such a setpoint is in force for one cycle only, so the
-    reports are asked for as often as we send, and strange ones are counted whether or not ours lie between them.
+    POSITION_TARGET_LOCAL_NED repeats the active setpoint, slightly late and perhaps reduced to the autopilot's limits.
+    A velocity that we did not send recently comes from another source. Between our setpoints a foreign one is active
+    for one cycle only. Therefore the reports are requested at our own rate, and foreign ones count even with ours in
+    between.
     """
 
     def __init__(self) -> None:
@@ -146,27 +145,27 @@ class Echo:
 
     @property
     def foreign(self) -> bool:
-        """True while the autopilot reports setpoints that are not ours."""
+        """Whether the autopilot reports foreign setpoints."""
         return len(self._strange_s) == STRANGE_REPORTS
 
     @property
     def suspicious(self) -> bool:
-        """True from the first strange report on, until it is too long ago to count."""
+        """Whether there is a recent foreign report."""
         return bool(self._strange_s)
 
     def silent(self) -> None:
-        """We send nothing: whatever the autopilot reports now is its own affair."""
+        """Forget everything, because we send no setpoints."""
         self._sent.clear()
         self._strange_s.clear()
         self._begun_s = math.inf
 
     def sent(self, now_s: float, setpoint: Setpoint) -> None:
-        """Take note of what goes out."""
+        """Note a setpoint that we send."""
         self._begun_s = min(self._begun_s, now_s)
         self._sent.append(_Sent(now_s, setpoint.velocity_ned_m_s))
 
     def hear(self, messages: Iterable[Message], *, guided: bool) -> None:
-        """Compare what the autopilot reports; only in the guided mode is it meant to be ours."""
+        """Compare the autopilot's reports with our setpoints; outside the guided mode they are not ours."""
         for message in messages:
             if not isinstance(message, PositionTarget):
                 continue
@@ -183,8 +182,8 @@ class Echo:
     def _is_ours(self, message: PositionTarget) -> bool:
         reported = message.velocity_ned_m_s
         if not all(map(math.isfinite, reported)):
-            return True  # nothing is said of the velocity
-        for sent in reversed(self._sent):  # the latest is nearly always the one
+            return True  # no velocity reported
+        for sent in reversed(self._sent):  # usually the latest one
             if message.received_s - sent.now_s > REMEMBERED_S:
                 return False
             if _distance(reported, sent.velocity_ned_m_s) <= TOLERANCE_M_S:
@@ -198,7 +197,7 @@ class _Sent(NamedTuple):
 
 
 def _distance(reported: Vector, sent: Vector) -> float:
-    """Distance from what is reported to what was sent, or to the nearest shorter one of the same direction."""
+    """Distance of a reported velocity from a sent one, or from the nearest shorter one in its direction."""
     square = sum(part * part for part in sent)
     along = sum(a * b for a, b in zip(reported, sent, strict=True)) / square if square > 0.0 else 1.0
     share = min(1.0, max(_LEAST_SHARE, along))

@@ -1,4 +1,4 @@
-"""What one cycle of a flight takes in and gives out."""
+"""Inputs and outputs of one cycle of a flight."""
 
 from collections.abc import Sequence
 from enum import StrEnum

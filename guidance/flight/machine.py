@@ -1,8 +1,8 @@
-"""The flight: what was heard and ordered goes in, what to say to the vehicle comes out. No clock, no I/O.
+"""The flight: maps received messages and orders to setpoints and requests. It has no clock and no I/O.
 
-One step a guidance cycle: take in what was heard (`heard`), find what happened (`detection`), follow the table
-(`table`), and let the state say what goes out: a setpoint (`playing`) and requests (`requests`). The step is the same
-in real time, in virtual time and in replay.
+Each cycle has four steps: update with the inputs (`heard`), detect events (`detection`), follow the transition table
+(`table`), and compute the setpoint (`playing`) and requests (`requests`) of the state. The steps are the same in real
+time, in virtual time and in replay.
 """
 
 import math
@@ -32,7 +32,7 @@ from guidance.messages import Setpoint, SystemStatus
 from guidance.vehicle import VehicleState
 
 INVITE_AFTER_S = 1.0
-"""How long after standing by a neutral stream begins, where a pilot is to engage: the hold comes first."""
+"""Time after standing by until the neutral stream for a pilot's engagement begins; the hold comes first."""
 
 _FOUND_ARMED = {
     Event.HOLD: Event.HOLD_ARMED,
@@ -40,7 +40,7 @@ _FOUND_ARMED = {
     Event.LAND: Event.LAND_ARMED,
     Event.ABORT: Event.LAND_ARMED,
 }
-"""What an order is to a vehicle that was armed already when guidance was started."""
+"""Events of orders to a vehicle that was armed before guidance started."""
 
 
 class Flight:
@@ -69,48 +69,48 @@ class Flight:
 
     @property
     def ordered_by_operator(self) -> bool:
-        """Whether a person's order led to the present state. Until the next order no mission changes it."""
+        """Whether an operator's order led to the present state. A mission cannot change it then."""
         return self.cause is not None and self.cause.by is Authority.OPERATOR
 
     @property
     def vehicle(self) -> VehicleState:
-        """The vehicle as last heard."""
+        """Last known state of the vehicle."""
         return self._heard.vehicle
 
     @property
     def tracking(self) -> Tracking:
-        """The evader as last heard, and all places that stay where they are on Earth."""
+        """The evader's track, home and the frames."""
         return self._heard.tracking
 
     @property
     def fault(self) -> str | None:
-        """The error of our own that ended the flight, if one did."""
+        """The internal error that ended the flight, if any."""
         return None if self._fault_handover is None else self._fault_handover.fault
 
     @property
     def checked(self) -> bool:
-        """Whether every check had passed when the vehicle was taken; if not, it is asked again before engaging."""
+        """Whether all checks had passed at the start; if not, they are repeated before engaging."""
         return self._checked
 
     @property
     def leaving_mode(self) -> bool:
-        """Whether HEARTBEAT still shows a mode that is not ours and that an order is to end."""
+        """Whether HEARTBEAT still shows a foreign mode that an order is ending."""
         return self._mode_left is not None and self._mode_left not in OUR_MODES[State.ENTERING]
 
     @property
     def mode_name(self) -> str:
-        """The autopilot's mode as HEARTBEAT shows it, for people."""
+        """Name of the mode in HEARTBEAT."""
         return "unknown" if self._heard.mode is None else str(self._heard.mode)
 
     @property
     def mode_title(self) -> str:
-        """The same as the autopilot's own pilots call it: OFFBOARD, GUIDED, RTL."""
+        """Name of the mode in a ground station: OFFBOARD, GUIDED, RTL."""
         mode = self._heard.mode
         return "unknown" if mode is None else self.settings.autopilot.mode_title(mode)
 
     @property
     def battery_needed(self) -> float:
-        """The share of the charge below which it returns: before a flight to the fence and back, in it from here."""
+        """Share of the charge below which it returns: on the ground for the whole fence, in flight from here."""
         if self.settings.reserve is None:
             return self.settings.battery_minimum
         here, home = self._heard.position_ned_m, self._heard.tracking.home_ned_m
@@ -119,36 +119,36 @@ class Flight:
         return self.settings.reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
 
     def operator_silence_s(self, now_s: float) -> float:
-        """Seconds since a person's last order or sign of life; 0 before the first one."""
+        """Seconds since the operator's last order or sign of life; 0 before the first one."""
         return max(0.0, now_s - self._operator_s)
 
     def checks(self, now_s: float) -> tuple[Check, ...]:
-        """Show the readiness rows as they stand."""
+        """Return the readiness checks."""
         return checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.battery_needed)
 
     def evader_refusal(self, now_s: float) -> str:
-        """Say why nobody may engage this evader now; empty if nothing is wrong with its reports."""
+        """Return why this evader may not be engaged now; empty if it may."""
         return evader_refusal(self.tracking, self.settings, now_s)
 
     def follows(self, order: Event, now_s: float, refusals: Sequence[str] = ()) -> bool:
-        """Whether an order would change the state now. Nothing is changed by asking."""
+        """Whether an order would change the state now."""
         if self._fault_handover is not None:
             return False
         event = self._meant(order, self._context(now_s, 0.0, refusals))
         return event is not None and next_state(self.state, event) is not self.state
 
     def step(self, inputs: Inputs) -> Outputs:
-        """Run one cycle. Whatever goes wrong in it hands the vehicle to the autopilot's hold, and is the last.
+        """Run one cycle. An exception hands the vehicle to the autopilot's hold and ends the flight.
 
         Raises:
-            ValueError: If an order is none.
+            ValueError: If an order is unknown.
         """
         for order in (*inputs.orders, *inputs.mission):
             if order not in ORDERS:
                 raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
         try:
             if self._fault_handover is not None:
-                self._heard.vehicle_says(inputs.messages)  # for people to see
+                self._heard.vehicle_says(inputs.messages)  # for display
                 return self._hand_over(inputs, self._fault_handover)
             dt_s = self._take_in(inputs)
             happenings = tuple(self._follow(inputs, dt_s))
@@ -159,17 +159,17 @@ class Flight:
                 needed = math.nan if self.settings.reserve is None else self.battery_needed
                 setpoint = self._playing.setpoint(self._heard, self.state, inputs.now_s, dt_s, battery_needed=needed)
             self._note_setpoint(setpoint, inputs.now_s)
-        except Exception as error:  # whatever it was: nobody else flies this vehicle
+        except Exception as error:  # no one else flies this vehicle
             return self.give_up(inputs, error)
         certificate, alarm = self._playing.certificate, self._playing.alarm
         return Outputs(self.state, setpoint, requests, happenings, certificate, alarm, cause=self.cause)
 
     def give_up(self, inputs: Inputs, error: Exception) -> Outputs:
-        """End the flight for an error of our own: hand a vehicle that flies by our setpoints to its hold, and yield.
+        """End the flight after an internal error: request the hold if the vehicle follows our setpoints, and yield.
 
         Args:
-            inputs: Of the cycle that failed.
-            error: What went wrong.
+            inputs: Inputs of the failed cycle.
+            error: The exception.
         """
         before, self.state = self.state, next_state(self.state, Event.FAULT)
         begun = self._fault_handover is None
@@ -193,7 +193,7 @@ class Flight:
         return Outputs(self.state, None, requests, unheeded, None, cause=self.cause)
 
     def _take_in(self, inputs: Inputs) -> float:
-        """Take in what was heard; return the time since the last cycle."""
+        """Update with the inputs; return the time since the last cycle."""
         now_s, heard = inputs.now_s, self._heard
         dt_s = 0.0 if self._last_s is None else now_s - self._last_s
         if self._last_s is None:
@@ -209,7 +209,7 @@ class Flight:
         return dt_s
 
     def _note_modes(self) -> None:
-        """Note which modes HEARTBEAT has shown since the state was entered."""
+        """Note the modes in HEARTBEAT since the state was entered."""
         for beat in self._heard.beats:
             if beat.received_s > self._since_s:
                 mode = self.settings.autopilot.mode_of(beat.custom_mode)
@@ -230,13 +230,13 @@ class Flight:
             yield Happening(inputs.now_s, Event.RIVAL, self.state, self.state)
         for event in events(context):
             yield self._change(inputs.now_s, event, detail=detail_of(event, context))
-            return  # the most severe only: the state it leads to is judged by the next cycle
+            return  # only the most severe event; the next cycle judges the new state
 
     def _meant(self, order: Event, context: EventContext) -> Event | None:
-        """Return what an order is to this vehicle as it is now, None where it must not be followed."""
+        """Return the event of an order in the present situation, None if it must not be followed."""
         vehicle = context.vehicle
         if order is Event.START and vehicle.armed and not vehicle.on_ground:
-            # A vehicle that is up already is taken over in its hold, without arming or climbing.
+            # An airborne vehicle is taken over in its hold, without arming or climbing.
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
             return Event.ALOFT if piloted or context.mode in OUR_MODES[State.STANDING_BY] else None
         if order is Event.ENGAGE and not self._may_engage(context):
@@ -256,7 +256,7 @@ class Flight:
         ordered = by is Authority.OPERATOR and is_done(event, after)
         if after is not before or ordered:
             self.cause = happening
-            # A hold that a person orders while the battery is low stands: it was ordered knowing that.
+            # A hold ordered while the battery is already low stands.
             low = battery_low(self.vehicle.last(SystemStatus), self.battery_needed)
             self._battery_was_low = low and ordered and after is State.HOLDING
         if after is not before:
@@ -312,7 +312,7 @@ class Flight:
         )
 
     def _sends(self, now_s: float) -> bool:
-        """Whether a setpoint goes out: to command, to hover until the guided mode is left, or to invite a pilot."""
+        """Whether to send a setpoint: to command, to hover until the guided mode is left, or to invite a pilot."""
         leaving = self.state in HANDING_OVER and self._heard.mode is Mode.GUIDED and self._claimed
         inviting = self._invites and now_s - self._since_s > INVITE_AFTER_S
         return self._heard.local is not None and (self.state in SETPOINT_STATES or leaving or inviting)

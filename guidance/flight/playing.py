@@ -1,4 +1,4 @@
-"""The setpoint of a cycle: the game is played or a place is held, and what the game promised is watched."""
+"""Computes the setpoint of a cycle by playing the game or holding a position, and runs the monitor."""
 
 from functools import partial
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Playing:
-    """What one cycle leaves to the next, and what the last one showed.
+    """State of the game between cycles.
 
     Attributes:
         evader: The evader as estimated for this cycle; None where no setpoint was made.
@@ -40,7 +40,7 @@ class Playing:
         self.alarm: Alarm | None = None
 
     def change(self, before: State, after: State) -> None:
-        """Begin a state: a certificate is of the state that it was made in."""
+        """Enter a state and drop the certificate of the last one."""
         self.certificate = None
         if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
             self._memory, self._monitor = CycleMemory(), self._monitor.anew()
@@ -48,7 +48,7 @@ class Playing:
             self._monitor = self._monitor.anew()  # the promise is kept: an evader that gets away begins a new one
 
     def move(self, by_ned_m: Vector) -> None:
-        """Move what is remembered of places (what a hover holds, and the drift's position) with the local frame.
+        """Move the remembered positions (of the hover and the drift estimate) with the local frame.
 
         The vehicle is then held where it is, not sent to where it now believes that it was.
         """
@@ -72,7 +72,7 @@ class Playing:
         """Make this cycle's setpoint.
 
         Args:
-            heard: What the flight has heard, the vehicle's position at least.
+            heard: Everything received so far, with a vehicle position.
             state: Where the flight stands.
             now_s: The present.
             dt_s: Since the last cycle.
@@ -86,7 +86,7 @@ class Playing:
         if local is None or position_ned_m is None:
             raise ValueError("a setpoint needs the vehicle's position")
         if state is State.STANDING_BY:
-            # Neutral: what a pilot flies into meanwhile must not be remembered as a height to go back to.
+            # Neutral stream: do not remember a height while the pilot flies.
             self._memory = CycleMemory(limits=self._memory.limits)
         evader = self.evader = heard.tracking.evader(now_s)
         here = Situation(

@@ -1,4 +1,4 @@
-"""Is the vehicle fit to fly? One row a condition, so that a person sees which one is missing."""
+"""Readiness checks: one row for each condition of arming and engaging."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from guidance.flight.tracking import Tracking
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
 
-# MAV_SYS_STATUS_SENSOR: what must be present and healthy where the autopilot reports it at all.
+# MAV_SYS_STATUS_SENSOR bits that must be healthy if the autopilot reports them.
 _PREARM_CHECK = 1 << 28
 
 HEARTBEAT_LIMIT_S = 3.0
@@ -17,7 +17,7 @@ TELEMETRY_LIMIT_S = 1.0
 
 
 class Check(NamedTuple):
-    """One condition: what it is about, whether it holds, and what was found."""
+    """One condition: name, result, and the value found."""
 
     name: str
     passed: bool
@@ -30,8 +30,8 @@ def checks(
     """Evaluate every condition for arming and engaging.
 
     Args:
-        vehicle: What has been heard.
-        profile: Which autopilot is expected.
+        vehicle: Last known state of the vehicle.
+        profile: The expected autopilot.
         now_s: The present, on the clock that stamped the messages.
         battery_minimum: Least battery remaining, 0 to 1; unknown (NaN) passes, since not every vehicle measures it.
     """
@@ -52,7 +52,7 @@ def checks(
 
 
 def evader_refusal(tracking: Tracking, settings: FlightSettings, now_s: float) -> str:
-    """Say why nobody may engage this evader now; empty if nothing is wrong with its reports."""
+    """Return why this evader may not be engaged now; empty if it may."""
     silence_s, limit_s = tracking.silence_s(now_s), settings.cycle.evader_timeout_s
     if silence_s > limit_s:
         heard = "was never heard" if math.isinf(silence_s) else f"was last heard {silence_s:.1f} s ago"
@@ -64,7 +64,7 @@ def evader_refusal(tracking: Tracking, settings: FlightSettings, now_s: float) -
 
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
-    """Say what has not been heard of the vehicle, and for how long."""
+    """Return the missing messages of the vehicle, and for how long."""
     ages_s = {
         "HEARTBEAT": vehicle.age_s(Heartbeat, now_s),
         "LOCAL_POSITION_NED": vehicle.age_s(LocalPosition, now_s),
@@ -108,7 +108,7 @@ def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: f
 
 
 def _waits_in_guided(vehicle: VehicleState, profile: AutopilotProfile) -> bool:
-    """Whether it stands disarmed in our mode, where the autopilot grants that only to who streams."""
+    """Whether a disarmed vehicle is in the guided mode of an autopilot that needs a stream for it."""
     heartbeat = vehicle.last(Heartbeat)
     if heartbeat is None or heartbeat.armed or not profile.stream_before_guided:
         return False

@@ -1,4 +1,4 @@
-"""What is asked of the vehicle in each state, and after an error of our own; asked again until its effect is seen."""
+"""Requests to the vehicle in each state and after an internal error, repeated until their effect is seen."""
 
 import traceback
 from collections.abc import Sequence
@@ -13,25 +13,28 @@ from guidance.messages import Heartbeat, Home, Message, Request
 from guidance.vehicle import VehicleState
 
 REPEAT_S: Final = 1.5
-"""A request whose effect is not seen is made again after this time, and only in a cycle in which a HEARTBEAT came.
+"""Period of repeating a request without effect, and only in a cycle with a HEARTBEAT.
 
-HEARTBEAT is up to a second old: repeated blindly, a request would take the vehicle back from a pilot who just took it.
+HEARTBEAT is up to a second old. A blind repetition could take the vehicle back from a pilot who has just taken over.
 """
 
 BEAT_EVERY_S: Final = 0.1
-"""How often a HEARTBEAT is asked for while the guided mode is entered, or strange setpoints may be a pilot's: it shows
-modes, and comes once a second."""
+"""Period of requesting a HEARTBEAT while entering the guided mode, or when foreign setpoints may be a pilot's.
+
+HEARTBEAT shows the mode and otherwise arrives once per second.
+"""
 
 STREAM_FIRST_S: Final = 0.2
-"""How long a hover is streamed before the guided mode is asked for, where the autopilot wants a stream (PX4): one
-setpoint would do, if it were sure to arrive."""
+"""Time of streaming a hover before requesting the guided mode of an autopilot that needs a stream (PX4).
+
+One setpoint is enough if it arrives.
+"""
 
 UNHEARD_S: Final = 0.4
-"""An autopilot that has sent no HEARTBEAT for this long after an engage order is asked for the guided mode all the
-same: the order is a person's, and what was last heard of the mode is about a second old."""
+"""After an engage order, the guided mode is requested after this time even without a new HEARTBEAT."""
 
 _SAME_S: Final = 1e-6
-"""Cycles fall on such times exactly, but for rounding, which must not decide on which side of them."""
+"""Tolerance for rounding, since cycles fall exactly on these times."""
 
 _MODE_OF_STATE = {
     State.ENTERING: Mode.GUIDED,
@@ -48,14 +51,14 @@ def requests_in(
     mode: Mode | None,
     start: tuple[float, float, Amsl] | None,
 ) -> tuple[Request, ...]:
-    """Return the requests of a state; none where its effect is there already.
+    """Return the requests of a state; none if their effect is already there.
 
     Args:
-        state: Where the flight stands.
-        settings: Of the flight.
-        vehicle: As last heard.
-        mode: What HEARTBEAT shows.
-        start: Latitude and longitude in degrees and altitude of the place to stand by at, if there is one.
+        state: State of the flight.
+        settings: Settings of the flight.
+        vehicle: Last known state of the vehicle.
+        mode: Mode in HEARTBEAT.
+        start: Latitude and longitude in degrees and altitude of the stand-by position, if there is one.
     """
     autopilot = settings.autopilot
     match state:
@@ -80,7 +83,7 @@ def requests_in(
 def _mode_request(state: State, settings: FlightSettings, mode: Mode | None) -> tuple[Request, ...]:
     wanted = _MODE_OF_STATE.get(state)
     if state is State.STANDING_BY and settings.engage_on is EngageOn.PILOT_MODE and mode is Mode.HOLD:
-        # A PX4 that lost its setpoints goes back to OFFBOARD by itself when they return; asked to hold, it does not.
+        # PX4 returns to OFFBOARD by itself when setpoints return after a loss, unless Hold was requested.
         wanted = Mode.HOLD
     elif mode is wanted:
         return ()
@@ -95,10 +98,10 @@ def _takeoff(settings: FlightSettings, vehicle: VehicleState) -> tuple[Request, 
 
 
 class HoldHandover:
-    """Nothing but the hold is asked for any more, until a HEARTBEAT shows any mode but the guided one.
+    """Requests only the hold until a HEARTBEAT shows another mode than the guided one.
 
     Attributes:
-        fault: The error of our own that ended the flight: the hold is asked for at once then, and without one only
+        fault: The internal error that ended the flight. With it, the hold is requested immediately; without it, only
             when a HEARTBEAT shows that the vehicle still waits in the guided mode.
     """
 
@@ -109,7 +112,7 @@ class HoldHandover:
         self.fault = None if error is None else _described(error)
 
     def requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
-        """Return what to ask in one cycle."""
+        """Return the requests of one cycle."""
         at_once = self.fault is not None and self._asked_s == float("-inf")
         modes = [self._autopilot.mode_of(one.custom_mode) for one in messages if isinstance(one, Heartbeat)]
         if not at_once and any(mode is not Mode.GUIDED for mode in modes):
@@ -122,7 +125,7 @@ class HoldHandover:
 
 
 class Asking:
-    """What is asked of the vehicle in each cycle: for its state, at first and again, and HEARTBEATs waited for."""
+    """The requests of each cycle: those of the state, repetitions, and requests for HEARTBEAT."""
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
@@ -131,21 +134,21 @@ class Asking:
         self._handover: HoldHandover | None = None
 
     def begin(self, now_s: float) -> None:
-        """Begin a state, of which nothing has been asked yet."""
+        """Enter a state."""
         self._since_s, self._asked_s = now_s, float("-inf")
 
     def await_hold(self) -> None:
-        """Ask for the hold after a loss where the autopilot would else wait for our setpoints for ever."""
+        """Request the hold after a loss, for an autopilot that would wait for setpoints in the guided mode."""
         self._handover = HoldHandover(self._settings.autopilot)
 
     def requests(self, state: State, heard: Heard, now_s: float, *, asked_once: bool) -> tuple[Request, ...]:
-        """Return what to ask in one cycle.
+        """Return the requests of one cycle.
 
         Args:
-            state: Where the flight stands.
-            heard: What the flight has heard.
-            now_s: The present.
-            asked_once: Whether the vehicle is in a pilot's mode, which is asked away only once.
+            state: State of the flight.
+            heard: Everything received so far.
+            now_s: Time.
+            asked_once: Whether the vehicle is in a pilot's mode, for which a request is made only once.
         """
         asked: tuple[Request, ...] = ()
         if state not in FINAL and self._is_due(state, now_s, fresh_heartbeat=bool(heard.beats), asked_once=asked_once):
@@ -164,22 +167,22 @@ class Asking:
         return requests_in(state, self._settings, heard.vehicle, heard.mode, place)
 
     def _is_due(self, state: State, now_s: float, *, fresh_heartbeat: bool, asked_once: bool) -> bool:
-        """Whether a state's requests are made in this cycle; if so, they count as made."""
+        """Whether the state's requests are due now; if so, note them as made."""
         if now_s - self._asked_s < REPEAT_S:
             return False
         entering, repeated = state is State.ENTERING, self._asked_s >= self._since_s
         if repeated and (state is State.STANDING_BY or asked_once):
-            return False  # the pilot's next switch is an answer, not a fault
+            return False  # the pilot's next switch is intended
         if (repeated or (entering and now_s - self._since_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
             return False
         streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
         if entering and now_s - self._since_s <= streamed_s + _SAME_S:
-            return False  # nor at once: a HEARTBEAT of the order's own cycle may be from before it
+            return False  # the HEARTBEAT of the order's own cycle may be older than the order
         self._asked_s = now_s
         return True
 
     def _beat(self, now_s: float) -> tuple[Request, ...]:
-        """Ask for a HEARTBEAT, no more often than `BEAT_EVERY_S`."""
+        """Request a HEARTBEAT at most every `BEAT_EVERY_S`."""
         if now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
             return ()
         self._beat_asked_s = now_s

@@ -1,9 +1,8 @@
-"""What a flight may do: every state, every event and the one table that joins them.
+"""All states, all events, and the transition table of a flight.
 
-A pair that is not in the table changes nothing, on purpose: the event is recorded and the state stays. What must never
-happen is therefore visible as a line that is not there: nothing leads from YIELDED to any state that commands the
-vehicle, and nothing but a person's word (`Event.ENGAGE`), or a pilot's mode switch where that is configured
-(`Event.INVITED`), begins the game.
+A pair that is not in the table changes nothing: the event is recorded and the state stays. Therefore a forbidden
+transition is visible as a missing line. No line leads from YIELDED to a commanding state. Only an order
+(`Event.ENGAGE`), or the pilot's mode switch if configured (`Event.INVITED`), begins the game.
 """
 
 from collections.abc import Mapping
@@ -13,30 +12,32 @@ from guidance.autopilots import Mode
 
 
 class State(StrEnum):
-    """Where the flight stands."""
+    """State of the flight."""
 
-    CONNECTING = "connecting"  # nothing heard yet
-    CHECKING = "checking"  # heard; not yet fit to fly
-    READY = "ready"  # fit to fly, waiting for a person's word
+    CONNECTING = "connecting"  # no message yet
+    CHECKING = "checking"  # in contact, not yet fit to fly
+    READY = "ready"  # fit to fly, waiting for an order
     ARMING = "arming"
     CLIMBING = "climbing"  # the autopilot's own take-off
     POSITIONING = "positioning"  # the autopilot flies to the start
     STANDING_BY = "standing by"  # hovering in the autopilot's hold, silent
-    OUT_OF_CONTACT = "out of contact"  # telemetry was lost while standing by; silent, nothing is commanded
+    OUT_OF_CONTACT = "out of contact"  # telemetry was lost while standing by; silent
     ENTERING = "entering"  # streaming a hover, waiting for HEARTBEAT to show the guided mode
     ENGAGED = "engaged"  # the game is played
-    PAUSED = "paused"  # hovering in the guided mode until what is missing is back
+    PAUSED = "paused"  # hovering in the guided mode until all inputs are back
     ON_STATION = "on station"  # the stand-off disc is reached
     HOLDING = "holding"  # handed to the autopilot's hold
     RETURNING = "returning"
     LANDING = "landing"
     LANDED = "landed"  # on the ground, disarmed: the end
-    YIELDED = "yielded"  # somebody else flies the vehicle, or nobody can tell: silent for good
+    YIELDED = (
+        "yielded"  # a pilot, another program or the autopilot has the vehicle, or contact is lost: silent for good
+    )
     FAILED = "failed"  # could not be flown: silent for good
 
 
 class Event(StrEnum):
-    """What may happen. A person's orders come first, then what telemetry shows."""
+    """Events: orders first, then events detected from telemetry."""
 
     START = "start"
     ENGAGE = "engage"
@@ -162,7 +163,7 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
         (state, Event.TELEMETRY_LOST): State.YIELDED
         for state in (State.ARMING, State.CLIMBING, State.POSITIONING, *_COMMANDING, *_LEAVING)
     },
-    # Nothing was being commanded: the flight may go on, but only a person's order begins the game.
+    # Nothing was commanded, so the flight may continue, but only an order begins the game.
     (State.STANDING_BY, Event.TELEMETRY_LOST): State.OUT_OF_CONTACT,
     (State.OUT_OF_CONTACT, Event.CONTACT): State.STANDING_BY,
     **{(state, Event.FAULT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY)},
@@ -172,13 +173,13 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
 FINAL = frozenset({State.LANDED, State.YIELDED, State.FAILED})
 
 BEFORE_FLIGHT = frozenset({State.CONNECTING, *_FOUND})
-"""States in which a vehicle that is armed was armed by somebody else, or has only just been armed by us."""
+"""States before take-off. A vehicle that is armed here was armed by someone else or just now by us."""
 
 SETPOINT_STATES = frozenset(_COMMANDING)
-"""The only states in which setpoints go out; in every other one the stream is silent."""
+"""The only states with setpoints; all others are silent."""
 
 HANDING_OVER = frozenset(_LEAVING)
-"""States that leave the guided mode: a hover goes out until HEARTBEAT shows that the autopilot has left it."""
+"""States that leave the guided mode. A hover is sent until HEARTBEAT shows another mode."""
 
 OUR_MODES: Mapping[State, frozenset[Mode]] = {
     State.CLIMBING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
@@ -193,14 +194,14 @@ OUR_MODES: Mapping[State, frozenset[Mode]] = {
     State.RETURNING: frozenset({Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED}),
     State.LANDING: frozenset({Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.GUIDED}),
 }
-"""The modes that are our own doing. Any other mode in HEARTBEAT is an external mode change, and final."""
+"""Modes that guidance itself may cause. Any other mode in HEARTBEAT is an external mode change, and final."""
 
 
 def next_state(state: State, event: Event) -> State:
-    """Look the pair up; a pair that is not in the table leaves the state as it is."""
+    """Look up the transition; without one the state stays."""
     return TRANSITIONS.get((state, event), state)
 
 
 def is_done(order: Event, state: State) -> bool:
-    """True if an order led to this state, or would have: ordering twice does no harm."""
+    """Whether the order leads to this state, so that repeating it is harmless."""
     return any(event is order and after is state for (_, event), after in TRANSITIONS.items())

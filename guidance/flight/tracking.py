@@ -1,11 +1,10 @@
-"""Where the evader is, and all places that stay where they are on Earth whatever becomes of the vehicle's local frame.
+"""Tracks the evader, home and the game frame when the vehicle's local frame moves.
 
-The evader's reports are estimated in that frame, home and the game are kept in it. GPS_GLOBAL_ORIGIN tells its origin
-(without it, home does). A position that jumps means one of two things: the estimator has corrected where the vehicle
-is, which leaves the origin where it was; or the origin was moved, which is told a moment earlier, later, or not at all.
-And what is told may be wrong. GLOBAL_POSITION_INT decides: of all possible origins, the one is believed with which the
-vehicle's local position lies nearest to its global one. Until the next one comes a jump is held back, so that nothing
-is commanded by a place of the one frame in the other.
+Evader, home and game are kept in the local frame, whose origin GPS_GLOBAL_ORIGIN reports (or else home). A jump of the
+position has two possible causes. Either the estimator corrected the vehicle's position and the origin stays, or the
+origin moved, which may be reported earlier, later, never or wrongly. GLOBAL_POSITION_INT decides: the chosen origin is
+the one for which the local position is nearest to the global one. Until the next GLOBAL_POSITION_INT the jump is held
+back, so no command mixes the two frames.
 """
 
 import math
@@ -24,23 +23,23 @@ from guidance.vehicle import VehicleState, local_frame
 NOWHERE: Final[Vector] = (0.0, 0.0, 0.0)
 
 HARMLESS_M: Final = 0.5
-"""An origin told to be no further away than this is taken as it is: it was rounded, or derived from home."""
+"""A reported origin within this distance is accepted: it was rounded, or derived from home."""
 
 _JUDGE_AGE_S: Final = 1.0
-"""Without a global position this recent there is no second source, and what is told is believed."""
+"""Without a global position this recent, the reported origin is accepted."""
 
 
 class Tracking:
-    """The memory of the evader in one flight, and all places that stay where they are on Earth.
+    """The evader's track, home and the game frame of one flight.
 
-    When the origin of the local frame moves, the evader's track, home and the game frame are moved into the new one.
-    `held_back_ned_m` is a jump of the vehicle's position of which it is not known yet whether that origin was moved.
+    They move with the origin of the local frame. `held_back_ned_m` is a jump of the vehicle's position whose cause is
+    not known yet.
     """
 
     def __init__(self, settings: CycleSettings, profile: AutopilotProfile) -> None:
         self._site = settings.site
         self._free = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
-        # An evader that is faster than the pursuer makes no game; up to there a wrong declaration is played against.
+        # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
         self._track = replace(
             self._free,
             jump_m_s=settings.declared_evader_speed_m_s,
@@ -55,12 +54,12 @@ class Tracking:
         self.game_frame: GameFrame | None = None
 
     def observe(self, vehicle: VehicleState, reports: Sequence[EvaderReport], *, in_flight: bool = True) -> None:
-        """Take in what was heard in one cycle.
+        """Update with the inputs of one cycle.
 
         Args:
-            vehicle: As last heard.
-            reports: Of the evader, new ones.
-            in_flight: Whether a jump is bounded by the way that the evader can have gone; on the ground none is.
+            vehicle: Last known state of the vehicle.
+            reports: New reports of the evader.
+            in_flight: Whether a jump is bounded by the distance the evader can have covered; not on the ground.
         """
         frame = self._origin.observe(vehicle)
         self.held_back_ned_m = self._origin.held_back_ned_m
@@ -79,21 +78,21 @@ class Tracking:
 
     @property
     def counts(self) -> Mapping[ReportOutcome, int]:
-        """How many reports of the evader were taken in, and how many dropped, and why."""
+        """Number of evader reports by outcome: used, or dropped with a reason."""
         return self._observer.track.counts
 
     def rival(self, now_s: float) -> str:
-        """Return by what a second source of the evader's reports shows now; empty where none does."""
+        """Return the evidence of a second source of evader reports; empty if there is none."""
         rivals = self._observer.rivals
         return rivals.why if rivals.why and rivals.there(now_s) else ""
 
     def silence_s(self, now_s: float) -> float:
-        """Seconds since a report of the evader arrived that could be used; infinite if none ever did."""
+        """Seconds since the last usable evader report; infinite before the first one."""
         last = self._observer.track.estimate
         return math.inf if last is None else max(0.0, now_s - last.received_s)
 
     def evader(self, now_s: float) -> EvaderEstimate | None:
-        """Return the estimate for now; None until the evader was heard."""
+        """Return the estimate at `now_s`; None before the first report."""
         state = predict(self._observer.track, now_s, self._track)
         if state is None:
             return None
@@ -119,7 +118,7 @@ class Tracking:
 
 
 class OriginEstimate:
-    """The origin as believed. `held_back_ned_m` is a jump of the position whose meaning is not known yet."""
+    """The accepted origin. `held_back_ned_m` is a jump of the position with an unknown cause."""
 
     def __init__(self, projection: Projection) -> None:
         self._projection = projection
@@ -130,7 +129,7 @@ class OriginEstimate:
         self.held_back_ned_m: Vector = NOWHERE
 
     def observe(self, vehicle: VehicleState) -> LocalFrame | None:
-        """Take in what was heard in one cycle; None until the vehicle has told where it is."""
+        """Update with one cycle; return None until the vehicle has reported its origin."""
         told = self._told(vehicle)
         if told is None:
             return self._frame
@@ -145,7 +144,7 @@ class OriginEstimate:
         return self._frame
 
     def _told(self, vehicle: VehicleState) -> LocalFrame | None:
-        """Return the frame that the vehicle tells, reckoned anew only once it tells another."""
+        """Return the reported frame, recomputed only when the report changes."""
         telling = vehicle.latest.get(Home), vehicle.latest.get(Origin)
         if telling != self._telling:
             self._telling, told = telling, local_frame(vehicle, self._projection)
@@ -159,13 +158,13 @@ class OriginEstimate:
         self._jumped, self.held_back_ned_m = vehicle.jumped_ned_m, (north, east, down)
 
     def _judged(self, held: LocalFrame, told: LocalFrame, vehicle: VehicleState) -> LocalFrame:
-        """Choose between where the origin was, where it is told to be, and where a jump would have put it."""
+        """Choose between the old origin, the reported one, and the one that explains the jump."""
         place, local = vehicle.last(GlobalPosition), vehicle.last(LocalPosition)
         if place is None or local is None or local.received_s - place.received_s > _JUDGE_AGE_S:
             self.held_back_ned_m = NOWHERE
             return told
         if place.time_boot_s < vehicle.jumped_boot_s:
-            return held  # it is from before
+            return held  # older than the jump
         possible = (held, told, _jumped_origin(held, self.held_back_ned_m))
         self.held_back_ned_m = NOWHERE
         return min(possible, key=lambda frame: _apart_m(frame, place, local))
@@ -182,7 +181,7 @@ def _jumped_origin(held: LocalFrame, jump_ned_m: Vector) -> LocalFrame:
 
 
 def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> float:
-    """Distance between the vehicle's local and global positions, if this were the frame."""
+    """Distance between the vehicle's local and global positions in this frame."""
     step_s = place.time_boot_s - local.time_boot_s
     then = [at + step_s * rate for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)]
     altitude = Amsl(place.altitude_amsl_m)
@@ -190,15 +189,15 @@ def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> 
 
 
 def polygon_about_home(corners_deg: Sequence[tuple[float, float]], home_ned_m: Vector, frame: LocalFrame) -> Polygon:
-    """Return the polygon in metres about home, by the autopilot's own map between degrees and metres.
+    """Return the polygon in metres about home, with the autopilot's map projection.
 
     Args:
-        corners_deg: As configured.
-        home_ned_m: Home in the local frame, whose origin need not be there.
+        corners_deg: Configured corners.
+        home_ned_m: Home in the local frame.
         frame: The vehicle's local frame.
 
     Raises:
-        ConfigError: If the corners make no polygon.
+        ConfigError: If the corners are not a polygon.
     """
     north_m, east_m, _ = home_ned_m
     places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
