@@ -1,16 +1,35 @@
-"""What Prometheus sees. The loop sets numbers; a thread of the library's serves them on loopback."""
+"""Metrics of a vehicle. The loop sets the values; one thread serves them to Prometheus on loopback."""
 
+import asyncio
+import contextlib
 import math
+import socket
+import threading
 from collections.abc import Mapping
 from typing import Final
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, start_http_server
+from prometheus_client import (
+    CONTENT_TYPE_LATEST,
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    generate_latest,
+)
 
+from guidance.clock import Clock, MonotonicClock
 from guidance.errors import LinkError
 from guidance.flight import Flight, Outputs, State
 from guidance.messages import Heartbeat, LocalPosition
+from guidance.session.connections import ConnectionLimit
 
-_OF_THE_GAME: Final = (
+MAX_CONNECTIONS: Final = 16
+REQUEST_DEADLINE_S: Final = 5.0
+"""Time for a whole exchange: request and answer. Then the connection is closed."""
+
+_DEADLINE_CHECK_INTERVAL_S: Final = 0.2
+_MAX_REQUEST_BYTES: Final = 8192
+_GAME_METRICS: Final = (
     "value",
     "time_needed_s",
     "assured_distance_m",
@@ -25,7 +44,7 @@ _BUCKETS_S: Final = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)
 
 
 class Metrics:
-    """All metrics of one vehicle, in a registry of their own."""
+    """All metrics of one vehicle, in a separate registry."""
 
     def __init__(self, name: str) -> None:
         self.registry = CollectorRegistry()
@@ -42,21 +61,21 @@ class Metrics:
 
         self._name = name
         self._state = gauge("state", "1 for the state the flight is in", "state")
-        self._ages = gauge("age_seconds", "age of what was last heard", "what")
+        self._ages = gauge("age_seconds", "age of the last message", "what")
         self._game = gauge("game", "the certificate of the last cycle", "what")
         self._links = gauge("link_total", "counters of links and evader source", "link", "what")
-        self._events = counter("events", "what happened", "event")
-        self._alarms = counter("alarms", "what of the game's guarantee did not hold", "broken")
+        self._events = counter("events", "events of the flight", "event")
+        self._alarms = counter("alarms", "alarms: violations of the guarantee", "broken")
         self._acted = counter("limits_acted", "cycles in which a limit acted", "limit")
-        self._orders = counter("orders", "orders and what became of them", "order", "accepted")
+        self._orders = counter("orders", "orders, accepted or refused", "order", "accepted")
         self.cycles = counter("cycles", "guidance cycles").labels(name)
         self.late = counter("late_cycles", "cycles that began more than one period late").labels(name)
         self.setpoints = counter("setpoints", "setpoints sent").labels(name)
-        self.lateness = histogram("lateness_seconds", "how late a cycle began").labels(name)
-        self.work = histogram("work_seconds", "how long a cycle took").labels(name)
+        self.lateness = histogram("lateness_seconds", "delay of the start of a cycle").labels(name)
+        self.work = histogram("work_seconds", "working time of a cycle").labels(name)
 
     def follow(self, outputs: Outputs) -> None:
-        """Count what one cycle did."""
+        """Count the outputs of one cycle."""
         self.cycles.inc()
         if outputs.setpoint is not None:
             self.setpoints.inc()
@@ -69,13 +88,13 @@ class Metrics:
                 self._acted.labels(self._name, limit).inc()
 
     def show(self, now_s: float, flight: Flight, outputs: Outputs, counters: Mapping[str, Mapping[str, int]]) -> None:
-        """Set what is only looked at, once a second.
+        """Set the gauges. Called once a second.
 
         Args:
-            now_s: The present.
-            flight: As it stands.
-            outputs: Of the last cycle.
-            counters: What each link has counted, by link and by name.
+            now_s: Time now.
+            flight: The flight.
+            outputs: Outputs of the last cycle.
+            counters: Counters of each link, by link and name.
         """
         for state in State:
             self._state.labels(self._name, str(state)).set(state is outputs.state)
@@ -86,14 +105,14 @@ class Metrics:
         ):
             self._ages.labels(self._name, what).set(age_s)
         certificate = outputs.certificate
-        for what in _OF_THE_GAME:
+        for what in _GAME_METRICS:
             self._game.labels(self._name, what).set(math.nan if certificate is None else getattr(certificate, what))
         for link, counts in counters.items():
             for what, count in counts.items():
                 self._links.labels(self._name, link, what).set(count)
 
     def happened(self, event: str) -> None:
-        """Count an event that is not the flight's."""
+        """Count an event of the daemon, such as a failed record."""
         self._events.labels(self._name, event).inc()
 
     def order(self, order: str, *, accepted: bool) -> None:
@@ -102,21 +121,69 @@ class Metrics:
 
 
 class MetricsServer:
-    """Serves a registry at http://127.0.0.1:port/metrics.
+    """Serves a registry at http://127.0.0.1:port/metrics, in one thread for all connections.
+
+    Args:
+        metrics: Metrics to serve.
+        port: TCP port on loopback.
+        clock: Time of the deadlines.
 
     Raises:
         LinkError: If the port is in use.
     """
 
-    def __init__(self, metrics: Metrics, port: int) -> None:
+    def __init__(self, metrics: Metrics, port: int, clock: Clock | None = None) -> None:
         try:
-            self._server, self._thread = start_http_server(port, addr="127.0.0.1", registry=metrics.registry)
+            listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
             raise LinkError(f"metrics.port = {port}: {error.strerror}; choose another") from error
-        self.port = int(self._server.server_port)
+        self.port = int(listener.getsockname()[1])
+        self._registry = metrics.registry
+        self._limit = ConnectionLimit(
+            MonotonicClock() if clock is None else clock,
+            max_connections=MAX_CONNECTIONS,
+            deadline_s=REQUEST_DEADLINE_S,
+        )
+        self._loop = asyncio.new_event_loop()
+        self._ended = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, args=(listener,), name="metrics")
+        self._thread.start()
 
     def close(self) -> None:
         """Stop serving."""
-        self._server.shutdown()
-        self._server.server_close()
+        self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join()
+
+    def _run(self, listener: socket.socket) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve(listener))
+
+    async def _serve(self, listener: socket.socket) -> None:
+        server = await asyncio.start_server(self._answer, sock=listener, limit=_MAX_REQUEST_BYTES)
+        while not self._ended.is_set():
+            self._limit.close_late()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._ended.wait(), _DEADLINE_CHECK_INTERVAL_S)
+        server.close()
+
+    async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Answer one request and close the connection."""
+        task = asyncio.current_task()
+        if task is not None:
+            self._limit.add(task, task.cancel)
+        try:
+            with contextlib.suppress(asyncio.LimitOverrunError, asyncio.IncompleteReadError, ConnectionError):
+                request = await reader.readuntil(b"\r\n\r\n")
+                writer.write(self._response(request))
+                writer.close()
+                await writer.wait_closed()
+        finally:
+            writer.transport.abort()
+            self._limit.remove(task)
+
+    def _response(self, request: bytes) -> bytes:
+        if not request.startswith(b"GET "):
+            return b"HTTP/1.1 405 Method Not Allowed\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+        body = generate_latest(self._registry)
+        headers = f"Content-Type: {CONTENT_TYPE_LATEST}\r\nContent-Length: {len(body)}\r\nConnection: close"
+        return f"HTTP/1.1 200 OK\r\n{headers}\r\n\r\n".encode() + body

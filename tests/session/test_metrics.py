@@ -1,27 +1,89 @@
-"""The metrics' page: on loopback only."""
+"""The metrics server: on loopback only, and idle connections cost nothing."""
 
+import http.client
 import socket
+import threading
 import urllib.request
 
 import pytest
 
+from guidance.clock import VirtualClock
 from guidance.errors import LinkError
-from guidance.session.metrics import Metrics, MetricsServer
+from guidance.session.connections import ConnectionLimit
+from guidance.session.metrics import MAX_CONNECTIONS, REQUEST_DEADLINE_S, Metrics, MetricsServer
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+@pytest.fixture
+def clock():
+    return VirtualClock()
 
 
-def test_metrics_are_served_on_loopback_and_nowhere_else():
+@pytest.fixture
+def server(clock):
     metrics = Metrics("uav1")
     metrics.order("hold", accepted=True)
-    server = MetricsServer(metrics, free_port())
-    with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/metrics", timeout=5.0) as page:
-        text = page.read().decode()
-    assert 'guidance_orders_total{accepted="true",order="hold",vehicle="uav1"} 1.0' in text
-    with pytest.raises(LinkError, match=f"metrics.port = {server.port}"):
-        MetricsServer(metrics, server.port)
+    server = MetricsServer(metrics, 0, clock)
+    yield server
     server.close()
+
+
+def read(server):
+    with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/metrics", timeout=5.0) as page:
+        return page.read().decode()
+
+
+def connected(server):
+    return socket.create_connection(("127.0.0.1", server.port), 5.0)
+
+
+def test_metrics_are_served_on_loopback_and_nowhere_else(server):
+    assert 'guidance_orders_total{accepted="true",order="hold",vehicle="uav1"} 1.0' in read(server)
+    with pytest.raises(LinkError, match=f"metrics.port = {server.port}"):
+        MetricsServer(Metrics("uav2"), server.port)
+
+
+def test_only_get_is_answered(server):
+    client = http.client.HTTPConnection("127.0.0.1", server.port, timeout=5.0)
+    client.request("POST", "/metrics", b"x")
+    assert client.getresponse().status == http.client.METHOD_NOT_ALLOWED
+    client.close()
+
+
+def test_idle_connections_need_no_thread_and_keep_no_reader_out(server):
+    before = threading.active_count()
+    idle = [connected(server) for _ in range(5 * MAX_CONNECTIONS)]
+    assert "guidance_orders_total" in read(server)
+    assert threading.active_count() == before
+    assert idle[0].recv(1) == b""  # the oldest was closed to make room
+    for one in idle:
+        one.close()
+
+
+def test_a_connection_that_sends_no_whole_request_is_closed_at_the_deadline(server, clock):
+    slow = connected(server)
+    slow.sendall(b"GET /metrics HTTP/1.1\r\n")
+    assert "guidance_orders_total" in read(server)  # the slow one was accepted before
+    clock.sleep_until(REQUEST_DEADLINE_S)
+    assert slow.recv(1) == b""
+    slow.close()
+
+
+def test_a_limit_closes_the_late_and_the_oldest_but_never_an_admitted_connection(clock):
+    limit, closed = ConnectionLimit(clock, max_connections=2, deadline_s=10.0), []
+    assert limit.add("a", lambda: closed.append("a"))
+    limit.admit("a")
+    assert limit.add("b", lambda: closed.append("b"))
+    assert limit.add("c", lambda: closed.append("c"))
+    assert closed == ["b"]
+    clock.sleep_until(9.9)
+    limit.close_late()
+    assert "c" in limit
+    clock.sleep_until(10.0)
+    limit.close_late()
+    assert closed == ["b", "c"]
+    assert limit.add("d", lambda: closed.append("d"))
+    limit.admit("d")
+    assert not limit.add("e", lambda: closed.append("e"))
+    limit.remove("d")
+    assert limit.add("e", lambda: closed.append("e"))
+    assert closed == ["b", "c"]
