@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import aiohttp
 import numpy as np
+import yarl
 from playwright.sync_api import Page, sync_playwright
 
 from guidance.log import cycles_of
@@ -113,16 +114,16 @@ def sockets(url: str) -> Iterator[None]:
     """Keep nineteen more sockets open that take everything and draw nothing."""
     ended = threading.Event()
 
-    async def one(session: aiohttp.ClientSession, home: str) -> None:
-        async with session.ws_connect(f"{home}/live", headers={"Origin": home}, max_msg_size=0) as socket:
+    async def one(session: aiohttp.ClientSession, page: yarl.URL) -> None:
+        headers = {"Origin": str(page.origin())}
+        async with session.ws_connect(page / "live", headers=headers, max_msg_size=0) as socket:
             while not ended.is_set():
                 await socket.receive()
 
     async def all_of_them() -> None:
-        home = url.split("/?", maxsplit=1)[0]
         async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as session:
-            await session.get(url)
-            await asyncio.gather(*(one(session, home) for _ in range(SOCKETS)))
+            answer = await session.get(url)
+            await asyncio.gather(*(one(session, answer.url) for _ in range(SOCKETS)))
 
     thread = threading.Thread(target=lambda: asyncio.run(all_of_them()))
     thread.start()
@@ -132,7 +133,7 @@ def sockets(url: str) -> Iterator[None]:
 
 
 def measure(bench: Bench, control: str, minutes: float) -> None:
-    """Fly on with and without onlookers."""
+    """Fly with and without pages."""
     bench.phase("no panel")
     with panel_of(control) as (panel, url), sync_playwright() as playwright:
         time.sleep(2.0)
@@ -142,7 +143,8 @@ def measure(bench: Bench, control: str, minutes: float) -> None:
         page.goto(url)
         page.wait_for_timeout(2000)
         bench.phase("one page", panel.pid, page)
-        with sockets(url):
+        assert panel.stdout is not None
+        with sockets(panel.stdout.readline().split()[1]):  # each address works once
             page.wait_for_timeout(1000)
             bench.phase("twenty pages", panel.pid, page)
         if minutes:

@@ -1,4 +1,4 @@
-"""Flights that are over, as the panel lists, replays and exports them; and a flight that a panel looks at."""
+"""The panel's lists, replays and exports of records, and the setpoints of a flight that a panel watches."""
 
 import itertools
 import json
@@ -17,9 +17,9 @@ from guidance.session.control_bus import free_endpoint
 from guidance.session.flight_files import RECORD, recorded_settings
 from guidance.session.fly_mock import fly_mock
 from guidance.viz.panel import playback
-from guidance.viz.panel.bus import Arrived, DaemonBus
+from guidance.viz.panel.bus import BroadcastItem, DaemonBus
 from guidance.viz.panel.hub import Hub
-from guidance.viz.panel.records import Past, RecordFolder
+from guidance.viz.panel.records import RecordFolder, RecordRoutes
 from guidance.viz.panel.snapshot import HISTORY
 from guidance.viz.subprocesses import options_of
 from tests.harness.flights import NEAR
@@ -27,7 +27,7 @@ from tests.harness.flights import NEAR
 
 @pytest.fixture
 def folder(record, tmp_path):
-    """A folder with a whole record of a daemon, a torn one of a flight, and what is none."""
+    """A folder with a complete record, a torn one, and a file that is no record."""
     whole, torn, strange = tmp_path / "uav1.mcap", tmp_path / "pe-001" / "record.mcap", tmp_path / "strange.mcap"
     shutil.copy(record, whole)
     torn.parent.mkdir()
@@ -37,7 +37,7 @@ def folder(record, tmp_path):
     return RecordFolder(tmp_path)
 
 
-async def test_the_records_of_a_folder_are_listed_with_how_they_ended_and_read_once(folder, monkeypatch):
+async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monkeypatch):
     rows = {row["record"]: row for row in await folder.listed()}
     assert rows.keys() == {"uav1.mcap", "pe-001/record.mcap", "strange.mcap"}
     whole, torn = rows["uav1.mcap"], rows["pe-001/record.mcap"]
@@ -49,49 +49,49 @@ async def test_the_records_of_a_folder_are_listed_with_how_they_ended_and_read_o
     assert "not an MCAP file" in rows["strange.mcap"]["error"]
 
     async def never(*_):
-        pytest.fail("what has not changed was read again")
+        pytest.fail("an unchanged record was read again")
 
     monkeypatch.setattr(folder, "_run", never)
     assert {row["record"]: row for row in await folder.listed()} == rows
     folder.close()
 
 
-async def test_what_is_made_of_a_record_is_of_that_folder_only(folder):
+async def test_products_are_made_only_from_records_of_the_folder(folder):
     for name, what in (
         ("../uav1.mcap", "events"),
         ("/etc/passwd", "events"),
         ("notes.txt", "events"),
         ("uav1.mcap", "sh"),
     ):
-        assert await folder.made(name, what) is None
+        assert await folder.product(name, what) is None
     with pytest.raises(OutputError, match="not an MCAP file"):
-        await folder.made("strange.mcap", "events")
-    made = await folder.made("pe-001/record.mcap", "events")
+        await folder.product("strange.mcap", "events")
+    made = await folder.product("pe-001/record.mcap", "events")
     assert made.name == "pe-001.txt"
     assert "vehicle heard" in made.path.read_text()
-    assert await folder.made("pe-001/record.mcap", "events") == made
+    assert await folder.product("pe-001/record.mcap", "events") == made
     folder.close()
     assert not made.path.exists()
 
 
-async def test_the_routes_say_what_each_thing_is(folder, monkeypatch):
+async def test_record_routes_answer_with_the_right_content_types(folder, monkeypatch):
     async def quick(*arguments):
         assert arguments[:2] == ("-m", "guidance.viz.panel.playback")
         return json.dumps({name: {"ended": "landed"} for name in arguments[3:]}).encode()
 
     monkeypatch.setattr(folder, "_run", quick)
     application = web.Application()
-    application.add_routes(Past(folder).routes())
+    application.add_routes(RecordRoutes(folder).routes("/secret/"))
     async with TestClient(TestServer(application)) as client:
-        listed = await (await client.get("/records")).json()
+        listed = await (await client.get("/secret/records")).json()
         assert {row["ended"] for row in listed["records"]} == {"landed"}
-        assert (await client.get("/records/events", params={"record": "nothing"})).status == 404
-        frames = await client.get("/records/frames", params={"record": "uav1.mcap"})
+        assert (await client.get("/secret/records/events", params={"record": "nothing"})).status == 404
+        frames = await client.get("/secret/records/frames", params={"record": "uav1.mcap"})
         assert frames.content_type == "application/json"
     folder.close()
 
 
-def test_a_replay_is_the_whole_flight_in_the_order_it_was_flown(record, capsys):
+def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
     assert playback.main("frames", str(record)) == 0
     said = json.loads(capsys.readouterr().out)
     times = [frame["now_s"] for frame in said["frames"]]
@@ -107,18 +107,18 @@ def test_a_replay_is_the_whole_flight_in_the_order_it_was_flown(record, capsys):
     assert engaged["game"]["isochron_m"]
 
 
-def test_a_flight_that_a_panel_looks_at_sends_the_same_setpoints_bit_for_bit(record, tmp_path):
+def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path):
     endpoint = free_endpoint()
     bus = DaemonBus(endpoint, None, MonotonicClock())
     hub = Hub([bus], recorded_settings, MonotonicClock())
     heard = SimpleNamespace(cycles=0)
 
     def look(_):
-        heard.cycles += sum(isinstance(news, Arrived) for news in list(bus._news))
-        hub.listen()
+        heard.cycles += sum(isinstance(news, BroadcastItem) for news in list(bus._news))
+        hub.receive()
         hub.message()
         if not heard.cycles:
-            threading.Event().wait(0.01)  # the panel joins in real time, of which a fast flight has little
+            threading.Event().wait(0.01)  # the panel connects in real time, and the flight is faster
 
     try:
         fly_mock(NEAR, tmp_path / "flown", look, fast=True, link="pymavlink", port=0, control=endpoint)
@@ -130,7 +130,7 @@ def test_a_flight_that_a_panel_looks_at_sends_the_same_setpoints_bit_for_bit(rec
     assert flown == alone
 
 
-def test_a_panel_beside_a_flight_is_told_where_its_daemon_and_its_records_are(tmp_path):
+def test_the_panel_of_a_flight_gets_its_token_file_and_record_folder(tmp_path):
     asked = options_of(tmp_path / "token", tmp_path)
     assert asked == ("--port", "0", "--token-file", str(tmp_path / "token"), "--records", str(tmp_path))
     assert options_of(None, None) == ("--port", "0")

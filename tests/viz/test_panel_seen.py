@@ -1,4 +1,4 @@
-"""What a page is told of a flight: snapshots, levels, and what is told when."""
+"""The data of a page: snapshots, severity levels, and which messages contain what."""
 
 import json
 import math
@@ -19,15 +19,15 @@ from guidance.log.reader import Item
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel import levels
-from guidance.viz.panel.bus import Arrived, Joined, Said
-from guidance.viz.panel.hub import HISTORY_S, MOST_DAEMONS, MOST_EVENTS, Hub
+from guidance.viz.panel.bus import BroadcastItem, FoundDaemon, StatusAnswer
+from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub
 from guidance.viz.panel.levels import Level
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
 from guidance.viz.shapes import isochron_at
 
 
 def folded(path, until=lambda row: False):
-    """Fold a record up to the first cycle of which something is true."""
+    """Read a record up to the first cycle that meets a condition."""
     fold = SnapshotFold(recorded_settings, metadata_of(path), "test")
     for item in scan(path):
         entry = fold.take(item)
@@ -37,7 +37,7 @@ def folded(path, until=lambda row: False):
 
 
 def beside(curve, place):
-    """Return how far a place lies from a closed curve, m."""
+    """Return the distance of a point from a closed curve, m."""
     curve, place = np.array(curve), np.array(place[:2])
     begun, along = curve[:-1], np.diff(curve, axis=0)
     share = np.clip(((place - begun) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
@@ -45,7 +45,7 @@ def beside(curve, place):
 
 
 class StubBus:
-    """A bus that says what the test has it say."""
+    """A bus that delivers what the test gives it."""
 
     endpoint, reason = "tcp/127.0.0.1:1", ""
 
@@ -61,7 +61,7 @@ class StubBus:
         self.ordered.append((name, order, by))
         return {"accepted": True, "order": order, "name": name}
 
-    def vouch(self, name):
+    def note_operator(self, name):
         self.vouched.append(name)
 
     def close(self):
@@ -70,22 +70,22 @@ class StubBus:
 
 @pytest.fixture
 def told(record):
-    """A hub that has been told of a daemon: how to tell more, and how to read what pages are told."""
+    """A hub with one daemon, a function that adds news, and one that reads the messages for pages."""
     bus, clock = StubBus(), VirtualClock(100.0)
     hub = Hub([bus], recorded_settings, clock)
 
     def tell(*news):
         bus.waiting += news
-        hub.listen()
+        hub.receive()
 
     def read(*, whole=False):
         return json.loads(hub.message(whole=whole))
 
-    tell(Joined("uav1", metadata_of(record), None))
+    tell(FoundDaemon("uav1", metadata_of(record), None))
     return SimpleNamespace(hub=hub, bus=bus, clock=clock, tell=tell, read=read)
 
 
-def test_a_moment_of_the_chase_is_what_the_record_has(record):
+def test_a_snapshot_of_the_chase_equals_the_record(record):
     fold = folded(record, lambda row: row.state is State.ENGAGED and row.certificate is not None)
     row = next(row for row in cycles_of(record) if row.state is State.ENGAGED and row.certificate is not None)
     seen, scene = fold.snapshot(), fold.scene
@@ -95,15 +95,17 @@ def test_a_moment_of_the_chase_is_what_the_record_has(record):
     assert game["value"] == certificate.value
     assert game["time_needed_s"] == certificate.time_needed_s
     assert game["meeting_m"] == pytest.approx(certificate.meeting_point_game_m, abs=0.006)
-    assert seen["pursuer_m"] == pytest.approx(certificate.pursuer_game_m, abs=0.2)  # certified a cycle's way ahead
+    assert seen["pursuer_m"] == pytest.approx(
+        certificate.pursuer_game_m, abs=0.2
+    )  # the certificate is for the next cycle
     assert game["wins"] == "pursuer"
-    # Every point of the isochron is reached by the evader when the pursuer is: none lies beyond its own run.
+    # Both players reach each point of the isochron at the same time, so none is farther than the evader can run.
     run_m = 1.001 * max(math.dist(place, certificate.evader_game_m[:2]) for place in game["isochron_m"])
     assert math.dist(game["meeting_m"][:2], certificate.evader_game_m[:2]) <= run_m
-    assert beside(game["isochron_m"], game["meeting_m"]) < 0.3  # its chords are that far within
+    assert beside(game["isochron_m"], game["meeting_m"]) < 0.3  # the curve is a polygon
     assert len(scene["fence_m"][0]) > 3
     assert (seen["gap_m"], seen["height_gap_m"]) == (certificate.gap_m, certificate.height_gap_m)
-    earlier = folded(record, lambda row: row.state is State.POSITIONING).snapshot()  # the disc is there before the game
+    earlier = folded(record, lambda row: row.state is State.POSITIONING).snapshot()  # the disc exists before the game
     assert earlier["gap_m"] == pytest.approx(
         math.dist(earlier["pursuer_m"][:2], earlier["evader_m"][:2]) - 3.0, abs=0.02
     )
@@ -113,15 +115,15 @@ def test_a_moment_of_the_chase_is_what_the_record_has(record):
     assert len(fold.history_row()) == len(HISTORY)
 
 
-def test_the_meeting_point_lies_on_the_isochron_of_the_game_that_is_played(record):
+def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
     settings = recorded_settings(metadata_of(record)).cycle
     played = [row.certificate for row in cycles_of(record) if row.certificate is not None]
     slowest = min(played, key=lambda one: one.speed_ratio)
-    # The estimate's bound of its speed counts, and its age.
+    # The bound of the estimated speed and the age of the estimate count.
     assert settings.speed_set.speed_m_s / slowest.speed_ratio > 1.02 * settings.declared_evader_speed_m_s
     for one in (slowest, *played[:: len(played) // 12]):
         assert beside(isochron_at(settings, one, 721), one.meeting_point_game_m) < 0.01
-    # An evader on a hill, and one whose target moves: the same.
+    # Also with an evader on a hill, and with a moving target.
     for standoff, target, drift in (
         (StandOff(3.0, 2.0), None, (0.0, 0.0)),
         (StandOff(), (90.0, 5.0, 4.0), (0.4, -0.3)),
@@ -141,7 +143,7 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_game_that_is_played(recor
         assert beside(isochron_at(other, one, 721), there) < 0.02
 
 
-def test_before_anything_was_heard_nothing_is_made_up(record):
+def test_unknown_values_are_null_before_the_first_message(record):
     fold = SnapshotFold(recorded_settings, metadata_of(record), "test")
     assert fold.snapshot() is None
     assert fold.history_row() is None
@@ -172,39 +174,39 @@ def test_before_anything_was_heard_nothing_is_made_up(record):
         (levels.of_winner(1, no_game=True), Level.WARNING),
     ],
 )
-def test_levels_follow_the_limits_that_the_flight_acts_on(level, wanted):
+def test_levels_follow_the_limits_of_the_flight(level, wanted):
     assert level is wanted
 
 
-def test_a_page_that_joins_is_told_everything_and_then_only_what_is_new(told, record):
+def test_a_new_page_gets_everything_and_then_only_changes(told, record):
     items = [item for item in scan(record) if item.topic in {CYCLE_TOPIC, EVENT_TOPIC}]
-    told.tell(*(Arrived("uav1", 100.0, item) for item in items), Said("uav1", 100.0, {"state": "landed"}))
+    told.tell(*(BroadcastItem("uav1", 100.0, item) for item in items), StatusAnswer("uav1", 100.0, {"state": "landed"}))
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["snapshot"]["state"] == "landed"
     assert everything["status"] == {"state": "landed"}
-    assert len(everything["events"]) <= MOST_EVENTS
+    assert len(everything["events"]) <= MAX_EVENTS
     rows = everything["history"]["rows"]
     assert rows[-1][0] - rows[0][0] > 20.0
     (first,) = told.read()["daemons"]
     assert {"scene", "status", "snapshot", "events", "history"} <= first.keys()
     (again,) = told.read()["daemons"]
     assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact", "over"}
-    # A daemon that comes, or comes again, while pages are open is told of as to a page that joins.
-    told.tell(Joined("uav1", metadata_of(record), items[-1]), Joined("uav2", metadata_of(record), items[-1]))
+    # A daemon that starts or restarts while pages are open is sent in full.
+    told.tell(FoundDaemon("uav1", metadata_of(record), items[-1]), FoundDaemon("uav2", metadata_of(record), items[-1]))
     for one in told.read()["daemons"]:
         assert one["history"] == {"columns": list(HISTORY), "rows": []}
 
 
-def test_what_happened_before_a_page_came_is_told_once(told):
+def test_events_before_a_page_opened_are_sent_once(told):
     event = {"now_s": 2.0, "event": "checks passed", "detail": "checking -> ready"}
-    told.tell(Arrived("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
-    told.hub.settle()  # nobody was there
+    told.tell(BroadcastItem("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.hub.mark_sent()  # no page is open
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["events"] == [event]
     assert "events" not in told.read()["daemons"][0]
 
 
-def test_a_flight_that_is_over_says_how_it_ended_until_the_next_one(told, record):
+def test_the_end_of_a_flight_is_shown_until_the_next_flight(told, record):
     closing = {"ended": "captured; landed", "record": "/flights/pe-001/record.mcap", "replay": "pe-001/record.mcap"}
     for event, detail, over in (
         (FLIGHT_OVER, json.dumps(closing), closing),
@@ -217,74 +219,74 @@ def test_a_flight_that_is_over_says_how_it_ended_until_the_next_one(told, record
         (BEGUN, "", None),
     ):
         data = {"now_s": 2.0, "event": event, "detail": detail}
-        told.tell(Arrived("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(data).encode())))
+        told.tell(BroadcastItem("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(data).encode())))
         assert told.read()["daemons"][0]["over"] == over
-    told.tell(Joined("uav1", metadata_of(record), None))
+    told.tell(FoundDaemon("uav1", metadata_of(record), None))
     assert told.read()["daemons"][0]["over"] is None
 
 
-def test_the_history_is_of_five_minutes_however_long_a_flight_lasts(told, record):
+def test_the_history_is_limited_to_five_minutes(told, record):
     (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
     row = json.loads(last.data)
     for number in range(3000):
         data = json.dumps({**row, "now_s": row["now_s"] + 0.25 * number}).encode()
-        told.tell(Arrived("uav1", 100.0, Item(0.0, CYCLE_TOPIC, "json", data)))
+        told.tell(BroadcastItem("uav1", 100.0, Item(0.0, CYCLE_TOPIC, "json", data)))
     rows = told.read(whole=True)["daemons"][0]["history"]["rows"]
     assert len(rows) <= HISTORY_S / 0.25
     assert rows[-1][0] - rows[0][0] <= HISTORY_S
-    # A daemon that was started anew has a clock of its own: nothing of before is drawn beside it.
-    told.tell(Arrived("uav1", 100.0, last))
+    # A restarted daemon has a new clock, so the old history is dropped.
+    told.tell(BroadcastItem("uav1", 100.0, last))
     assert len(told.read(whole=True)["daemons"][0]["history"]["rows"]) == 1
 
 
-def test_a_daemon_that_falls_silent_is_said_to(told, record):
+def test_a_silent_daemon_is_shown_as_lost(told, record):
     (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
-    told.tell(Arrived("uav1", 100.0, last))
+    told.tell(BroadcastItem("uav1", 100.0, last))
     for after_s, contact in ((0.5, "ok"), (1.5, "caution"), (2.5, "warning")):
         told.clock.sleep_until(100.0 + after_s)
-        told.tell(Said("uav1", 100.0 + after_s, {"state": "ready"}))  # its loop hangs, its bus answers
+        told.tell(StatusAnswer("uav1", 100.0 + after_s, {"state": "ready"}))  # the loop hangs, the bus answers
         assert told.read()["daemons"][0]["contact"] == contact
 
 
-def test_nonsense_on_the_bus_is_passed_over_and_bounded(told):
+def test_unreadable_messages_are_ignored_and_daemons_are_bounded(told):
     for data in (b"", b"{", b"[]", b'{"now_s": 1}', b'{"now_s": "x", "event": 3}'):
         for topic in (CYCLE_TOPIC, EVENT_TOPIC):
-            told.tell(Arrived("uav1", 100.0, Item(0.0, topic, "json", data)))
-    told.tell(Joined("odd", {"config": "no JSON"}, None), Said("odd", 100.0, {"state": "waiting"}))
-    told.tell(*(Said(f"uav{number}", 100.0, {}) for number in range(2 * MOST_DAEMONS)))
+            told.tell(BroadcastItem("uav1", 100.0, Item(0.0, topic, "json", data)))
+    told.tell(FoundDaemon("odd", {"config": "no JSON"}, None), StatusAnswer("odd", 100.0, {"state": "waiting"}))
+    told.tell(*(StatusAnswer(f"uav{number}", 100.0, {}) for number in range(2 * MAX_DAEMONS)))
     daemons = told.read(whole=True)["daemons"]
-    assert len(daemons) == MOST_DAEMONS
+    assert len(daemons) == MAX_DAEMONS
     assert daemons[0].keys() >= {"scene", "status"}
     assert daemons[0]["snapshot"] is None
     assert daemons[1]["status"] == {"state": "waiting"}
 
 
-def test_a_configuration_read_again_is_the_scene_from_then_on(told):
+def test_a_reloaded_configuration_changes_the_scene(told):
     document = load_vehicle(find("px4", "vehicles")).model_dump(mode="json")
     document["limits"]["ceiling_m"] = 44.0
     event = {"now_s": 2.0, "event": RELOADED, "detail": json.dumps(document)}
-    told.tell(Arrived("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.tell(BroadcastItem("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
     (daemon,) = told.read(whole=True)["daemons"]
     assert daemon["scene"]["ceiling_m"] == 44.0
     assert daemon["events"] == [{"now_s": 2.0, "event": RELOADED, "detail": ""}]
 
 
-def test_an_operators_sign_of_life_goes_to_the_daemon_that_is_looked_at_and_its_age_is_judged(told):
+def test_signs_of_life_go_to_the_watched_daemon_and_their_age_is_shown(told):
     (daemon,) = told.read(whole=True)["daemons"]
-    told.hub.vouch(daemon["key"])
-    told.hub.vouch("uav9@nowhere")
+    told.hub.note_operator(daemon["key"])
+    told.hub.note_operator("uav9@nowhere")
     assert told.bus.vouched == ["uav1"]
     for silence_s, level in ((0.2, "ok"), (6.0, "caution"), (11.0, "warning")):
-        told.tell(Said("uav1", 100.0, {"operator_silence_s": silence_s, "operator_timeout_s": 10.0}))
+        told.tell(StatusAnswer("uav1", 100.0, {"operator_silence_s": silence_s, "operator_timeout_s": 10.0}))
         seen = told.read()["daemons"][0]["operator"]
         assert seen == {"level": level, "silence_s": silence_s, "limit_s": 10.0}
-    told.tell(Said("uav1", 100.0, {"operator_silence_s": 0.2, "operator_timeout_s": None}))
+    told.tell(StatusAnswer("uav1", 100.0, {"operator_silence_s": 0.2, "operator_timeout_s": None}))
     assert told.read()["daemons"][0]["operator"] is None
 
 
-def test_orders_go_to_the_daemon_that_was_chosen(told):
+def test_orders_go_to_the_chosen_daemon(told):
     (daemon,) = told.read(whole=True)["daemons"]
     assert told.hub.order(daemon["key"], "hold", "panel, Ana")["accepted"]
     assert told.bus.ordered == [("uav1", "hold", "panel, Ana")]
-    with pytest.raises(LinkError, match="no daemon 'uav9' was heard"):
+    with pytest.raises(LinkError, match="no daemon 'uav9' is known"):
         told.hub.order("uav9", "hold", "")

@@ -1,5 +1,7 @@
-"""The panel's doors: who is let in, from where, what is answered, and what a page that hangs costs the others."""
+"""The panel's server: access, orders, and pages that read slowly."""
 
+import asyncio
+import contextlib
 import json
 import re
 import socket
@@ -7,34 +9,37 @@ import ssl
 from types import SimpleNamespace
 
 import pytest
-from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
-from aiohttp.test_utils import unused_port
+from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError
 
 from guidance.cli import app
+from guidance.clock import VirtualClock
 from guidance.errors import ConfigError, GuidanceError, LinkError
+from guidance.viz.panel import listener
 from guidance.viz.panel import server as servers
-from guidance.viz.panel.access import Access, origin_of, secured
-from guidance.viz.panel.server import MOST_UNTAKEN, PanelServer
+from guidance.viz.panel.access import PASSWORD_INTERVAL_S, Access, PasswordThrottle, origin_of, remote_access
+from guidance.viz.panel.listener import LOGIN_DEADLINE_S
+from guidance.viz.panel.server import MAX_QUEUED, PanelServer
 
-PATHS = ("/page/main.js", "/page/index.html", "/alive", "/live", "/order", "/nowhere")
+PATHS = ("", "page/main.js", "page/index.html", "alive", "live", "order", "records", "nowhere")
+PASSWORD = "correct horse battery"
 
 
 class StubHub:
-    """Something new at every look, and orders kept."""
+    """A hub with a new message each time; keeps the orders."""
 
     def __init__(self):
         self.ordered, self.vouched, self.number, self.size = [], [], 0, 1
 
-    def listen(self):
+    def receive(self):
         self.number += 1
 
-    def settle(self):
-        self.settled = self.number
+    def mark_sent(self):
+        pass
 
     def message(self, *, whole=False):
         return json.dumps({"whole": whole, "number": self.number, "filling": "x" * self.size})
 
-    def vouch(self, daemon):
+    def note_operator(self, daemon):
         self.vouched.append(daemon)
 
     def order(self, daemon, order, by):
@@ -46,36 +51,41 @@ class StubHub:
 
 @pytest.fixture
 async def opened(monkeypatch):
-    """Serve a panel on a free port of loopback; everything ends with the test."""
-    monkeypatch.setattr(servers, "TOLD_EVERY_S", 0.01)
-    monkeypatch.setattr(servers, "WRONG_PASSWORD_S", 0.01)
-    closing = []
+    """Serve a panel on a free port of loopback until the test ends."""
+    monkeypatch.setattr(servers, "SEND_INTERVAL_S", 0.01)
+    async with contextlib.AsyncExitStack() as closing:
 
-    async def open_one(*, look=False, security=None, tiles=""):
-        port, hub = unused_port(), StubHub()
-        access = Access(port, security)
-        runner = web.AppRunner(PanelServer(hub, access, look=look, tiles=tiles).application(), shutdown_timeout=0.2)
-        await runner.setup()
-        await web.TCPSite(runner, "127.0.0.1", port, ssl_context=access.tls).start()
-        client = ClientSession(f"{access.scheme}://127.0.0.1:{port}", cookie_jar=CookieJar(unsafe=True))
-        closing.append((client, runner))
-        return SimpleNamespace(
-            hub=hub, access=access, client=client, origin={"Origin": f"{access.scheme}://127.0.0.1:{port}"}
-        )
+        async def open_one(*, look=False, security=None, tiles=""):
+            listening = closing.enter_context(socket.create_server(("127.0.0.1", 0)))
+            port, hub, clock, printed = listening.getsockname()[1], StubHub(), VirtualClock(), []
+            access = Access(port, security)
+            server = PanelServer(hub, access, clock, look=look, tiles=tiles, say=printed.append)
+            await closing.enter_async_context(server.serving(listening, "127.0.0.1"))
+            origin = f"{access.scheme}://127.0.0.1:{port}"
+            client = ClientSession(f"{origin}{access.path}", cookie_jar=CookieJar(unsafe=True))
+            await closing.enter_async_context(client)
+            return SimpleNamespace(
+                hub=hub,
+                access=access,
+                client=client,
+                clock=clock,
+                printed=printed,
+                port=port,
+                door=f"{origin}/",
+                origin={"Origin": origin},
+            )
 
-    yield open_one
-    for client, runner in closing:
-        await client.close()
-        await runner.cleanup()
+        yield open_one
 
 
 async def let_in(panel):
-    async with panel.client.get("/", params={"token": panel.access.token}) as answer:
+    async with panel.client.get(panel.door, params={"token": panel.access.token}) as answer:
         assert answer.status == 200
+        assert answer.url.path == panel.access.path
     return panel
 
 
-async def test_without_the_token_nothing_is_served_and_nothing_ordered(opened):
+async def test_without_the_token_nothing_is_served_or_ordered(opened):
     panel = await opened()
     for path in PATHS:
         for send in (panel.client.get, panel.client.post):
@@ -83,161 +93,248 @@ async def test_without_the_token_nothing_is_served_and_nothing_ordered(opened):
                 assert answer.status == 403, path
                 assert await answer.text() == ""
     for token in ("", "wrong", panel.access.token[:-1], panel.access.token + "x", "ü"):
-        async with panel.client.get("/", params={"token": token}) as answer:
+        async with panel.client.get(panel.door, params={"token": token}) as answer:
             assert answer.status == 403
             assert "Not let in" in await answer.text()
             assert not answer.cookies
+    async with panel.client.get("", headers={"Accept": "text/html,*/*"}) as answer:
+        assert answer.status == 403
+        assert "Not let in" in await answer.text()  # a person is told what to do
     assert panel.hub.ordered == []
 
 
-async def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_never_have(opened):
+async def test_the_token_gives_a_cookie_for_a_secret_path_hidden_from_scripts(opened):
     panel = await opened()
-    async with panel.client.get("/", params={"token": panel.access.token}) as answer:
+    enter = panel.client.get(panel.door, params={"token": panel.access.token}, allow_redirects=False)
+    async with enter as answer:
         (cookie,) = answer.cookies.values()
-        assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (True, "Strict", "/")
-        assert cookie.value != panel.access.token
+        # Servers on other ports of the host get the cookie only below this path, which they do not know.
+        assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (True, "Lax", panel.access.path)
+        assert len(panel.access.path) > 20
+        assert cookie.value not in panel.access.path
+    async with panel.client.get("") as answer:
         policy = answer.headers["Content-Security-Policy"]
         assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;")
         assert "http" not in policy
         assert answer.headers["Referrer-Policy"] == "same-origin"
         assert answer.headers["Cache-Control"] == "no-store"
-    async with panel.client.get("/page/main.js") as answer:
+    async with panel.client.get("page/main.js") as answer:
         assert answer.status == 200
         assert answer.content_type == "text/javascript"
     for name in ("nothing.js", "..%2Fserver.py", "%2Fetc%2Fpasswd", "panel", "x.py"):
-        async with panel.client.get(f"/page/{name}") as answer:
+        async with panel.client.get(f"page/{name}") as answer:
             assert answer.status == 404, name
 
 
-async def test_pages_of_other_sites_and_names_that_lead_here_are_turned_away(opened):
+async def test_requests_from_other_sites_and_for_other_hosts_are_refused(opened):
     panel = await let_in(await opened())
     for origin in ({}, {"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": "https://127.0.0.1"}):
         async with panel.client.post(
-            "/order", json={"daemon": "uav1", "order": "hold", "by": ""}, headers=origin
+            "order", json={"daemon": "uav1", "order": "hold", "by": ""}, headers=origin
         ) as answer:
             assert answer.status == 403
         with pytest.raises(WSServerHandshakeError) as refused:
-            await panel.client.ws_connect("/live", headers=origin)
+            await panel.client.ws_connect("live", headers=origin)
         assert refused.value.status == 403
-    async with panel.client.get("/alive", headers={"Host": "evil.example:80"}) as answer:
+    async with panel.client.get("alive", headers={"Host": "evil.example:80"}) as answer:
         assert answer.status == 421
     assert panel.hub.ordered == []
 
 
-async def test_an_order_goes_to_the_daemon_with_who_gave_it_and_its_reason_comes_back(opened):
+async def test_an_order_reaches_the_daemon_with_its_author_and_returns_the_reason(opened):
     panel = await let_in(await opened())
     order = {"daemon": "uav1@x", "order": "engage", "by": "Ana" + 90 * "a"}
-    async with panel.client.post("/order", json=order, headers=panel.origin) as answer:
+    async with panel.client.post("order", json=order, headers=panel.origin) as answer:
         assert (await answer.json())["reason"] == "on the ground: order start first"
     assert panel.hub.ordered == [("uav1@x", "engage", f"panel, Ana{21 * 'a'} at 127.0.0.1")]
-    async with panel.client.post("/order", json={**order, "daemon": "gone"}, headers=panel.origin) as answer:
+    async with panel.client.post("order", json={**order, "daemon": "gone"}, headers=panel.origin) as answer:
         assert await answer.json() == {"accepted": False, "order": "engage", "reason": "gone: no answer within 4 s"}
-    for body in (b"", b"[]", b"{}", b'{"daemon": 1}', b"x" * 100_000):
-        async with panel.client.post("/order", data=body, headers=panel.origin) as answer:
+    for body in (b"", b"[]", b"{}", b'{"daemon": 1}', b"[[[[", b"[" * 4000, b"\xff", b"x" * 100_000):
+        async with panel.client.post("order", data=body, headers=panel.origin) as answer:
             assert answer.status in {400, 413}
 
 
-async def test_a_panel_that_only_looks_takes_no_order(opened):
+async def test_a_panel_with_look_takes_no_order(opened):
     panel = await let_in(await opened(look=True))
-    async with panel.client.get("/alive") as answer:
+    async with panel.client.get("alive") as answer:
         assert await answer.json() == {"look": True, "records": False, "tiles": ""}
     order = {"daemon": "uav1", "order": "hold", "by": ""}
-    async with panel.client.post("/order", json=order, headers=panel.origin) as answer:
+    async with panel.client.post("order", json=order, headers=panel.origin) as answer:
         assert answer.status == 403
-        assert (await answer.json())["reason"] == "this panel only looks on (--look)"
+        assert (await answer.json())["reason"] == "this panel takes no orders (--look)"
     assert panel.hub.ordered == []
 
 
 @pytest.mark.parametrize(("look", "vouched"), [(False, ["uav1@x"]), (True, [])])
-async def test_a_page_gives_an_operators_sign_of_life_unless_it_only_looks(opened, look, vouched):
+async def test_a_page_sends_the_operators_sign_of_life_unless_it_takes_no_orders(opened, look, vouched):
     panel = await let_in(await opened(look=look))
-    socket = await panel.client.ws_connect("/live", headers=panel.origin)
-    await socket.send_bytes(b"uav1@x")  # no page says that
+    socket = await panel.client.ws_connect("live", headers=panel.origin)
+    await socket.send_bytes(b"uav1@x")  # pages send text only
     await socket.send_str("uav1@x")
-    await socket.close()  # by then it was read
+    await socket.close()  # then it has been read
     assert panel.hub.vouched == vouched
 
 
-async def test_a_tile_server_is_the_one_host_that_pictures_may_come_from(opened):
+async def test_the_tile_server_is_the_only_other_host_for_images(opened):
     panel = await let_in(await opened(tiles="https://tiles.example:8443/{z}/{x}/{y}.png"))
-    async with panel.client.get("/alive") as answer:
+    async with panel.client.get("alive") as answer:
         assert "img-src 'self' data: https://tiles.example:8443; connect" in answer.headers["Content-Security-Policy"]
     for url in ("tiles.example/{z}/{x}/{y}", "https://a;b/{z}/{x}/{y}", "https://a/{z}/{x}", "ftp://a/{z}{x}{y}"):
-        with pytest.raises(ConfigError, match="must be as https"):
+        with pytest.raises(ConfigError, match="must be like https"):
             origin_of(url)
 
 
-async def test_twenty_pages_are_told_everything_and_then_the_same(opened):
+async def test_twenty_pages_get_a_snapshot_and_then_the_same_changes(opened):
     panel = await let_in(await opened())
-    sockets = [await panel.client.ws_connect("/live", headers=panel.origin) for _ in range(20)]
+    sockets = [await panel.client.ws_connect("live", headers=panel.origin) for _ in range(20)]
     firsts = [await socket.receive_json() for socket in sockets]
     assert all(first["whole"] for first in firsts)
     from_number = max(first["number"] for first in firsts) + 1
-    heard = [await told_at(socket, from_number) for socket in sockets]
-    assert heard == [heard[0]] * 20
-    assert not heard[0]["whole"]
+    received = [await message_from(socket, from_number) for socket in sockets]
+    assert received == [received[0]] * 20
+    assert not received[0]["whole"]
     for one in sockets:
         await one.close()
 
 
-async def told_at(socket, number):
-    while (said := await socket.receive_json(timeout=10.0))["number"] < number:
+async def message_from(socket, number):
+    while (message := await socket.receive_json(timeout=10.0))["number"] < number:
         pass
-    return said
+    return message
 
 
-async def test_a_page_that_takes_nothing_is_let_go_and_holds_up_no_other(opened):
+async def test_a_page_that_reads_nothing_is_closed_and_delays_no_other(opened):
     panel = await let_in(await opened())
-    panel.hub.size = 500_000  # of so many, no buffer between us holds more than a few
-    hanging = await panel.client.ws_connect("/live", headers=panel.origin, max_msg_size=0)
+    panel.hub.size = 500_000  # socket buffers hold only a few of these
+    hanging = await panel.client.ws_connect("live", headers=panel.origin, max_msg_size=0)
     first = await hanging.receive_json()
     hanging._response.connection.transport.pause_reading()
-    other = await panel.client.ws_connect("/live", headers=panel.origin, max_msg_size=0)
-    await told_at(other, first["number"] + 2 * MOST_UNTAKEN)
+    other = await panel.client.ws_connect("live", headers=panel.origin, max_msg_size=0)
+    await message_from(other, first["number"] + 2 * MAX_QUEUED)
     panel.hub.size = 1
-    await told_at(other, first["number"] + 4 * MOST_UNTAKEN)
+    await message_from(other, first["number"] + 4 * MAX_QUEUED)
     hanging._response.connection.transport.resume_reading()
-    while (await hanging.receive(timeout=10.0)).type is WSMsgType.TEXT:  # what was under way
+    while (await hanging.receive(timeout=10.0)).type is WSMsgType.TEXT:  # what the buffers held
         pass
     assert hanging.close_code == 1013
     await other.close()
 
 
-async def test_elsewhere_than_on_loopback_it_is_tls_and_a_password(opened, certificate):
+async def test_hosts_other_than_loopback_need_tls_and_a_password(opened, certificate):
     files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
-    panel = await opened(security=secured("0.0.0.0", *files))
+    panel = await opened(security=remote_access("0.0.0.0", *files))
     trusting = ssl.create_default_context(cafile=certificate / "cert.pem")
 
     async def post(password, origin):
         form = {"password": password}
-        return await panel.client.post("/login", data=form, headers=origin, ssl=trusting, allow_redirects=False)
+        return await panel.client.post(
+            f"{panel.door}login", data=form, headers=origin, ssl=trusting, allow_redirects=False
+        )
 
-    async with panel.client.get("/", params={"token": panel.access.token}, ssl=trusting) as answer:
-        assert answer.status == 403 or "Password" in await answer.text()  # the token opens nothing here
+    async with panel.client.get(panel.door, params={"token": panel.access.token}, ssl=trusting) as answer:
+        assert "Password" in await answer.text()  # no token opens it
         assert not answer.cookies
-    for password, origin in (("wrong", panel.origin), ("", panel.origin), ("correct horse battery", {})):
+    for password, origin in (("wrong", panel.origin), ("", panel.origin), (PASSWORD, {})):
         answer = await post(password, origin)
         assert answer.status == 403
         assert ('role="alert">That was not' in await answer.text()) is bool(origin)
         assert not answer.cookies
-    answer = await post("correct horse battery", panel.origin)
+        panel.clock.sleep_until(panel.clock.now_s() + PASSWORD_INTERVAL_S)
+    answer = await post(PASSWORD, panel.origin)
     assert answer.status == 303
     (cookie,) = answer.cookies.values()
     assert cookie["secure"]
-    async with panel.client.get("/alive", ssl=trusting) as answer:
+    async with panel.client.get("alive", ssl=trusting) as answer:
         assert answer.status == 200
+
+
+async def test_wrong_passwords_delay_only_the_address_that_sends_them(opened, certificate, monkeypatch):
+    files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
+    panel = await opened(security=remote_access("0.0.0.0", *files))
+    trusting = ssl.create_default_context(cafile=certificate / "cert.pem")
+
+    async def post(password):
+        form, url = {"password": password}, f"{panel.door}login"
+        async with panel.client.post(url, data=form, headers=panel.origin, ssl=trusting, allow_redirects=False) as one:
+            return one.status
+
+    statuses = await asyncio.gather(*(post("wrong") for _ in range(30)))
+    assert sorted(statuses) == [403] + 29 * [429]
+    assert await post(PASSWORD) == 429  # from the same address: not even checked
+    monkeypatch.setattr(servers.web.Request, "remote", "192.0.2.7")
+    assert await post(PASSWORD) == 303
+    monkeypatch.undo()
+    panel.clock.sleep_until(PASSWORD_INTERVAL_S)
+    assert await post(PASSWORD) == 303
+
+
+def test_the_password_throttle_counts_ipv6_by_network_and_forgets_the_oldest():
+    clock = VirtualClock()
+    throttle = PasswordThrottle(clock)
+    throttle.block("2001:db8::1")
+    assert throttle.is_blocked("2001:db8::2%eth0")
+    assert not throttle.is_blocked("2001:db8:0:1::1")
+    for number in range(2000):
+        throttle.block(f"10.0.{number // 256}.{number % 256}")
+    assert throttle.is_blocked("10.0.7.0")
+    assert not throttle.is_blocked("10.0.0.0")  # the table is bounded
+    clock.sleep_until(PASSWORD_INTERVAL_S)
+    assert not throttle.is_blocked("10.0.7.0")
+
+
+async def test_the_token_of_the_url_works_once_and_the_next_one_is_printed(opened):
+    panel = await opened()
+    (first,) = panel.printed
+    await let_in(panel)
+    async with ClientSession() as stranger:
+        async with stranger.get(first.split()[1]) as answer:
+            assert answer.status == 403
+        assert len(panel.printed) == 2
+        async with stranger.get(panel.printed[1].split()[1], allow_redirects=False) as answer:
+            assert answer.status == 303
+    assert len({line.split()[1] for line in panel.printed}) == len(panel.printed) == 3
+
+
+async def test_a_connection_that_does_not_log_in_is_closed_at_the_deadline(opened):
+    panel = await let_in(await opened())
+    page = await panel.client.ws_connect("live", headers=panel.origin)
+    slow, writer = await asyncio.open_connection("127.0.0.1", panel.port)
+    writer.write(b"GET / HTTP/1.1\r\n")
+    await writer.drain()
+    async with panel.client.get("alive"):
+        pass  # the slow one was accepted before
+    panel.clock.sleep_until(LOGIN_DEADLINE_S)
+    assert await asyncio.wait_for(slow.read(), 10.0) == b""
+    number = (await page.receive_json())["number"]
+    await message_from(page, number + 3)  # the page stays connected
+    await page.close()
+    writer.close()
+
+
+async def test_idle_connections_are_capped_and_keep_no_page_out(opened, monkeypatch, certificate):
+    monkeypatch.setattr(listener, "MAX_CONNECTIONS", 8)
+    files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
+    for security in (None, remote_access("0.0.0.0", *files)):  # over TLS, an idle one is in the handshake
+        panel = await opened(security=security)
+        idle = [await asyncio.open_connection("127.0.0.1", panel.port) for _ in range(30)]
+        tls = ssl.create_default_context(cafile=certificate / "cert.pem") if security else True
+        async with panel.client.get(panel.door, ssl=tls) as answer:
+            assert answer.status in {200, 403}
+        assert await asyncio.wait_for(idle[0][0].read(), 10.0) == b""
+        for _, writer in idle:
+            writer.close()
 
 
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
         (["--port", "70000"], 2, "--port 70000: allowed is 0 (pick a free one) to 65535"),
-        (["--host", "192.0.2.1"], 2, "--host 192.0.2.1: who reaches the page commands the vehicle."),
-        (["--tiles", "tiles.example"], 2, "--tiles tiles.example: must be as https://"),
+        (["--host", "192.0.2.1"], 2, "--host 192.0.2.1: anyone who reaches the page can command the vehicle."),
+        (["--tiles", "tiles.example"], 2, "--tiles tiles.example: must be like https://"),
         (["--port", "IN_USE"], 3, "choose another, or port 0 for a free one"),
     ],
 )
-def test_what_cannot_be_served_is_said_before_anything_is_opened(options, code, words):
+def test_bad_addresses_are_reported_before_the_panel_starts(options, code, words):
     with (
         socket.create_server(("127.0.0.1", 0)) as taken,
         pytest.raises(GuidanceError, match=re.escape(words)) as refused,
@@ -249,25 +346,25 @@ def test_what_cannot_be_served_is_said_before_anything_is_opened(options, code, 
     assert refused.value.exit_code == code
 
 
-def test_what_is_missing_for_that_is_said(certificate, tmp_path):
+def test_missing_or_weak_tls_and_password_files_are_named(certificate, tmp_path):
     cert, key, password = (certificate / name for name in ("cert.pem", "key.pem", "password"))
     for host in ("127.0.0.1", "localhost", "::1", "127.0.0.9"):
-        assert secured(host, None, None, None) is None
+        assert remote_access(host, None, None, None) is None
     for host, given in (
         ("0.0.0.0", (None, None, None)),
         ("192.168.1.7", (cert, key, None)),
         ("127.0.0.1", (cert, None, None)),
     ):
         with pytest.raises(ConfigError, match="--certificate, --key and --password-file, all three"):
-            secured(host, *given)
+            remote_access(host, *given)
     with pytest.raises(ConfigError, match="cannot be used"):
-        secured("0.0.0.0", password, key, password)
+        remote_access("0.0.0.0", password, key, password)
     weak = tmp_path / "weak"
     weak.write_text("short\n")
     with pytest.raises(ConfigError, match="others can read it; chmod 600"):
-        secured("0.0.0.0", cert, key, weak)
+        remote_access("0.0.0.0", cert, key, weak)
     weak.chmod(0o600)
     with pytest.raises(ConfigError, match="has 5 characters; give at least 12"):
-        secured("0.0.0.0", cert, key, weak)
+        remote_access("0.0.0.0", cert, key, weak)
     with pytest.raises(ConfigError, match="cannot be read"):
-        secured("0.0.0.0", cert, key, tmp_path / "nothing")
+        remote_access("0.0.0.0", cert, key, tmp_path / "nothing")

@@ -1,7 +1,7 @@
-"""The operator's page: daemons seen and ordered in a browser, from a process of its own. Needs the extra `panel`.
+"""The panel: shows daemons in a browser and sends them orders. A separate process; needs the extra `panel`.
 
 What it offers:
-    serve_panel: serves the page as `PanelOptions` say. PanelBeside: does so in a process beside a flight.
+    serve_panel: serves the page, by `PanelOptions`. PanelBeside: does so in a child process of a flight.
 """
 
 from guidance.viz.panel.command import PanelOptions, serve_panel

@@ -1,7 +1,8 @@
-"""Who may open the page: on loopback whoever has the URL with its token, elsewhere who knows a password, over TLS.
+"""Who may open the page: with a one-time URL on loopback; with a password over TLS anywhere else.
 
-Both are exchanged for one cookie, which scripts cannot read and other sites' pages cannot send. Every request shows it;
-whatever changes something, and the socket, must also come from a page of ours.
+Both give a cookie for a secret path. Browsers send the cookies of a host to each of its ports, so a server of another
+program on 127.0.0.1 could receive ours. They do not send it to other paths, and that program does not know this one.
+Orders and the WebSocket must also come from a page of this origin.
 """
 
 import hmac
@@ -15,93 +16,136 @@ from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import urlsplit
 
+from guidance.clock import Clock
 from guidance.errors import ConfigError
 
-SHORTEST_PASSWORD: Final = 12
-_LOCAL: Final = ("127.0.0.1", "localhost", "[::1]")
+MIN_PASSWORD_LENGTH: Final = 12
+PASSWORD_INTERVAL_S: Final = 1.0
+"""Pause after a wrong password, for the address that sent it."""
+
+_MAX_ADDRESSES: Final = 1024
+_LOOPBACK_NAMES: Final = ("127.0.0.1", "localhost", "[::1]")
 
 
-class Secured(NamedTuple):
-    """What a panel that others than this computer may reach has to have."""
+class RemoteAccess(NamedTuple):
+    """Required where other computers can reach the page."""
 
     tls: ssl.SSLContext
     password: str
 
 
 class Access:
-    """The rules of one panel.
+    """Access rules of one panel.
 
     Args:
-        port: Where it is served.
-        secured: TLS and password; None for loopback.
+        port: Port of the page.
+        remote: TLS and password; None for loopback.
+
+    Attributes:
+        token: Opens the page once; replaced when it is used.
+        path: Secret path of the page, with both slashes.
+        cookie: Name of the cookie.
+        session: Value of the cookie.
     """
 
-    def __init__(self, port: int, secured: Secured | None) -> None:
+    def __init__(self, port: int, remote: RemoteAccess | None) -> None:
         self.token = secrets.token_urlsafe(24)
+        self.path = f"/{secrets.token_urlsafe(18)}/"
         self.cookie = f"guidance-panel-{port}"
-        self._session = secrets.token_urlsafe(24)
-        self._secured = secured
-        self._hosts = frozenset(f"{name}:{port}" for name in _LOCAL)
+        self.session = secrets.token_urlsafe(24)
+        self._remote = remote
+        self._hosts = frozenset(f"{name}:{port}" for name in _LOOPBACK_NAMES)
 
     @property
     def scheme(self) -> str:
         """Http or https."""
-        return "http" if self._secured is None else "https"
+        return "http" if self._remote is None else "https"
 
     @property
-    def with_password(self) -> bool:
-        """Whether a password opens it, in place of the token."""
-        return self._secured is not None
+    def needs_password(self) -> bool:
+        """Whether a password is required, instead of the token."""
+        return self._remote is not None
 
     @property
     def tls(self) -> ssl.SSLContext | None:
-        """What it is served with."""
-        return None if self._secured is None else self._secured.tls
+        """TLS context of the server; None for http."""
+        return None if self._remote is None else self._remote.tls
 
-    @property
-    def session(self) -> str:
-        """The cookie's value for who is let in."""
-        return self._session
+    def use_token(self, token: str) -> bool:
+        """Check the token of a URL. A correct one is replaced by a new one."""
+        if self._remote is not None or not hmac.compare_digest(token.encode(), self.token.encode()):
+            return False
+        self.token = secrets.token_urlsafe(24)
+        return True
 
-    def opens(self, given: str) -> bool:
-        """Whether a token, or a password where there is one, is the right one."""
-        wanted = self.token if self._secured is None else self._secured.password
-        return hmac.compare_digest(given.encode(), wanted.encode())
+    def is_password(self, password: str) -> bool:
+        """Check a password."""
+        return self._remote is not None and hmac.compare_digest(password.encode(), self._remote.password.encode())
 
-    def is_let_in(self, cookies: Mapping[str, str]) -> bool:
-        """Whether a request shows the cookie."""
-        return hmac.compare_digest(cookies.get(self.cookie, "").encode(), self._session.encode())
+    def has_cookie(self, cookies: Mapping[str, str]) -> bool:
+        """Whether the cookies of a request include ours."""
+        return hmac.compare_digest(cookies.get(self.cookie, "").encode(), self.session.encode())
 
-    def is_for_us(self, host: str) -> bool:
-        """Whether a request names us as its host: a name that leads here by somebody else's doing is not ours.
+    def accepts_host(self, host: str) -> bool:
+        """Whether the Host header is ours. Over TLS any: the browser checks the certificate."""
+        return self._remote is not None or host in self._hosts
 
-        Over TLS the certificate says so already, and the names are many.
-        """
-        return self._secured is not None or host in self._hosts
-
-    def is_from_us(self, host: str, origin: str) -> bool:
+    def is_same_origin(self, host: str, origin: str) -> bool:
         """Whether a request comes from a page of this panel."""
         return bool(host) and origin == f"{self.scheme}://{host}"
 
 
-def secured(host: str, certificate: Path | None, key: Path | None, password_file: Path | None) -> Secured | None:
-    """Return what a host needs: nothing on loopback, TLS and a password anywhere else.
+class PasswordThrottle:
+    """Accepts one wrong password a second from each address; other addresses do not wait.
 
     Args:
-        host: Where the page is served.
-        certificate: Chain, PEM.
-        key: Its private key, PEM.
-        password_file: With the password in its first line.
+        clock: Time of the attempts.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._blocked_until_s: dict[str, float] = {}
+
+    def is_blocked(self, address: str) -> bool:
+        """Whether an address must wait."""
+        return self._clock.now_s() < self._blocked_until_s.get(_network(address), 0.0)
+
+    def block(self, address: str) -> None:
+        """Block an address after a wrong password."""
+        network = _network(address)
+        self._blocked_until_s.pop(network, None)
+        self._blocked_until_s[network] = self._clock.now_s() + PASSWORD_INTERVAL_S
+        if len(self._blocked_until_s) > _MAX_ADDRESSES:
+            del self._blocked_until_s[next(iter(self._blocked_until_s))]
+
+
+def _network(address: str) -> str:
+    """Return an IPv4 address as it is, and the /64 network of an IPv6 address, which usually is one computer."""
+    if ":" not in address:
+        return address
+    return str(ipaddress.ip_interface(f"{address.partition('%')[0]}/64").network)
+
+
+def remote_access(
+    host: str, certificate: Path | None, key: Path | None, password_file: Path | None
+) -> RemoteAccess | None:
+    """Return None on loopback; load TLS and password for any other host.
+
+    Args:
+        host: Address of the page.
+        certificate: Certificate chain, PEM.
+        key: Private key, PEM.
+        password_file: The password is its first line.
 
     Raises:
-        ConfigError: If something is missing there, or cannot be used.
+        ConfigError: If a file is missing or cannot be used.
     """
     if certificate is None and key is None and password_file is None and is_loopback(host):
         return None
     if certificate is None or key is None or password_file is None:
         raise ConfigError(
-            f"--host {host}: who reaches the page commands the vehicle. Anything else than loopback needs "
-            "--certificate, --key and --password-file, all three. A certificate of your own: openssl req -x509 "
+            f"--host {host}: anyone who reaches the page can command the vehicle. Addresses other than loopback need "
+            "--certificate, --key and --password-file, all three. To make a certificate: openssl req -x509 "
             "-newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 365 -keyout key.pem -out cert.pem "
             f"-subj /CN={host}"
         )
@@ -112,11 +156,11 @@ def secured(host: str, certificate: Path | None, key: Path | None, password_file
         raise ConfigError(
             f"--certificate {certificate}, --key {key}: cannot be used ({error}); give PEM files"
         ) from error
-    return Secured(context, read_password(password_file))
+    return RemoteAccess(context, read_password(password_file))
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this computer reaches a host."""
+    """Whether a host is reachable from this computer only."""
     if host == "localhost":
         return True
     try:
@@ -126,21 +170,24 @@ def is_loopback(host: str) -> bool:
 
 
 def read_password(path: Path) -> str:
-    """Read the first line of a file that nobody else can read.
+    """Read the first line of a file that only its owner can read.
 
     Raises:
-        ConfigError: If it cannot be read, others can, or it is short.
+        ConfigError: If the file cannot be read, others can read it, or the password is too short.
     """
     try:
-        words = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8").splitlines()
         mode = stat.S_IMODE(path.stat().st_mode)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"--password-file {path}: cannot be read ({error})") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise ConfigError(f"--password-file {path}: others can read it; chmod 600 it")
-    password = words[0].strip() if words else ""
-    if len(password) < SHORTEST_PASSWORD:
-        raise ConfigError(f"--password-file {path}: its first line has {len(password)} characters; give at least 12")
+    password = lines[0].strip() if lines else ""
+    if len(password) < MIN_PASSWORD_LENGTH:
+        raise ConfigError(
+            f"--password-file {path}: its first line has {len(password)} characters; give at least "
+            f"{MIN_PASSWORD_LENGTH}"
+        )
     return password
 
 
@@ -148,10 +195,10 @@ def origin_of(tiles: str) -> str:
     """Return scheme://host[:port] of a tile server's address.
 
     Raises:
-        ConfigError: If it is no such address.
+        ConfigError: If the address is not of the form https://host/{z}/{x}/{y}.
     """
     parts = urlsplit(tiles)
     host = re.fullmatch(r"[A-Za-z0-9.-]+(:\d+)?", parts.netloc)
     if parts.scheme not in {"http", "https"} or host is None or any(key not in tiles for key in ("{z}", "{x}", "{y}")):
-        raise ConfigError(f"--tiles {tiles}: must be as https://tiles.example/{{z}}/{{x}}/{{y}}.png")
+        raise ConfigError(f"--tiles {tiles}: must be like https://tiles.example/{{z}}/{{x}}/{{y}}.png")
     return f"{parts.scheme}://{parts.netloc}"

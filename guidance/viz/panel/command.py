@@ -1,4 +1,4 @@
-"""What `guidance panel` does: find the daemons, serve the page, until it is ended."""
+"""The command `guidance panel`: finds the daemons and serves the page until it is stopped."""
 
 import asyncio
 import os
@@ -13,17 +13,17 @@ from guidance.errors import ConfigError, LinkError
 from guidance.extras import require
 from guidance.links.wires.zenoh_access import read_credentials
 from guidance.log import SettingsOf
-from guidance.viz.panel.access import Access, origin_of, secured
+from guidance.viz.panel.access import Access, origin_of, remote_access
 from guidance.viz.panel.bus import DaemonBus
 from guidance.viz.panel.hub import Hub
 from guidance.viz.subprocesses import end_with_parent
 
 NICE: Final = 5
-"""A panel gives way to the loop that it looks at, and not to everything else: orders come through it."""
+"""Lower priority than the flight, but not the lowest: orders pass through the panel."""
 
 
 class PanelOptions(NamedTuple):
-    """Which daemons, and where the page is served; see `guidance panel --help`."""
+    """Options of `guidance panel`; see its `--help`."""
 
     endpoints: Sequence[str]
     token_file: Path | None = None
@@ -41,16 +41,16 @@ class PanelOptions(NamedTuple):
 def serve_panel(
     options: PanelOptions, settings_of: SettingsOf, say: Callable[[str], None], *, with_parent: bool = False
 ) -> None:
-    """Serve until SIGINT or SIGTERM, or until standard input closes where a parent holds it.
+    """Serve until SIGINT or SIGTERM; with a parent, also until standard input closes.
 
     Args:
-        options: Of the command line.
-        settings_of: What a record's vehicle was set to.
+        options: Options of the command line.
+        settings_of: Makes settings from the metadata of a record.
         say: Prints a line.
-        with_parent: Whether standard input is a parent's.
+        with_parent: Whether standard input belongs to a parent process.
 
     Raises:
-        ConfigError: If aiohttp is not installed, or the page may not be served there.
+        ConfigError: If aiohttp is not installed, or an option is not allowed.
         LinkError: If the port is in use.
     """
     require("guidance panel", "panel")
@@ -59,7 +59,7 @@ def serve_panel(
     if options.tiles:
         origin_of(options.tiles)
     credentials = read_credentials(options.zenoh)
-    security = secured(options.host, options.certificate, options.key, options.password_file)
+    security = remote_access(options.host, options.certificate, options.key, options.password_file)
     listening = _listen(options.host, options.port)
     access = Access(listening.getsockname()[1], security)
     os.nice(NICE)
@@ -81,9 +81,7 @@ async def _serve(
     *,
     with_parent: bool,
 ) -> None:
-    from aiohttp import web  # noqa: PLC0415 - of the extra
-
-    from guidance.viz.panel.records import RecordFolder  # noqa: PLC0415
+    from guidance.viz.panel.records import RecordFolder  # noqa: PLC0415 - needs the extra
     from guidance.viz.panel.server import PanelServer  # noqa: PLC0415
 
     ended, loop = asyncio.Event(), asyncio.get_running_loop()
@@ -92,25 +90,15 @@ async def _serve(
     if with_parent:
         end_with_parent(lambda: loop.call_soon_threadsafe(ended.set))
     records = None if options.records is None else RecordFolder(options.records)
-    server = PanelServer(hub, access, look=options.look, records=records, tiles=options.tiles)
-    runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
-    await runner.setup()
+    server = PanelServer(
+        hub, access, MonotonicClock(), look=options.look, records=records, tiles=options.tiles, say=say
+    )
     try:
-        await web.SockSite(runner, listening, ssl_context=access.tls).start()
-        say(_address(options, access, listening.getsockname()[1]))
-        await ended.wait()
+        async with server.serving(listening, options.host):
+            await ended.wait()
     finally:
-        await runner.cleanup()
         if records is not None:
             records.close()
-
-
-def _address(options: PanelOptions, access: Access, port: int) -> str:
-    """Return what a person opens; the token lets whoever has it order."""
-    host = f"[{options.host}]" if ":" in options.host else options.host
-    if access.with_password:
-        return f"panel    {access.scheme}://{host}:{port}/  (asks for the password)"
-    return f"panel    {access.scheme}://{host}:{port}/?token={access.token}"
 
 
 def _listen(host: str, port: int) -> socket.socket:

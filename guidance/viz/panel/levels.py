@@ -1,6 +1,6 @@
-"""How severe what is seen is: one word for each thing, by the limits that the flight itself acts on.
+"""Severity of each displayed value, by the limits that the flight itself uses.
 
-A page shows the word as a colour, a shape and a text; it judges nothing by itself.
+The page shows it as a colour, a shape and a word.
 """
 
 import math
@@ -15,16 +15,16 @@ from guidance.game import Winner
 
 
 class Level(StrEnum):
-    """How severe."""
+    """Severity."""
 
     OK = "ok"
     CAUTION = "caution"
     WARNING = "warning"
-    UNKNOWN = "unknown"  # not told; nothing is wrong with that
+    UNKNOWN = "unknown"  # no value, which is no fault
 
 
 BATTERY_CAUTION: Final = 0.1
-"""So near above the battery at which the flight returns, to be worth a look."""
+"""Caution if the battery is less than this above the level at which the flight returns (0 to 1)."""
 
 _STATES: Final[Mapping[State, Level]] = {
     State.CONNECTING: Level.CAUTION,
@@ -37,12 +37,12 @@ _STATES: Final[Mapping[State, Level]] = {
 
 
 def of_state(state: State) -> Level:
-    """Judge a state: what needs a person is at least a caution."""
+    """Severity of a state: at least caution if it needs a person."""
     return _STATES.get(state, Level.OK)
 
 
 def of_age(age_s: float, limit_s: float, caution_s: float | None = None) -> Level:
-    """Judge an age by the limit at which the flight calls it lost; by default half of that is a caution."""
+    """Severity of an age: warning above the flight's limit, caution above `caution_s` (default: half the limit)."""
     if math.isnan(age_s):
         return Level.UNKNOWN
     if age_s > limit_s:
@@ -51,7 +51,7 @@ def of_age(age_s: float, limit_s: float, caution_s: float | None = None) -> Leve
 
 
 def of_operator(status: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Judge, of a daemon's answer, how long no person has given a sign of life; None where none is asked for."""
+    """Severity of the time since the last sign of life; None if the vehicle file requires none."""
     silence_s, limit_s = status.get("operator_silence_s"), status.get("operator_timeout_s")
     if not (isinstance(silence_s, int | float) and isinstance(limit_s, int | float)):
         return None
@@ -59,7 +59,7 @@ def of_operator(status: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def of_battery(remaining: float, minimum: float) -> Level:
-    """Judge what is left of the battery, 0 to 1."""
+    """Severity of the remaining battery, 0 to 1."""
     if math.isnan(remaining):
         return Level.UNKNOWN
     if remaining < minimum:
@@ -68,22 +68,22 @@ def of_battery(remaining: float, minimum: float) -> Level:
 
 
 def of_winner(winner: int | None, *, no_game: bool) -> Level:
-    """Judge who wins: an evader that does is a warning, an evader too fast to play with as well."""
+    """Severity of the winner: warning if the evader wins or is too fast."""
     if winner is None:
         return Level.UNKNOWN
     return Level.OK if winner == Winner.PURSUER and not no_game else Level.WARNING
 
 
-def of_snapshot(seen: Mapping[str, Any], settings: FlightSettings) -> dict[str, str]:
-    """Judge everything that is shown at a glance; `seen` is a snapshot with NaN where nothing is known."""
-    state, ages, game = State(seen["state"]), seen["age_s"], seen["game"]
+def of_snapshot(snapshot: Mapping[str, Any], settings: FlightSettings) -> dict[str, str]:
+    """Severities of a snapshot, in which unknown values are NaN."""
+    state, ages, game = State(snapshot["state"]), snapshot["age_s"], snapshot["game"]
     levels = {
         "state": of_state(state),
         "heartbeat": of_age(ages["heartbeat"], HEARTBEAT_LIMIT_S),
         "position": of_age(ages["position"], TELEMETRY_LIMIT_S, 0.3),
         "evader": of_age(ages["evader"], settings.cycle.evader_timeout_s),
-        "battery": of_battery(seen["battery"], settings.battery_minimum),
-        "stream": Level.WARNING if state in SETPOINT_STATES and not seen["streaming"] else Level.OK,
+        "battery": of_battery(snapshot["battery"], settings.battery_minimum),
+        "stream": Level.WARNING if state in SETPOINT_STATES and not snapshot["streaming"] else Level.OK,
         "winner": of_winner(None if game is None else game["winner"], no_game=game is not None and game["no_game"]),
         "limits": Level.CAUTION if game is not None and game["limits"] else Level.OK,
     }

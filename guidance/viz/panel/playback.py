@@ -1,7 +1,7 @@
-"""Flights that are over, in a process of its own: how each ended, and all moments of one as the page draws them.
+"""Reads records for the panel, in a child process: outcomes for the list, frames for a replay.
 
-`python -m guidance.viz.panel.playback outcomes FILE…` and `… frames FILE` write JSON to standard output. A record
-that is large, damaged or a stranger's costs the panel nothing but the wait.
+`python -m guidance.viz.panel.playback outcomes FILE…` and `… frames FILE` write JSON to standard output. A large,
+damaged or hostile record cannot disturb the panel.
 """
 
 import json
@@ -20,18 +20,18 @@ from guidance.monitor import Violation
 from guidance.session.flight_files import recorded_settings
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
 
-MOST_FRAMES: Final = 2500
-"""Of a replay, spread over the flight: ten a second of four minutes."""
+MAX_FRAMES: Final = 2500
+"""Frames of a replay, spread over the flight. Enough for ten a second over four minutes."""
 
-LEAST_STEP_S: Final = 0.1
-_HISTORY_SHARE: Final = 2
+MIN_STEP_S: Final = 0.1
+_FRAMES_PER_ROW: Final = 2
 
 
 def outcome_of(path: Path) -> dict[str, Any]:
-    """Say what a record holds and how its flight ended, as far as it can be read.
+    """Summarise a record and the end of its flight, as far as it can be read.
 
     Raises:
-        ConfigError: If it is no record.
+        ConfigError: If the file is not a record.
     """
     survey = Survey()
     state, captured, alarms = "", False, 0
@@ -56,7 +56,7 @@ def outcome_of(path: Path) -> dict[str, Any]:
 
 
 def _state_after(event: EventEntry) -> str:
-    """Return the state that an event led to; empty where it led to none."""
+    """Return the state after an event; empty if it changed none."""
     _, arrow, after = event.detail.partition(" -> ")
     after = after.partition(":")[0]
     return after if arrow and after in set(State) else ""
@@ -68,20 +68,20 @@ def _is_alarm(event: EventEntry) -> bool:
 
 
 def frames_of(path: Path) -> dict[str, Any]:
-    """Fold a whole record into moments, as many as a slider can tell apart.
+    """Return the frames, scenes, history rows and events of a record.
 
     Raises:
-        ConfigError: If it cannot be read.
+        ConfigError: If the record cannot be read.
     """
     with record_errors(path):
         metadata, survey = metadata_of(path), survey_of(path)
         fold = SnapshotFold(recorded_settings, metadata, str(path))
-        step_s = max(LEAST_STEP_S, survey.duration_s / MOST_FRAMES)
+        step_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES)
         frames: list[dict[str, Any]] = []
         rows: list[Any] = []
         events: list[dict[str, Any]] = []
         scenes: list[dict[str, Any]] = []
-        told = -1
+        sent_scene = -1
         last_s = -math.inf
         for item in scan(path):
             entry = fold.take(item)
@@ -89,13 +89,13 @@ def frames_of(path: Path) -> dict[str, Any]:
                 events.append({"now_s": round(entry.now_s, 2), "event": entry.event, "detail": entry.detail[:300]})
             elif entry is not None and entry.now_s - last_s >= 0.99 * step_s:
                 last_s = entry.now_s
-                if fold.scenes != told:
-                    told = fold.scenes
+                if fold.scenes != sent_scene:
+                    sent_scene = fold.scenes
                     scenes.append({"from_s": round(entry.now_s, 3), "scene": fold.scene})
-                seen = fold.snapshot()
-                if seen is not None:
-                    frames.append(seen)
-                if len(frames) % _HISTORY_SHARE == 1:
+                snapshot = fold.snapshot()
+                if snapshot is not None:
+                    frames.append(snapshot)
+                if len(frames) % _FRAMES_PER_ROW == 1:
                     rows.append(fold.history_row())
     return {
         "name": title_of(metadata),
@@ -108,16 +108,16 @@ def frames_of(path: Path) -> dict[str, Any]:
 
 
 def main(what: str, *files: str) -> int:
-    """Write what was asked for; a file that cannot be read is an `error` in its place."""
+    """Write the outcomes or frames of files as JSON; unreadable files give `{"error": …}`."""
     paths = [Path(name) for name in files]
     if what == "frames":
         try:
-            said: Any = frames_of(paths[0])
+            result: Any = frames_of(paths[0])
         except GuidanceError as error:
-            said = {"error": str(error)}
+            result = {"error": str(error)}
     else:
-        said = {str(path): _outcome_or_error(path) for path in paths}
-    json.dump(plain(said), sys.stdout, separators=(",", ":"), allow_nan=False)
+        result = {str(path): _outcome_or_error(path) for path in paths}
+    json.dump(plain(result), sys.stdout, separators=(",", ":"), allow_nan=False)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""A flight's items, live or of a record, folded into what one moment of it looks like: plain values for a page."""
+"""Makes what a page shows of a flight from its cycles and events, live or recorded, as plain JSON values."""
 
 import math
 from collections.abc import Mapping
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from guidance.flight import FlightSettings
     from guidance.monitor import Alarm
 
-ISOCHRON_EVERY_S: Final = 0.4
-ALARM_FOR_S: Final = 10.0
-"""How long an alarm stays in view."""
+ISOCHRON_INTERVAL_S: Final = 0.4
+ALARM_SHOWN_S: Final = 10.0
+"""How long an alarm is shown."""
 
 _POINTS: Final = 49
 _CENTIMETRES: Final = 2
@@ -35,15 +35,15 @@ Plain = dict[str, Any]
 
 
 class SnapshotFold:
-    """What was heard of one flight so far.
+    """Accumulates the data of one flight.
 
     Args:
-        settings_of: Makes the flight's settings of its metadata.
-        metadata: The flight's.
-        source: Named where an item cannot be read.
+        settings_of: Makes settings from metadata.
+        metadata: Metadata of the flight.
+        source: Name for error messages.
 
     Attributes:
-        scenes: Counts what stays (fence, home, target): a page asks for `scene` anew when it has changed.
+        scenes: Version of `scene` (fence, home, target); increases when it changes.
 
     Raises:
         ConfigError: If the metadata has no settings.
@@ -71,16 +71,16 @@ class SnapshotFold:
         self.scenes += 1
 
     def take(self, item: Item) -> EventEntry | CycleEntry | None:
-        """Fold one item and return what it was; others than cycles and events are passed over.
+        """Add an item and return it decoded; items other than cycles and events are ignored.
 
         Raises:
-            ConfigError: If it is one of another version.
+            ConfigError: If it cannot be decoded.
         """
         if item.topic == EVENT_TOPIC:
             return self._event(entry_of(EVENT, item, self._source))
         if item.topic == CYCLE_TOPIC:
             row = entry_of(CYCLE, item, self._source)
-            self._fold(row)
+            self._add_cycle(row)
             return row
         return None
 
@@ -93,7 +93,7 @@ class SnapshotFold:
             self._begin()
         return event
 
-    def _fold(self, row: CycleEntry) -> None:
+    def _add_cycle(self, row: CycleEntry) -> None:
         self._cycle, self._row = self._aggregator.cycle(row), row
         self._heard.update((type(message), message) for message in row.inputs.messages)
         for report in row.inputs.reports:
@@ -107,12 +107,12 @@ class SnapshotFold:
 
     @property
     def scene(self) -> Plain:
-        """What stays where it is: home, fence, target, the stand-off's size, and what is played."""
+        """Home, fence, target, size of the stand-off disc and kind of game."""
         if self._scene is None:
-            self._scene = self._laid_out()
+            self._scene = self._make_scene()
         return self._scene
 
-    def _laid_out(self) -> Plain:
+    def _make_scene(self) -> Plain:
         cycle, home, place = self._settings.cycle, self._aggregator.home_m, self._last(Home)
         envelope = self._aggregator.envelope
         return {
@@ -130,13 +130,13 @@ class SnapshotFold:
         }
 
     def snapshot(self) -> Plain | None:
-        """Return what the last cycle looks like, None before the first; what is not known is null."""
+        """Return the last cycle, None before the first; unknown values are null."""
         cycle, row = self._cycle, self._row
         if cycle is None or row is None:
             return None
         heartbeat, status = self._last(Heartbeat), self._last(SystemStatus)
         autopilot, (gap_m, height_gap_m) = self._settings.autopilot, self._gaps_m()
-        seen: Plain = {
+        snapshot: Plain = {
             "now_s": round(cycle.now_s, 3),
             "state": str(row.state),
             "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
@@ -145,8 +145,8 @@ class SnapshotFold:
             "streaming": row.setpoint is not None,
             "age_s": {
                 "heartbeat": math.inf if heartbeat is None else cycle.now_s - heartbeat.received_s,
-                "position": aged(cycle.telemetry_age_s),
-                "evader": aged(cycle.evader_age_s),
+                "position": known_age(cycle.telemetry_age_s),
+                "evader": known_age(cycle.evader_age_s),
                 "late": cycle.late_s,
                 "round_trip": cycle.round_trip_s,
             },
@@ -162,12 +162,12 @@ class SnapshotFold:
                 "desired": math.hypot(*cycle.desired_ned_m_s),
             },
             "game": None if row.certificate is None else self._game(row.certificate, row.now_s),
-            "alarm": self._alarmed(row.now_s),
+            "alarm": self._recent_alarm(row.now_s),
         }
-        seen["levels"] = levels.of_snapshot(seen, self._settings)
-        return dict(plain(seen))
+        snapshot["levels"] = levels.of_snapshot(snapshot, self._settings)
+        return dict(plain(snapshot))
 
-    def _last(self, kind: type[Any]) -> Any:  # noqa: ANN401 - a message of that kind
+    def _last(self, kind: type[Any]) -> Any:  # noqa: ANN401 - a message of this type
         return self._heard.get(kind)
 
     def _yaw(self) -> float:
@@ -175,7 +175,7 @@ class SnapshotFold:
         return math.nan if attitude is None else round(attitude.yaw_rad, 3)
 
     def _gaps_m(self) -> tuple[float, float]:
-        """How far it is to the disc, also before and after the game; NaN where a place is not known."""
+        """Distances to the disc, also before and after the game; NaN if a position is unknown."""
         cycle, row = self._cycle, self._row
         if row is not None and row.certificate is not None:
             return row.certificate.gap_m, row.certificate.height_gap_m
@@ -202,20 +202,20 @@ class SnapshotFold:
         }
 
     def _curve(self, certificate: Certificate, now_s: float) -> list[Any] | None:
-        # Solved anew a few times a second only: it is a batch of games.
-        if self._isochron is None or not 0.0 <= now_s - self._isochron_s < ISOCHRON_EVERY_S:
+        # Computed a few times a second only, because it solves a batch of games.
+        if self._isochron is None or not 0.0 <= now_s - self._isochron_s < ISOCHRON_INTERVAL_S:
             self._isochron_s = now_s
             self._isochron = finite(isochron_at(self._settings.cycle, certificate, _POINTS))
         return self._isochron
 
-    def _alarmed(self, now_s: float) -> Plain | None:
-        if self._alarm is None or now_s - self._alarm[0] > ALARM_FOR_S:
+    def _recent_alarm(self, now_s: float) -> Plain | None:
+        if self._alarm is None or now_s - self._alarm[0] > ALARM_SHOWN_S:
             return None
         since_s, alarm = self._alarm
         return {"what": str(alarm.violation), "amount": alarm.amount, "since_s": since_s}
 
     def history_row(self) -> list[Any] | None:
-        """Return the last cycle as one row of the charts and tracks, None before the first; see `HISTORY`."""
+        """Return the last cycle as a row of the charts, None before the first; columns: `HISTORY`."""
         cycle = self._cycle
         if cycle is None:
             return None
@@ -229,8 +229,8 @@ class SnapshotFold:
             math.hypot(*cycle.flown_ned_m_s),
             math.hypot(*cycle.commanded_ned_m_s),
             math.hypot(*cycle.desired_ned_m_s),
-            1e3 * aged(cycle.telemetry_age_s),
-            1e3 * aged(cycle.evader_age_s),
+            1e3 * known_age(cycle.telemetry_age_s),
+            1e3 * known_age(cycle.evader_age_s),
         )
         return [round(value, 2) if math.isfinite(value) else None for value in values]
 
@@ -256,19 +256,19 @@ HISTORY: Final = (
 """Columns of `SnapshotFold.history_row`; positions in the game frame, m."""
 
 
-def rounded(place: Any) -> list[float] | None:  # noqa: ANN401 - a vector, or None
-    """Return a place to the centimetre; None where it is not known."""
-    if place is None or not all(map(math.isfinite, place)):
+def rounded(position: Any) -> list[float] | None:  # noqa: ANN401 - a vector, or None
+    """Return a position rounded to 1 cm; None if unknown."""
+    if position is None or not all(map(math.isfinite, position)):
         return None
-    return [round(float(value), _CENTIMETRES) for value in place]
+    return [round(float(value), _CENTIMETRES) for value in position]
 
 
-def aged(age_s: float) -> float:
-    """Return an age: infinite where nothing was heard, and never below zero (who joins late hears the past last)."""
+def known_age(age_s: float) -> float:
+    """Return an age ≥ 0; infinite if nothing was received. A client that joins late may get an older cycle last."""
     return max(0.0, age_s) if math.isfinite(age_s) else math.inf
 
 
 def finite(curve: NDArray[np.float64]) -> list[Any]:
-    """Return the points of a curve that are known, to the centimetre."""
-    kept: list[Any] = np.round(curve[np.isfinite(curve).all(axis=-1)], _CENTIMETRES).tolist()
-    return kept
+    """Return the finite points of a curve, rounded to 1 cm."""
+    points: list[Any] = np.round(curve[np.isfinite(curve).all(axis=-1)], _CENTIMETRES).tolist()
+    return points

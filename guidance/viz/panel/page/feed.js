@@ -17,7 +17,7 @@ export class Feed {
   }
 
   connect() {
-    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    const socket = new WebSocket(new URL("live", location.href.replace(/^http/, "ws")));
     this.socket = socket;
     socket.onmessage = (event) => this.take(JSON.parse(event.data));
     socket.onclose = () => {
@@ -27,7 +27,7 @@ export class Feed {
 
   async again() {
     try {
-      const answer = await fetch("/alive");
+      const answer = await fetch("alive");
       if (answer.status === 403) {
         this.lost("closed");
         return;

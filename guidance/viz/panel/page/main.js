@@ -143,7 +143,7 @@ class Live {
     if (banner.dataset.words !== words) {
       banner.dataset.words = words;
       banner.textContent = words;
-      if (over?.replay && !this.lostFor && this.records) banner.append(link(TEXTS.replayIt, "/replay", over.replay));
+      if (over?.replay && !this.lostFor && this.records) banner.append(link(TEXTS.replayIt, "replay", over.replay));
     }
     banner.className = (daemon && !over) || this.lostFor ? "warning" : "unknown";
     document.body.classList.toggle("old", Boolean(this.lostFor) || (!over && daemon?.contact === "warning"));
@@ -192,10 +192,9 @@ function label() {
   at("by").addEventListener("change", () => localStorage.setItem("by", at("by").value));
 }
 
-const record = location.pathname === "/replay" ? new URLSearchParams(location.search).get("record") : null;
-if (location.search && record === null) history.replaceState(null, "", location.pathname);
+const record = location.pathname.endsWith("/replay") ? new URLSearchParams(location.search).get("record") : null;
 label();
-const { look, records, tiles } = await (await fetch("/alive")).json();
+const { look, records, tiles } = await (await fetch("alive")).json();
 document.documentElement.dataset.tiles = tiles;
 const pictures = new Pictures();
 const page = record === null ? new Live(pictures, look, records) : new Replay(pictures, record);

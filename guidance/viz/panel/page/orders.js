@@ -138,7 +138,7 @@ export class Orders {
     const name = `${daemon.name} · ${TEXTS.orders[order][0]}`;
     this.say("unknown", TEXTS.given(name));
     try {
-      const answer = await fetch("/order", {
+      const answer = await fetch("order", {
         method: "POST",
         headers: { "Content-Type": "application/json" },
         body: JSON.stringify({ daemon: daemon.key, order, by: document.querySelector("#by").value }),

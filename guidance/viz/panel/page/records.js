@@ -11,7 +11,7 @@ export class Records {
     this.fill([element("p", TEXTS.reading)]);
     this.dialog.showModal();
     try {
-      const said = await (await fetch("/records")).json();
+      const said = await (await fetch("records")).json();
       this.fill(said.error ? [element("p", said.error)] : this.table(said));
     } catch (error) {
       this.fill([element("p", String(error))]);
@@ -47,10 +47,10 @@ export class Records {
     const out = document.createElement("td");
     if (!row.error) {
       again.append(
-        link(TEXTS.replayed, "/replay", row.record), link(TEXTS.report, "/records/report", row.record),
-        link(TEXTS.eventList, "/records/events", row.record),
+        link(TEXTS.replayed, "replay", row.record), link(TEXTS.report, "records/report", row.record),
+        link(TEXTS.eventList, "records/events", row.record),
       );
-      out.append(...kinds.map((kind) => link(kind, `/records/${kind}`, row.record)));
+      out.append(...kinds.map((kind) => link(kind, `records/${kind}`, row.record)));
     }
     line.append(name, element("td", begun), element("td", lasts), element("td", outcome(row)), again, out);
     return line;

@@ -20,7 +20,7 @@ export class Replay {
   async load(record) {
     this.say(TEXTS.loading);
     try {
-      const answer = await fetch(`/records/frames?record=${encodeURIComponent(record)}`);
+      const answer = await fetch(`records/frames?record=${encodeURIComponent(record)}`);
       if (!answer.ok) throw new Error(await answer.text());
       const flight = await answer.json();
       if (flight.error) throw new Error(flight.error);
