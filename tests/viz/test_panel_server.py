@@ -9,7 +9,7 @@ import ssl
 from types import SimpleNamespace
 
 import pytest
-from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError
+from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
 
 from guidance.cli import app
 from guidance.clock import VirtualClock
@@ -261,7 +261,7 @@ async def test_wrong_passwords_delay_only_the_address_that_sends_them(opened, ce
     statuses = await asyncio.gather(*(post("wrong") for _ in range(30)))
     assert sorted(statuses) == [403] + 29 * [429]
     assert await post(PASSWORD) == 429  # from the same address: not even checked
-    monkeypatch.setattr(servers.web.Request, "remote", "192.0.2.7")
+    monkeypatch.setattr(web.Request, "remote", "192.0.2.7")
     assert await post(PASSWORD) == 303
     monkeypatch.undo()
     panel.clock.sleep_until(PASSWORD_INTERVAL_S)
