@@ -1,9 +1,8 @@
-"""What is heard of a vehicle: what of it can be meant, and what it comes to.
+"""Plausibility checks of messages, and the vehicle state that they produce.
 
-`is_plausible` is asked where a message enters, so that nothing behind it has to: NaN, infinities and sizes that nothing
-in flight can have are refused. Its bounds are generous: they keep arithmetic whole and nonsense out, and judge no
-flight; that is for the limits and for preflight. `observe` folds messages one by one into the vehicle as last heard, a
-frozen record with the age of everything in it.
+`is_plausible` refuses NaN, infinities and impossible sizes where a message enters, so that later code need not check.
+Its bounds are generous; limits and preflight judge the flight. `observe` folds messages into the vehicle's last known
+state, a frozen record with the age of every message.
 """
 
 import math
@@ -33,22 +32,22 @@ from guidance.messages import (
 
 LANDED_ON_GROUND = 1
 
-# A sender's clock that runs backwards by more than this is a reboot; less is reordering.
+# A step of the sender's clock backwards beyond this is a reboot; a smaller one is reordering.
 _REBOOT_S = 1.0
 
-# How far positions may go astray of the velocities told with them (PX4 and ArduCopter in flight: 0.03 m), plus what a
-# manoeuvre between two messages makes of that: more is the estimator's doing.
+# Largest mismatch of positions and velocities (0.03 m on PX4 and ArduCopter), plus the effect of a manoeuvre between
+# two messages. A larger mismatch is a jump of the estimate.
 _ASTRAY_M = 1.0
 _ASTRAY_M_S2 = 2.5
 
 _SMOOTHED_S = 0.1
 _GAP_S = 0.5
 
-# Where a vehicle that arms has its home: here, or its home is still that of another place.
+# Largest distance of home from an arming vehicle; a home farther away is an old one.
 _HERE_M = 2.0
 
 FARTHEST_M: Final = 1e6
-"""From the zero of a local frame, or a radius. PX4 and ArduPilot keep local positions in 32 bit, 0.1 m there."""
+"""Largest local coordinate or radius. Single precision, as in PX4 and ArduPilot, resolves 0.1 m there."""
 
 HIGHEST_M: Final = 1e5
 FASTEST_M_S: Final = 1e3
@@ -59,19 +58,19 @@ Kind = TypeVar("Kind", bound=Message)
 
 
 class VehicleState(NamedTuple):
-    """What was heard of a vehicle.
+    """Last known state of a vehicle.
 
     Attributes:
-        latest: The latest message of every kind; HOME_POSITION only as the flight has it (see `observe`).
-        armed: As the last HEARTBEAT has it.
-        yaw_rad: Heading of the last ATTITUDE, from north; zero until it was heard.
-        home_taken: Whether home is the flight's: from arming to disarming it stays where it was.
-        resets: Signs of an estimator's reset: ODOMETRY counts one, or LOCAL_POSITION_NED jumps.
-        reset_s: When the last one was heard.
+        latest: The latest message of every kind; HOME_POSITION as `observe` accepts it.
+        armed: As in the last HEARTBEAT.
+        yaw_rad: Heading in the last ATTITUDE, from north; zero before the first one.
+        home_taken: Whether home is fixed, from arming to disarming.
+        resets: Number of estimator resets: ODOMETRY counts one, or LOCAL_POSITION_NED jumps.
+        reset_s: Time of the last reset.
         jumped_ned_m: The sum of all jumps.
-        jumped_boot_s: When the last jump was, on the sender's clock.
-        reboots: How often the sender's clock began anew.
-        acceleration_ned_m_s2: How its velocity changes, of the last tenth of a second or so.
+        jumped_boot_s: Time of the last jump, on the sender's clock.
+        reboots: Number of restarts of the sender's clock.
+        acceleration_ned_m_s2: Acceleration, smoothed over about 0.1 s.
     """
 
     latest: Mapping[type, Message] = MappingProxyType({})
@@ -86,7 +85,7 @@ class VehicleState(NamedTuple):
     acceleration_ned_m_s2: Vector = (0.0, 0.0, 0.0)
 
     def last(self, kind: type[Kind]) -> Kind | None:
-        """Return the latest message of a kind, None until one was heard."""
+        """Return the latest message of a kind, None before the first one."""
         message = self.latest.get(kind)
         return message if isinstance(message, kind) else None
 
@@ -97,7 +96,7 @@ class VehicleState(NamedTuple):
 
     @property
     def on_ground(self) -> bool:
-        """On the ground, as the last EXTENDED_SYS_STATE has it; False until it was heard."""
+        """Whether the last EXTENDED_SYS_STATE says on ground; False before the first one."""
         landed = self.last(LandedState)
         return landed is not None and landed.landed_state == LANDED_ON_GROUND
 
@@ -105,23 +104,23 @@ class VehicleState(NamedTuple):
 def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
     """Fold messages, oldest first, into the state.
 
-    The messages must be plausible, as links deliver them. Local positions that are repeated or older than the one held
-    are passed over. So is a home that comes in flight: an autopilot may move it about (PX4, by up to 2 m every two
-    seconds), and heights and fences are counted from where it was when the vehicle armed.
+    The messages must be plausible, as links deliver them. Local positions that are not newer than the last one are
+    ignored. So is a home reported in flight: PX4 moves it by up to 2 m every two seconds, and heights and fences refer
+    to home at arming.
     """
     for message in messages:
-        changed = _told_by(message, state)
+        changed = _changed_by(message, state)
         if changed is not None:
             state = state._replace(latest={**state.latest, type(message): message}, **changed)
     return state
 
 
-def _told_by(message: Message, state: VehicleState) -> dict[str, Any] | None:
-    """Return which fields of the state a message changes, besides being the latest; None if it is passed over."""
+def _changed_by(message: Message, state: VehicleState) -> dict[str, Any] | None:
+    """Return the fields that a message changes, besides `latest`; None if it is ignored."""
     changed: dict[str, Any] | None = {}
     match message:
         case LocalPosition():
-            changed = _told_by_position(message, state)
+            changed = _changed_by_position(message, state)
         case Attitude():
             changed = {"yaw_rad": message.yaw_rad}
         case Home():
@@ -139,17 +138,17 @@ def _told_by(message: Message, state: VehicleState) -> dict[str, Any] | None:
 
 
 def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
-    """Whether the home held is that of a vehicle that has just armed, or that we join armed."""
+    """Whether the known home is valid for a vehicle that has just armed, or that was armed before we connected."""
     home, local = state.last(Home), state.last(LocalPosition)
     if Heartbeat not in state.latest:
-        return home is not None  # joined in flight: there is no better one than the first
+        return home is not None  # connected in flight: the first home is the best one
     if state.armed or not now.armed or home is None or local is None:
         return False
     return math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
 
 
-def _told_by_position(now: LocalPosition, state: VehicleState) -> dict[str, Any] | None:
-    """Return what a position changes, the jump or the reboot that it shows; None if it is no news."""
+def _changed_by_position(now: LocalPosition, state: VehicleState) -> dict[str, Any] | None:
+    """Return the fields that a position changes: a jump or a reboot; None if it is not new."""
     held = state.last(LocalPosition)
     if held is None:
         return {}
@@ -172,7 +171,7 @@ def _told_by_position(now: LocalPosition, state: VehicleState) -> dict[str, Any]
 
 
 def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step_s: float) -> Vector:
-    """The acceleration with one more velocity, `step_s` after the last; after a gap it is not known, and none."""
+    """Return the acceleration after one more velocity; zero after a gap."""
     if step_s > _GAP_S:
         return (0.0, 0.0, 0.0)
     share = min(1.0, step_s / _SMOOTHED_S)
@@ -182,7 +181,7 @@ def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step
 
 
 def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vector | None:
-    """How far the position moved beyond what the velocities explain; None for no more than a manoeuvre does."""
+    """Return the movement that the velocities do not explain; None if a manoeuvre explains it."""
     rows = zip(before.position_ned_m, now.position_ned_m, before.velocity_ned_m_s, now.velocity_ned_m_s, strict=True)
     north, east, down = (to - origin - 0.5 * step_s * (was + rate) for origin, to, was, rate in rows)
     allowed_m = _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s
@@ -190,10 +189,10 @@ def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vec
 
 
 def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | None:
-    """Return where the vehicle's local frame lies on Earth; None until HOME_POSITION was heard.
+    """Return the vehicle's local frame; None before HOME_POSITION.
 
-    GPS_GLOBAL_ORIGIN is the estimator's word; without it the origin is reckoned from home, which need not be there. An
-    origin on another continent than home (two vehicles with one system id, say) is nobody's word: None.
+    The origin is GPS_GLOBAL_ORIGIN, or else computed from home. An origin far from home (two vehicles with one system
+    id, for example) is not accepted: None.
     """
     home, origin = state.last(Home), state.last(Origin)
     if home is None:
@@ -216,7 +215,7 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
 
 
 def is_plausible(message: Message | EvaderReport) -> bool:
-    """Whether everything in a message can be meant. What may be unknown by its definition (NaN) may be here too."""
+    """Whether all values of a message are plausible. Values that MAVLink defines as unknown (NaN) are allowed."""
     judge = _JUDGES.get(type(message))
     return judge is None or judge(message)
 
@@ -226,12 +225,12 @@ def _within(limit: float, *numbers: float) -> bool:
 
 
 def _on_earth(place: GlobalPosition | Home | Origin | EvaderReport) -> bool:
-    here = abs(place.latitude_deg) < 90.0 and abs(place.longitude_deg) <= 180.0  # at a pole north has no direction
+    here = abs(place.latitude_deg) < 90.0 and abs(place.longitude_deg) <= 180.0  # north has no direction at a pole
     return here and abs(place.altitude_amsl_m) <= HIGHEST_M
 
 
 def _home(home: Home) -> bool:
-    untold = all(map(math.isnan, home.position_ned_m))  # then it is reckoned from the map
+    untold = all(map(math.isnan, home.position_ned_m))  # then it is computed from the map
     return _on_earth(home) and (untold or _within(FARTHEST_M, *home.position_ned_m))
 
 
