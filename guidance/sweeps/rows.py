@@ -33,7 +33,7 @@ _LARGEST_CHUNK: Final = 16384
 _CHUNK_S: Final = 10.0
 """Computing time of a chunk: rows are written, and progress is shown, that often."""
 _CHUNKS_A_WORKER: Final = 4
-_TRIED: Final = (8, 64, 512)
+_TRIED: Final = (8, 64, 512, 4096)
 _LEAST_SHARE: Final = 1.0 / 8.0
 
 Model = type[Scenario] | type[TeamScenario]
