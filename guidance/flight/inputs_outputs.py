@@ -13,7 +13,7 @@ ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.L
 
 
 class Authority(StrEnum):
-    """Who caused a change of state."""
+    """The cause of a change of state."""
 
     OPERATOR = "operator"  # an order of a person; it stands until the next one
     MISSION = "mission"  # an order of the program that flies a scenario
@@ -27,7 +27,7 @@ class Inputs(NamedTuple):
         now_s: Time of the injected clock.
         messages: From the vehicle, since the last cycle.
         reports: Of the evader, since the last cycle.
-        orders: Orders of people, in the order in which they were given; each one of `ORDERS`.
+        orders: Orders of people, oldest first; each one of `ORDERS`.
         refusals: Names of what preflight refuses. The vehicle is not ready while there is any.
         alive: True if a person gave a sign of life since the last cycle, else None.
         mission: Orders of a mission. They have no effect while a person's order stands.
@@ -48,10 +48,10 @@ class Happening(NamedTuple):
     Attributes:
         now_s: When.
         event: What happened.
-        before: The state in which it happened.
-        after: The state that it led to; equal to `before` if an order had no effect.
-        by: Who caused it.
-        detail: What was measured, in words: "no telemetry for 1.2 s". Empty if the event says everything.
+        before: The state before.
+        after: The state after; equal to `before` if an order had no effect.
+        by: Its cause: an operator, a mission or the flight itself.
+        detail: The measurement in words: "no telemetry for 1.2 s". Empty if the event's name is enough.
     """
 
     now_s: float
@@ -68,7 +68,7 @@ class Happening(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What one cycle decided.
+    """Decisions of one cycle.
 
     Attributes:
         state: The flight's, after this cycle.
@@ -78,7 +78,7 @@ class Outputs(NamedTuple):
         certificate: Of the game, if it was played in this cycle.
         alarm: If the game's promise was broken in this cycle.
         fault: An error of guidance itself. It ends the flight.
-        cause: What led to the present state; None in the first state.
+        cause: The happening that led to the present state; None in the first state.
     """
 
     state: State

@@ -29,7 +29,7 @@ _LOOK_EVERY_S: Final = 0.5
 
 
 def hosting_config(endpoint: str, token: ControlToken | None = None) -> zenoh.Config:
-    """Return a router of our own that listens at one endpoint and nowhere else, for those who know the token."""
+    """Return the configuration of a router that listens at one endpoint only and asks for the token."""
     return zenoh.Config.from_json5(
         json.dumps(
             {
@@ -47,10 +47,10 @@ def hosting_config(endpoint: str, token: ControlToken | None = None) -> zenoh.Co
 
 
 def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Session":
-    """Listen at an endpoint; without a token everybody on this computer is let in.
+    """Listen at an endpoint; without a token every user of this computer may join.
 
     Raises:
-        LinkError: If it cannot be had; then another daemon is likely to own the vehicle.
+        LinkError: If it cannot listen there; probably another daemon owns the vehicle.
     """
     try:
         return zenoh.open(hosting_config(endpoint, token))
@@ -62,10 +62,10 @@ def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Ses
 
 
 class OwnerToken:
-    """The vehicle is ours, as long as this lives.
+    """A claim on the vehicle, until it is closed.
 
     Args:
-        session: A bus that all who might own the vehicle share.
+        session: A bus shared by all possible owners.
         vehicle: Key of the vehicle on it.
 
     Raises:
@@ -75,7 +75,7 @@ class OwnerToken:
     def __init__(self, session: "zenoh.Session", vehicle: str) -> None:
         mine = f"{vehicle}/owner/{session.zid()}"
         liveliness = session.liveliness()
-        # First claimed, then looked around: of two that start at once, one at least sees the other.
+        # Claim first, then look: of two that start together at least one sees the other.
         self._token = liveliness.declare_token(mine)
         replies = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
         others = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
@@ -93,7 +93,7 @@ class OwnerToken:
 
 
 class _Given(NamedTuple):
-    """An order that was asked for on the bus, and given to the loop at that time."""
+    """A query of the bus, the question put to the loop, and when."""
 
     query: Any
     question: Question
@@ -108,12 +108,12 @@ class ControlBus:
         mailbox: Where orders go.
         endpoint: The Zenoh endpoint, on loopback.
         host: Listen there; otherwise connect to a router that is there.
-        token_file: Where the token lies that lets others in; by default where `guidance ctl` looks for it.
+        token_file: Path of the token; the default is the one that `guidance ctl` uses.
         credentials: For a router that judges certificates.
 
     Raises:
         OutputError: If the token cannot be written.
-        LinkError: If there is no session to be had, or another daemon owns the vehicle.
+        LinkError: If no session can be opened, or another daemon owns the vehicle.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class ControlBus:
 
     @property
     def session(self) -> "zenoh.Session":
-        """The bus itself, for what else is said on it. It is closed with this."""
+        """The Zenoh session, for the broadcast. It is closed with this."""
         return self._session
 
     def _hear(self, query: "zenoh.Query") -> None:
@@ -162,7 +162,7 @@ class ControlBus:
         self._asked.set()
 
     def _serve(self) -> None:
-        """Orders first, and nobody waits for another's answer: an abort does not wait for an engage order's checks."""
+        """Orders come first, and none waits for the answer to another: an abort does not wait for an engage order."""
         given: list[_Given] = []
         while not is_over(self._stop):
             self._asked.wait(_LOOK_EVERY_S)
@@ -185,7 +185,7 @@ class ControlBus:
 
     def _reply(self, query: "zenoh.Query", order: str, answer: Answer) -> None:
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
-            # Under our own key: answers to one question of several daemons are told apart by theirs.
+            # Under our own key: one query may be answered by several daemons.
             query.reply(control_key(self._name, order), json.dumps(answer), encoding=zenoh.Encoding.APPLICATION_JSON)
             query.drop()  # type: ignore[no-untyped-call]
 
@@ -208,7 +208,7 @@ class ControlBus:
 
 
 def _hosted(endpoint: str, token_file: Path | None) -> tuple["zenoh.Session", ControlToken]:
-    """Listen at an endpoint with a new token, which is published only if the endpoint could be had."""
+    """Listen at an endpoint with a new token; publish the token once that works."""
     path = control_token.default_path(endpoint) if token_file is None else token_file
     drawn = control_token.draw(path)
     try:
@@ -229,11 +229,11 @@ def opened(
         name: The vehicle's.
         mailbox: Where orders go.
         endpoint: The wanted one; None takes no orders.
-        on_open: Is told the endpoint that was had.
+        on_open: Called with the endpoint.
 
     Raises:
         OutputError: If the token or the socket cannot be written.
-        LinkError: If no endpoint can be had.
+        LinkError: If it cannot listen at any endpoint.
     """
     if endpoint is None:
         yield None
@@ -259,7 +259,7 @@ def broadcasting(name: str, control: ControlBus | None, metadata: Mapping[str, s
 
 
 def free_endpoint() -> str:
-    """Return a control endpoint on a port of loopback that nobody listens on."""
+    """Return a control endpoint on a free loopback port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

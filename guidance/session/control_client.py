@@ -1,7 +1,4 @@
-"""The end of the control bus that orders: a daemon's bus is joined, an order given, and the answer waited for.
-
-`guidance/<name>/ctl/<order>` is asked, JSON is the answer.
-"""
+"""Orders to a daemon over its Zenoh bus: a query on `guidance/<name>/ctl/<order>`, answered with JSON."""
 
 import json
 from collections.abc import Mapping
@@ -20,7 +17,7 @@ JOIN_LIMIT_S: Final = 3.0
 
 
 def control_key(name: str, order: str) -> str:
-    """Return the key that an order is asked on."""
+    """Return the query key of an order."""
     return f"guidance/{name}/ctl/{order}"
 
 
@@ -35,7 +32,7 @@ def join_session(
 
     Raises:
         ConfigError: If the token may not be read by us.
-        LinkError: If nobody listens at the endpoint, or the token is not the daemon's.
+        LinkError: If no daemon listens at the endpoint, or the token is wrong.
     """
     if credentials.tls is not None:
         return open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
@@ -69,14 +66,14 @@ def ask(
         order: One of `WORDS`.
         endpoint: Where the daemon listens for orders.
         name: The daemon's; None takes the only one there is.
-        timeout_s: How long an answer is waited for.
-        token_file: The secret that lets us in, where it is not the default one.
+        timeout_s: Time limit for the answer.
+        token_file: Path of the token, if not the default.
         credentials: For a router that judges certificates, in place of a token.
-        by: Who gives it, for the log and the record.
+        by: Name of the person or program, for log and record.
 
     Raises:
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
-        LinkError: If nobody answers, or the daemon does not let us in.
+        LinkError: If no answer comes, or the token is wrong.
     """
     if order not in WORDS:
         raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
@@ -105,8 +102,8 @@ def answers(session: Any, key: str, timeout_s: float, by: str = "") -> list[dict
     Args:
         session: A control bus, joined.
         key: Of one daemon's order, or of several.
-        timeout_s: How long they are waited for.
-        by: Who gives the order; empty for a question.
+        timeout_s: Time limit for the answers.
+        by: Name of the person or program; empty for a query.
     """
     replies = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=by.encode() if by else None)
     return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]

@@ -23,15 +23,15 @@ from guidance.session.control_token import ControlToken
 
 STATUS, RESET, ALIVE = "status", "reset", "alive"
 WORDS: Final = ("abort", "engage", "hold", "land", "return", "start", RESET, STATUS, ALIVE)
-"""What may be asked of a daemon."""
+"""All orders and queries of a daemon."""
 
 ENDPOINT: Final = "tcp/127.0.0.1:7448"
-"""Where a daemon or a flight takes orders if nothing else is configured."""
+"""Default control endpoint of daemons and flights."""
 
 TIMEOUT_S: Final = 4.0
 ANSWER_LIMIT_S: Final = 2.0
 LONGEST_NAME: Final = 64
-"""Characters of the name of who gave an order; it is kept in the record."""
+"""Longest name of a sender, in characters; it is recorded."""
 
 _ASKED_WITHIN_S: Final = 1.0
 _MOST_BYTES: Final = 4096
@@ -49,7 +49,7 @@ class Asked(Protocol):
 
 
 class Asking(Protocol):
-    """Where orders go: `guidance.session.orders.Mailbox`."""
+    """The interface of `guidance.session.orders.Mailbox`."""
 
     def ask(self, order: str, by: str = "") -> Asked:
         """Put an order to the loop."""
@@ -70,7 +70,7 @@ def own_name(program: str) -> str:
 
 
 def name_in(data: bytes) -> str:
-    """Read the name of who gives an order: printable text of bounded length, whatever was sent."""
+    """Return the sender's name as printable text of bounded length; the data may be anything."""
     text = data[: 4 * LONGEST_NAME].decode("utf-8", errors="replace")
     return "".join(one for one in text if one.isprintable())[:LONGEST_NAME].strip()
 
@@ -89,9 +89,9 @@ def ask_here(
     Args:
         order: One of `WORDS`.
         endpoint: The daemon's control endpoint.
-        name: The daemon's; None takes whichever is there.
+        name: The daemon's; None accepts any.
         token_file: Where its token lies, if not in the usual place.
-        by: Who gives the order, for the log and the record.
+        by: Name of the person or program, for log and record.
 
     Returns:
         The answer; None if no daemon listens at such a socket.
@@ -180,7 +180,7 @@ class ControlSocket:
         try:
             with there:
                 there.settimeout(_ASKED_WITHIN_S)
-                with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # whatever was sent
+                with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # the data may be anything
                     asked = json.loads(_line_of(there, _MOST_BYTES))
                     there.sendall(json.dumps(self._answer_to(asked)).encode() + b"\n")
         finally:
@@ -210,7 +210,7 @@ def _line_of(there: socket.socket, most_bytes: int) -> bytes:
 
 @contextlib.contextmanager
 def _reachable(path: Path) -> Iterator[str]:
-    """Yield an address for a path; one that is too long for the kernel goes by its folder's descriptor."""
+    """Yield a socket address for a path; a path too long for the kernel is reached by its folder's descriptor."""
     if len(os.fsencode(path)) <= _LONGEST_PATH:
         yield str(path)
         return

@@ -1,4 +1,4 @@
-"""Who may order: whoever can read the daemon's token file, as its owner alone can by default.
+"""Authorization: anyone who can read the token file may send orders; by default only its owner.
 
 Anybody on a computer can reach a loopback port, so the control bus asks for a name and a secret before it lets anyone
 in. The secret is drawn anew at every start and lies in a file of mode 0600; another file, made beforehand with other
@@ -21,17 +21,17 @@ _LINE: Final = re.compile(rf"{USER}:([0-9a-f]{{32,}})\n?")
 
 
 class ControlToken(NamedTuple):
-    """A secret and the file that it lies in, in the form of Zenoh's user dictionary."""
+    """A secret and its file, in the format of Zenoh's user dictionary."""
 
     path: Path
     secret: str
 
     def for_server(self) -> dict[str, Any]:
-        """Return Zenoh's `transport.auth` of the end that lets in."""
+        """Return Zenoh's `transport.auth` of the listening side."""
         return {"usrpwd": {**self.for_client()["usrpwd"], "dictionary_file": str(self.path)}}
 
     def for_client(self) -> dict[str, Any]:
-        """Return Zenoh's `transport.auth` of an end that wants in."""
+        """Return Zenoh's `transport.auth` of the joining side."""
         return {"usrpwd": {"user": USER, "password": self.secret}}
 
 
@@ -39,7 +39,7 @@ def default_path(endpoint: str) -> Path:
     """Return where the token of a control endpoint lies: in the daemon's or the user's runtime folder.
 
     Raises:
-        ConfigError: If there is no runtime folder, and the one we would make belongs to somebody else.
+        ConfigError: If there is no runtime folder, and the fallback belongs to another user.
     """
     name = re.sub(r"[^A-Za-z0-9.]+", "-", endpoint) + ".token"
     given = os.environ.get("RUNTIME_DIRECTORY")
@@ -116,7 +116,7 @@ def _is_private(path: Path) -> bool:
 
 
 def _check_folder(folder: Path) -> None:
-    """Refuse a folder in which somebody else could put a token of theirs in our file's place."""
+    """Refuse a folder in which another user could replace our token file."""
     found = folder.stat()
     theirs = found.st_uid not in (os.getuid(), 0)
     if theirs or (found.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not found.st_mode & stat.S_ISVTX):

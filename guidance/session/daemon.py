@@ -36,7 +36,7 @@ _ORDERING: Final = (Authority.OPERATOR, Authority.MISSION)
 
 
 class Daemon:
-    """One vehicle's guidance, in real or in moved time. Who listens to it may be left out."""
+    """One vehicle's guidance, in real or virtual time. Log, metrics, record and broadcast are optional."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class Daemon:
         return self._rows
 
     def facts(self, now_s: float) -> Facts:
-        """What preflight knows of the vehicle."""
+        """Preflight's facts about the vehicle."""
         return self._survey.facts(self.flight.vehicle, now_s)
 
     @property
@@ -97,17 +97,17 @@ class Daemon:
 
     @property
     def parameters_read(self) -> tuple[int, int]:
-        """How many of the parameters that preflight judges were read, and how many there are."""
+        """Number of preflight parameters read, and their total."""
         return self._survey.read
 
     @property
     def heard(self) -> Sequence[Message]:
-        """What the last cycle heard of the vehicle."""
+        """The vehicle's messages of the last cycle."""
         return self._linked.inputs.messages
 
     @property
     def position_age_s(self) -> float:
-        """How old the vehicle's position was at the last cycle; infinite before there was one."""
+        """Age of the vehicle's position at the last cycle, s; infinite before the first one."""
         return self.flight.vehicle.age_s(LocalPosition, self._linked.inputs.now_s)
 
     @property
@@ -122,12 +122,12 @@ class Daemon:
 
     @property
     def record_stopped(self) -> Stopped | None:
-        """Since when nothing is recorded any more, and why."""
+        """When and why the record stopped; None while it goes on."""
         return self._linked.record_stopped
 
     @property
     def leaving(self) -> Authority | None:
-        """Who asked the daemon to end; None while it goes on."""
+        """Whether a person or a mission asked the daemon to end; None while it goes on."""
         return None if self._leaving is None else self._leaving.authority
 
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
@@ -178,7 +178,7 @@ class Daemon:
         return False
 
     def _is_leaving(self, question: Question) -> bool:
-        """Whether the daemon ends. If only a mission wanted that, an operator's order keeps it going."""
+        """Whether the daemon ends. An operator's order cancels an end that a mission asked for."""
         if self.leaving is Authority.MISSION and question.authority is Authority.OPERATOR:
             self._leaving = None
         return self._leaving is not None
@@ -204,21 +204,21 @@ class Daemon:
         return self._barred() + (refusals(self._engaging.rows) if engaging else self._engaging.bars_the_pilot)
 
     def _barred(self) -> tuple[str, ...]:
-        """Name what bars the vehicle from flying; what was not judged yet is refused."""
+        """Names of what preflight refuses; before its first verdict, preflight itself."""
         if self._plan.wants is None or not self._judging:
             return ()
         return refusals(self._rows) if self._rows else ("preflight",)
 
     @property
     def _judging(self) -> bool:
-        """Whether preflight still counts: on the ground, and for a vehicle found armed until it has passed once."""
+        """Whether preflight applies: on the ground, and for a vehicle found armed until it has passed once."""
         return self.flight.state in ON_GROUND or (self.in_flight and not self.flight.checked)
 
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
 
         Args:
-            error: What came out of `step`.
+            error: Raised by `step`.
             now_s: The present.
         """
         outputs = self.outputs = self.flight.give_up(Inputs(now_s), error)
@@ -272,7 +272,7 @@ class Daemon:
         return ""
 
     def _answer(self, orders: Sequence[Question], outputs: Outputs, now_s: float) -> None:
-        """Answer what the flight was ordered: its first happenings are one for each order, in their order."""
+        """Answer the flight's orders. Its first happenings are one for each order, in the same order."""
         for question, happening in zip(orders, outputs.happenings, strict=False):
             order = Event(question.order)
             done = happening.after is not happening.before or is_done(order, happening.after)
@@ -318,7 +318,7 @@ class Daemon:
         )
 
     def _preflight(self, now_s: float) -> None:
-        """Read and judge while on the ground, and read again what stands behind us before the game begins."""
+        """Read and judge parameters on the ground, and read the failsafe parameters again before the game begins."""
         inputs, wants = self._linked.inputs, self._plan.wants
         if wants is None or not (self._judging or self._engaging.reading):
             return

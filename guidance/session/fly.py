@@ -36,19 +36,19 @@ def fly(
     """Fly a scenario to its end.
 
     Args:
-        scenario: What is flown.
-        world: Where; it is closed by who opened it.
-        clock: Its time.
-        record: Where the flight is kept.
-        show: Is told of every cycle.
-        plan: What it is flown by; the scenario's own if not given.
-        policy: What a person allowed, and what becomes of the vehicle.
+        scenario: The scenario.
+        world: The vehicle and the evader; the caller closes it.
+        clock: The world's time.
+        record: Of the flight.
+        show: Called in every cycle.
+        plan: The flight plan; the scenario's own by default.
+        policy: Which orders the mission may give, and how the vehicle is handed over.
         name: The vehicle's.
-        mailbox: Where a person's orders come in.
-        log: Where the daemon logs.
-        notifier: Whom it gives signs of life.
-        signals: The operating system's; None leaves them to the process.
-        broadcast: Who looks on hears of every cycle by it.
+        mailbox: Orders of people.
+        log: The daemon's.
+        notifier: For signs of life to systemd.
+        signals: Of the operating system; None leaves them to the process.
+        broadcast: Record for onlookers.
 
     Raises:
         ConfigError: If the scenario names what does not exist.

@@ -38,16 +38,16 @@ def fly_mock(
     """Fly a scenario against the mock, with the record in a folder.
 
     Args:
-        scenario: What is flown.
+        scenario: The scenario.
         folder: For the record.
-        show: Is told of every cycle.
+        show: Called in every cycle.
         fast: In virtual time; else in real time, with the mock as a live process.
         link: Which client flies in real time.
         port: Of the mock's Zenoh session, or its first UDP port; 0 is any.
-        over: What the live mock is reached over.
-        on_record: Is told of the record once it is being written.
-        control: Endpoint for orders and onlookers; a free one is taken if it is in use. None lets nobody in.
-        on_control: Is told the endpoint that was had.
+        over: Transport to the live mock.
+        on_record: Called with the record's path when it is open.
+        control: Endpoint for orders and onlookers; a free one if that is in use. None opens none.
+        on_control: Called with the endpoint.
 
     Raises:
         GuidanceError: For everything that the user can mend.

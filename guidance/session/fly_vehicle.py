@@ -41,13 +41,13 @@ from guidance.sim.stepped import EvaderHere
 FOUND_WITHIN_S: Final = 15.0
 _CONNECTED_WITHIN_S: Final = 5.0
 ENDS: Final = ("return", "land")
-"""What the vehicle at a URL does when the game is over: fly home and land, or land where it is."""
+"""Endings of a flight at a URL: fly home and land, or land at once."""
 
 Show = Callable[[Progress], None]
 
 
 class Asked(NamedTuple):
-    """Which vehicle runs already, and how it is talked to; see `guidance fly --help`."""
+    """A running vehicle and how to talk to it; see `guidance fly --help`."""
 
     url: str
     autopilot: str | None = None
@@ -73,10 +73,10 @@ def fly_vehicle(
     hands the vehicle over as the file says (flight.on_terminate).
 
     Args:
-        scenario: What is flown.
+        scenario: The scenario.
         config: The vehicle's file.
         folder: For the record, by the vehicle's name.
-        say: Is told what a person should know.
+        say: Prints a line for the person.
         engage: A person allowed to start and to engage.
 
     Raises:
@@ -122,13 +122,13 @@ def fly_url(
         scenario: Who plays what, where and within which limits.
         asked: The URL, and how to fly there.
         folder: For the record.
-        show: Is told how it goes.
-        on_record: Is told the record's path before the flight begins.
-        control: Endpoint for orders and onlookers; a free one is taken if it is in use. None lets nobody in.
-        on_control: Is told the endpoint that was had.
+        show: Called in every cycle.
+        on_record: Called with the record's path before the flight begins.
+        control: Endpoint for orders and onlookers; a free one if that is in use. None opens none.
+        on_control: Called with the endpoint.
 
     Returns:
-        What the flight came to, and what an interruption hands the vehicle to.
+        The result, and the order that Ctrl-C gives.
 
     Raises:
         ConfigError: If an argument is wrong, or another autopilot is there.

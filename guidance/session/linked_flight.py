@@ -13,7 +13,7 @@ HEARTBEAT_S = 1.0
 
 
 class Stopped(NamedTuple):
-    """Since when nothing is recorded any more, and why. The flight goes on."""
+    """When and why the record stopped. The flight goes on."""
 
     now_s: float
     reason: str
@@ -47,7 +47,7 @@ class LinkedFlight:
         Args:
             now_s: The present.
             orders: Orders of people since the last cycle.
-            refusals: What preflight refuses, by name.
+            refusals: Names of what preflight refuses.
             alive: Whether a person gave a sign of life since the last cycle.
             mission: Orders of a mission.
         """
@@ -60,7 +60,7 @@ class LinkedFlight:
         return self.inputs
 
     def write(self, outputs: Outputs, timing: Timing | None = None) -> None:
-        """Send what the flight decided on the inputs that were read, and record both.
+        """Send the flight's outputs for the last inputs, and record both.
 
         Args:
             outputs: Of the flight.

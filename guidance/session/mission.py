@@ -1,8 +1,8 @@
-"""A scenario as a mission, whatever flies it: its evader is played, orders that a person allowed are given, it ends.
+"""A scenario as a mission: it plays the evader, gives the orders that a person allowed, and ends the flight.
 
-It only orders and listens, as `guidance ctl` does; what may happen is the flight's own table. Without a person's word
-nothing starts and nothing engages. When the game is over a vehicle goes to its autopilot, in the way that its file
-says (flight.on_terminate); one that the run has for itself is sent home and watched until it is down, and so is a mock.
+It orders and listens only; the flight's table decides. Without a person's permission it neither starts nor engages.
+After the game it hands a vehicle over as the vehicle file says (flight.on_terminate). A mock, or a vehicle that the run
+has for itself, is sent home or landed and watched until it is disarmed.
 """
 
 import math
@@ -26,33 +26,33 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import SensedEvader
 
 READY_WITHIN_S: Final = 120.0
-"""Longest wait for a vehicle that is fit to fly; an ArduCopter takes 40 s from its start."""
+"""Longest wait for a vehicle to become ready; an ArduCopter takes 40 s from its start."""
 
 JUDGED_FOR_S: Final = 3.0
-"""So long preflight must refuse a vehicle that is fit otherwise before the run is given up."""
+"""The run ends after preflight has refused an otherwise ready vehicle for this long."""
 
 ASK_EVERY_S: Final = 1.0
 _ARM_DISARM: Final = 400
 _WARNING: Final = 4
-"""MAV_SEVERITY: what is more severe has a lower number."""
+"""MAV_SEVERITY; lower numbers are more severe."""
 
 MISSION_LIMIT_S: Final = 900.0
-"""After this a mocked flight is given up, wherever it is."""
+"""Longest mocked flight, not counting time in which an operator's order stands."""
 
 
 class Progress(NamedTuple):
-    """What the live line shows.
+    """Contents of the live line.
 
     Attributes:
         now_s: The present.
-        state: Where the flight stands.
+        state: Of the flight.
         mode: The autopilot's, by its own name.
         certificate: Of the game; None outside of it.
         unit: Of the game's value.
-        record_stopped: Where the record could not go on.
-        waiting: What a vehicle on the ground is not ready for want of.
-        why: What led to this state.
-        next: What a person can do now, where the flight waits for one.
+        record_stopped: When and why the record stopped.
+        waiting: Why a vehicle on the ground is not ready.
+        why: The cause of this state.
+        next: The orders that continue, if the flight waits for a person.
     """
 
     now_s: float
@@ -67,14 +67,14 @@ class Progress(NamedTuple):
 
 
 class MissionPolicy(NamedTuple):
-    """What a person allowed, and what becomes of the vehicle.
+    """Which orders a mission may give, and how the vehicle is handed over.
 
     Attributes:
         engage: The mission may start and engage as soon as that can be done; else both wait for `guidance ctl start`
             and `guidance ctl engage`.
         end_with: The order that ends the game, where the run has the vehicle for itself: one that is armed already is
             refused then, and in the end it is watched until it is disarmed. None leaves it to `hand_over`.
-        hand_over: The order that hands the vehicle over in the end; None for a mock, which nobody takes.
+        hand_over: The order that hands the vehicle over in the end; None for a mock.
     """
 
     engage: bool
@@ -89,16 +89,16 @@ class Mission:
     """One scenario, around every cycle of the daemon that flies it: `before` and `after`.
 
     Args:
-        scenario: What is flown.
-        daemon: What flies it.
-        world: Where; its evader is moved from here, where this process plays it.
-        heard: Where the daemon hears of the evader.
-        policy: What a person allowed.
-        show: Is told of every cycle.
+        scenario: The scenario.
+        daemon: Flies the vehicle.
+        world: The vehicle and the evader, which is moved from here if this process plays it.
+        heard: The evader's reports.
+        policy: Which orders the mission may give.
+        show: Called in every cycle.
         ready_within_s: Longest wait for a vehicle that is fit to fly.
 
     Attributes:
-        result: What the flight came to so far.
+        result: Of the flight so far.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Mission:
         self._sequencer = MissionSequencer(
             hold_s=scenario.hold_s,
             time_limit_s=scenario.time_limit_s,
-            # Who waits for a person has all the time there is.
+            # No time limits if a person gives the orders.
             patience_s=PATIENCE_S if policy.engage else {},
             end_with=policy.end_with or Event.LAND,
         )
@@ -137,16 +137,16 @@ class Mission:
 
     @property
     def left(self) -> bool:
-        """Whether the mission has ended the run itself; a person may have ended it sooner."""
+        """Whether the mission ended the run, and not a person."""
         return self._over or self._daemon.leaving is Authority.MISSION
 
     @property
     def finished(self) -> bool:
-        """Whether nothing more is to be flown: a mock's flight is over. A vehicle is handed over by its daemon."""
+        """Whether a mock's flight is over. A vehicle's flight is ended by its daemon, which hands it over."""
         return self._over
 
     def before(self, now_s: float) -> None:
-        """Move the evader to the present, and order what is due."""
+        """Move the evader to the present, and give the orders that are due."""
         self._begun_s = now_s if self._begun_s is None else self._begun_s
         flight, player = self._daemon.flight, self._world.player
         self._pursuer_game_m = pursuer_game_m(flight)
@@ -167,7 +167,7 @@ class Mission:
         """Follow a cycle.
 
         Raises:
-            FlightError: If preflight refuses, the vehicle does not get ready, it is armed by another hand, or the start
+            FlightError: If preflight refuses, the vehicle does not get ready, it is armed already, or the start
                 is outside of its fence; on the ground, all of them.
         """
         flight, outputs, result = self._daemon.flight, self._daemon.outputs, self.result
@@ -208,7 +208,7 @@ class Mission:
         )
 
     def _waiting(self, now_s: float) -> str:
-        """Say in a few words what a vehicle on the ground is waited for."""
+        """Say briefly why a vehicle on the ground is not ready."""
         daemon = self._daemon
         if daemon.flight.state is State.READY:
             return ""
@@ -227,7 +227,7 @@ class Mission:
         return None if evader is None or frame is None else frame.position_from_ned(evader.position_ned_m)
 
     def _listen(self) -> None:
-        """Keep what the autopilot says against flying, until it flies."""
+        """Keep the autopilot's last warning before the flight."""
         if self._daemon.flight.state not in ON_GROUND | {State.ARMING}:
             return
         for message in self._daemon.heard:
@@ -250,7 +250,7 @@ class Mission:
     def _judge(self, now_s: float, waited_s: float) -> None:
         daemon = self._daemon
         if self._policy.end_with is not None and daemon.flight.vehicle.armed:
-            raise FlightError("armed by another hand; disarm it, and begin again: nothing was ordered")
+            raise FlightError("the vehicle is armed already; disarm it and start again: no order was given")
         self._check_start()
         otherwise_fit = daemon.surveyed and all(check.passed for check in daemon.flight.checks(now_s))
         refused = otherwise_fit and bool(refusals(daemon.rows))

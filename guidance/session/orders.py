@@ -42,7 +42,7 @@ class Question:
 
     Args:
         order: One of `WORDS`.
-        by: The name of who asks; empty if unknown.
+        by: Name of the person or program; empty if unknown.
         told: Called when it is answered.
         authority: Whether a person asks or a mission.
     """
@@ -129,8 +129,8 @@ class ShutdownHandover:
 
     Args:
         order: What hands the vehicle over.
-        now_s: When the end was asked for.
-        authority: By whom. An operator's order cancels the end that a mission asked for.
+        now_s: The present.
+        authority: Whether a person or a mission ends it. An operator's order cancels a mission's end.
     """
 
     def __init__(self, order: Event, now_s: float, authority: Authority = Authority.OPERATOR) -> None:
@@ -157,12 +157,12 @@ class ShutdownHandover:
 
 
 class Engaging:
-    """What waits for the parameters of one vehicle to be read again, and what they were found to be.
+    """Engage orders that wait until the failsafe parameters were read again.
 
     Args:
         flight: Of the vehicle.
-        survey: What asks for its parameters.
-        wants: What they are judged by; where that is None nothing is read.
+        survey: Reads its parameters.
+        wants: The accepted values; None reads nothing.
     """
 
     def __init__(self, flight: Flight, survey: PreflightMemory, wants: Wants | None) -> None:
@@ -177,11 +177,11 @@ class Engaging:
 
     @property
     def reading(self) -> bool:
-        """Whether answers are waited for."""
+        """Whether parameters are being read."""
         return self._asked_s is not None
 
     def wait(self, question: Question, now_s: float) -> None:
-        """Let an order wait until everything was read again."""
+        """Let an order wait until the parameters were read again."""
         self._waiting.append(question)
         self._read(now_s)
 
@@ -191,7 +191,7 @@ class Engaging:
         return waiting
 
     def due(self, now_s: float) -> tuple[Question, ...]:
-        """Judge what was read as soon as nothing is missing or the time is up; return the orders to give then."""
+        """Judge the parameters once all were read or the time is up; return the orders that are due then."""
         piloted = self._for_a_pilot and self._flight.mode_name == Mode.GUIDED
         if not piloted:
             self._to_pilot = None
@@ -209,7 +209,7 @@ class Engaging:
 
     @property
     def bars_the_pilot(self) -> tuple[str, ...]:
-        """What a pilot's switch to the guided mode does not engage for."""
+        """Names of what keeps a pilot's switch to the guided mode from engaging."""
         if not self._for_a_pilot:
             return ()
         return _BEING_READ if self._to_pilot is None else self._to_pilot

@@ -1,4 +1,4 @@
-"""What a flight came to, and its outcome: the same row that mathematics gives, read off what was flown.
+"""The result of a flight, and its outcome row, which has the columns of a mathematical run.
 
 The predicted value is solved again where the game really began, to the set that counts as captured and in still air:
 an autopilot holds the speed over the ground against the wind, and the pursuer knows of none.
@@ -43,7 +43,7 @@ class FlightSample(NamedTuple):
 
 @dataclass(slots=True)
 class FlightResult:
-    """What a flight came to.
+    """Result of a flight.
 
     `engaged` is the first certificate, `predicted` what it said (s in PE, m in TAD), to the disc itself,
     `time_needed_s` when this vehicle would be there, and `achieved` what was flown, NaN where it did not come to that.
@@ -76,7 +76,7 @@ class FlightResult:
 
 
 class Ending(NamedTuple):
-    """How the game ended: `Outcome.end`, when, and why where it went wrong."""
+    """The end of a game: `Outcome.end`, its time, and the reason of a failure."""
 
     end: str
     now_s: float
@@ -86,7 +86,7 @@ class Ending(NamedTuple):
 def note(
     result: FlightResult, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
 ) -> None:
-    """Take one cycle into a result.
+    """Add one cycle to a result.
 
     Args:
         result: Is changed.
@@ -176,12 +176,12 @@ def ending_words(outcome: Outcome) -> str:
 
 
 def _begins_game(happening: Happening) -> bool:
-    """Whether a game began: the first one, or another that an operator engaged after a hold."""
+    """Whether a game began; an operator may engage another one after a hold."""
     return happening.after is State.ENGAGED and happening.before not in _PLAYED
 
 
 def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
-    """Find the first thing that ended the game, and what it means."""
+    """Find the event that ended the game, and classify it."""
     last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)
     if last is None:
         return Ending("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
@@ -191,7 +191,7 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
         return Ending(end, last.now_s, f"{last.event} ordered by operator")
     if end != "failed":
         return Ending(end, last.now_s, str(last.event) if end == "yielded" else "")
-    # A pause that lasted too long: what it waited for is the reason.
+    # After a pause that lasted too long, the reason is the missing input.
     paused = [each.event for each in happenings if each.after is State.PAUSED and each.now_s < last.now_s]
     return Ending(end, last.now_s, str(paused[-1] if paused and last.event is Event.TIMED_OUT else last.event))
 

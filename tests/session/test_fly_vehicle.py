@@ -250,7 +250,7 @@ def test_a_vehicle_that_another_hand_arms_while_it_is_checked_is_left_to_them(so
     world = World()
     flown = sortie(world)
     world.by_hand(world.profile.arm(), until=lambda: world.vehicle.armed)
-    with pytest.raises(FlightError, match="armed by another hand"):
+    with pytest.raises(FlightError, match="the vehicle is armed already"):
         flown.run()
     assert world.ordered() == []
 
