@@ -11,6 +11,7 @@ evader, so any number of discs has an intersection, and it is convex.
 Functions of two discs give the same bits when the discs change places.
 """
 
+from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -63,6 +64,12 @@ FEW = 8
 """Up to this number of discs every corner is tried."""
 
 
+@lru_cache
+def pairs_of(count: int) -> tuple[Array, Array]:
+    """Return the numbers of both discs of every pair."""
+    return np.triu_indices(count, 1)
+
+
 def project(discs: Discs, target: Point, nearest: Point, distance: Array) -> Meeting:
     """Project a point on the intersection of discs.
 
@@ -77,7 +84,7 @@ def project(discs: Discs, target: Point, nearest: Point, distance: Array) -> Mee
         nearest: of every disc the point closest to the target, (..., n), from the evader, m.
         distance: and how far that is from the target, (..., n), m; zero where the target lies in the disc.
     """
-    i, j = np.triu_indices(distance.shape[-1], 1)
+    i, j = pairs_of(distance.shape[-1])
     one, other = discs.pick(i), discs.pick(j)
     a, b = _of(nearest, i), _of(nearest, j)
     goal = target[0][..., None], target[1][..., None]
@@ -141,7 +148,7 @@ def _farthest_corner(discs: Discs, headings: Point, reach: Array) -> Meeting:
     the intersection despite rounding. Of equally far points the one with the larger y, then the larger x is taken.
     """
     count = reach.shape[-1]
-    i, j = np.triu_indices(count, 1)
+    i, j = pairs_of(count)
     corners = crossings(discs.pick(i), discs.pick(j))
     units = [_unit(corner) for corner in corners]
     x, y = (np.concatenate([headings[axis], units[0][axis], units[1][axis]], axis=-1) for axis in (0, 1))

@@ -200,13 +200,14 @@ def _table(
     T = None if T is None else np.broadcast_to(T, (*shape, m, 3)).reshape(b, m, 3)
     if np.ndim(u) or np.ndim(v):
         u = np.broadcast_to(u, (*shape, n)).reshape(b, 1, n)
-        game = with_speeds(game, u, np.broadcast_to(v, (*shape, m)).reshape(b, m, 1))
+        v = np.broadcast_to(v, (*shape, m)).reshape(b, m, 1)
+        game = with_speeds(game, u, v)
     present = np.broadcast_to(present, (*shape, m)).reshape(b, m)
     P, one = P[:, None], E[:, :, None]
     goal = None if T is None else T[:, :, None]
     alone = solve(game, P, one, goal)
     with np.errstate(all="ignore"):
-        each = team_of(game, P, one, goal, alone)
+        each = team_of(game, u, v, P, one, goal, alone)
     worth = alone.value if T is not None else -alone.value
     return _Table(shape, E, T, present, each, worth, (alone.winner > 0) & present[..., None])
 
@@ -299,11 +300,11 @@ def _assigned(profit: Array, first: Array | None = None) -> Array:
     b, m, n = profit.shape
     edges = profit > -np.inf
     # One pair more is worth more than all profits together.
-    one = 1.0 + min(n, m) * np.max(np.where(edges, profit, 0.0), axis=(1, 2), keepdims=True)
-    worth = one + profit if first is None else one * (1.0 + first[..., None]) + profit
-    worth = np.where(edges, worth, 0.0)
+    profit = np.where(edges, profit, 0.0)
+    one = 1.0 + min(n, m) * profit.max(axis=(1, 2), keepdims=True)
+    worth = np.where(edges, (one if first is None else one * (1.0 + first[..., None])) + profit, 0.0)
     found = np.full((b, m), -1)
-    for row in np.flatnonzero(np.isfinite(worth).all(axis=(1, 2))):
+    for row in np.flatnonzero(np.isfinite(worth.sum(axis=(1, 2)))):
         evader, pursuer = linear_sum_assignment(worth[row], maximize=True)
         found[row, evader] = pursuer
     return np.where((found >= 0) & _of(edges, found), found, -1)

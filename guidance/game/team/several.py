@@ -33,7 +33,7 @@ import numpy as np
 from guidance.errors import ConfigError
 from guidance.game.game import Ball, Game, Reason
 from guidance.game.solution import Solution, solve
-from guidance.game.team.discs import Array, Discs, Meeting, Point, farthest, multipliers, project, taken
+from guidance.game.team.discs import Array, Discs, Meeting, Point, farthest, multipliers, pairs_of, project, taken
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -153,7 +153,7 @@ def solve_team(
     E, T = lone["evader"], lone.get("target")
     alone = solve(game, P, E, T, evader_velocity_m_s=lone.get("evader_velocity_m_s"))
     with np.errstate(all="ignore"):
-        team, place = team_of(game, P, E, T, alone), E[..., 0, :]
+        team, place = team_of(game, u, v, P, E, T, alone), E[..., 0, :]
         if T is None:
             answer, best = chase(team, place)
         else:
@@ -244,18 +244,21 @@ def _judged(answer: TeamSolution, alone: Solution, given: dict[str, Array]) -> T
     return TeamSolution(**parts)._replace(reason=np.where(sound, answer.reason, fault).astype(answer.reason.dtype))
 
 
-def team_of(game: Game, P: Array, E: Array, T: Array | None, alone: Solution) -> Team:
+def team_of(game: Game, u: Any, v: Any, P: Array, E: Array, T: Array | None, alone: Solution) -> Team:  # noqa: ANN401
     """Return the team whose pursuers are along the last axis but one of P.
 
     Args:
         game: the game.
+        u: speeds of the pursuers, one number or (..., n), m/s.
+        v: speed of the evader, one number or (..., 1), m/s.
         P: positions of the pursuers, (..., n, 3), m.
         E: position of the evader, (..., 1, 3), m.
         T: position of its target, (..., 1, 3), m, or None for PE.
         alone: each pursuer's own game, (..., n).
     """
     w = P - E
-    u, v = (np.broadcast_to(np.asarray(speed, dtype=w.dtype), w.shape[:-1]) for speed in speeds(game))
+    zero = np.zeros(w.shape[:-1], dtype=w.dtype)
+    u, v = (zero + np.asarray(speed, dtype=w.dtype) for speed in (u, v))
     discs = Discs((u - v) * (u + v) / (v * v), w[..., 0], w[..., 1], w[..., 2] - game.standoff.height_m)
     if T is None:
         run = alone.evader_velocity_m_s
@@ -334,7 +337,7 @@ def _best_pair(team: Team, found: Meeting, soonest: Array) -> Meeting:
         found: the meeting with all pursuers; it is exact if it is not sooner than that of the best pair.
         soonest: number of the pursuer that captures soonest alone.
     """
-    i, j = np.triu_indices(team.measure.shape[-1], 1)
+    i, j = pairs_of(team.measure.shape[-1])
     pairs = meeting_of(team, (..., np.stack([i, j], axis=-1)))
     time = pairs.distance / team.v[..., :1]
     time = np.where(pairs.first == pairs.second, np.inf, time)
