@@ -65,7 +65,7 @@ def scalar_pe(game: Game, pursuer, evader, seen):
 
 
 def scalar_tad(u: float, v: float, pursuer, evader, target):
-    """The paper's TAD law in plain Python, on both sides of the barrier; it knows nothing else, unlike `solve`."""
+    """The paper's TAD law in plain Python, on both sides of the barrier; without the extensions of `solve`."""
     px, py, pz = pursuer
     ex, ey, ez = evader
     tx, ty = target[0], target[1]
@@ -100,7 +100,7 @@ def scalar_tad(u: float, v: float, pursuer, evader, target):
 
 
 def per_call_s(call: Callable[[], object], *, least_s: float = 0.4, rounds: int = 9) -> float:
-    """Processor time of one call, the best of some rounds: what it takes while nobody else uses the machine."""
+    """Processor time of one call, the best of several rounds, to exclude other load on the machine."""
     count = 1
     while True:
         started = time.process_time()
@@ -133,7 +133,7 @@ KINDS = {
     "cylinder": (Game(Cylinder(12.0, 3.0, 1.5), 3.0), 0.8, 0.8),
     "cylinder and stand-off": (VEHICLE, 0.8, 0.8),
 }  # fmt: skip
-"""What is timed, with the million states a second that PE and TAD are to reach."""
+"""The games that are timed, with the required million states a second of PE and TAD."""
 
 
 def met(good: bool) -> str:
@@ -208,7 +208,7 @@ def bench_batch(count: int) -> None:
 
 
 def bench_zeros(count: int) -> None:
-    """A capture radius given as an array of zeros beside none at all."""
+    """A capture radius of zeros as an array, compared with none."""
     rng = np.random.default_rng(4)
     states = rng.uniform(-30.0, 30.0, (3, count, 3))
     states[1:, :, 2] = 0.0
@@ -251,7 +251,7 @@ def bench_standoff(games: int) -> None:
     pursuer, evader, target = rng.uniform(-30.0, 30.0, (3, games, 3))
     pursuer[:, 2], evader[:, 2], target[:, 2] = 20.0, 0.0, 0.0
     took = dict.fromkeys(("paper", "stand-off", "wind"), math.inf)
-    for _ in range(15):  # in turns, so that what else the machine does slows all of them down
+    for _ in range(15):  # in turns, so that other load slows all of them equally
         for name in took:
             started = time.process_time()
             rollout(KINDS[name][0], pursuer, evader, target, stepping=Exact(step_s=0.05, order=1), duration_s=5.0)
@@ -262,7 +262,7 @@ def bench_standoff(games: int) -> None:
 
 
 def bench_teams(count: int) -> None:
-    """Teams and matchings of a batch, beside every pursuer's own game against every evader, which they begin with."""
+    """Teams and matchings of a batch, compared with all pairs alone, which they solve first."""
     rng = np.random.default_rng(3)
     print(f"teams, {count:,} states in a batch, one core, beside all pairs by themselves")
     for n, m in ((2, 1), (3, 1), (8, 1), (3, 3), (8, 8)):

@@ -1,17 +1,16 @@
-"""What to play on old information: laws against a worst evader: `python tests/bench/bench_game_age.py [--states N]`.
+"""Compare laws for old information against a worst evader: `python tests/bench/bench_game_age.py [--states N]`.
 
-The evader is seen as it was some time ago, where it was and how it ran. The laws are compared by what they lose: each
-plays, from many starts, every evader of a family (straight on any heading, weaving at several periods, turning away or
-back at whatever the pursuer does, straight to the target), and the worst of them counts. Printed, for ages in units of
-`guaranteed_age_s`: what that costs more than up-to-date play is worth, in seconds to the capture (PE; play ends after
-twice that and a quarter of a minute more) or in metres of the final distance to the target (TAD).
+The pursuer sees the evader's position and velocity of some time ago. Each law plays, from many starts, every evader of a
+family: straight on any heading, weaving at several periods, turning relative to the pursuer, and straight to the target.
+The loss is the difference of the worst result to the value of up-to-date play: seconds to the capture in PE (a play ends
+after twice the value and 15 s), metres of the final distance in TAD. Ages are in units of `guaranteed_age_s`; beyond it
+TAD with an age has no value.
 
-What a law promises is another number: of one that plays the evader's last seen place with its age the value with age,
-which is a guarantee in PE up to that age and in TAD not; of one that plays it with the stand-off disc less the spread,
-vτ, that game's value (TAD: less vτ), which is one in both. On the line below such a law is by how much the worst evader
-beat its promise. For that, an age counts to the end of the step in which a command acts, each is a whole number of
-steps, and a pursuer that would be at its point before the step ends keeps with the evader for the rest of it: a Ball
-that flies past its disc at full speed, 1.2 m at a time where 0.3 m count as a capture, loses to its steps.
+Two laws also have a promise. With its age: the value for the last seen place with its age, a guarantee in PE up to this
+age and never in TAD. With the disc less the spread vτ: that game's value (TAD: less vτ), a guarantee in both. The line
+below such a law shows by how much the worst evader beats the promise. An age is a whole number of steps and counts to
+the end of the step in which a command acts. A pursuer that would reach its point within a step follows the evader for
+the rest of it, because otherwise a Ball flies past its disc: it moves 1.2 m in a step, and 0.3 m count as a capture.
 """
 
 import argparse
@@ -33,7 +32,7 @@ AGES = (0.25, 0.5, 1.0, 1.5, 2.0)
 
 
 class Law(NamedTuple):
-    """Where the evader is taken to be, and how its age is answered."""
+    """The assumed place of the evader, and the treatment of its age."""
 
     predicted: bool
     answer: str
@@ -53,7 +52,7 @@ def played(game, law, age_s):
     spread = game.evader_speed_m_s * age_s
     if law.answer == "floor":
         return replace(game, standoff=StandOff(max(game.standoff.radius_m - spread, 0.0), game.standoff.height_m))
-    return replace(game, information_age_s=age_s) if law.answer == "age" else game
+    return replace(game, information_age_s=age_s * (1.0 - 1e-12)) if law.answer == "age" else game
 
 
 def promised(game, law, age_s, P, E, T):
@@ -95,7 +94,7 @@ def away_of(away, turn):
 
 
 def caught(game, P, E):
-    """Say who is on the disc or nearer, to 0.3 m: what a vehicle's tolerance is."""
+    """Return which pursuers are within 0.3 m of the disc, the tolerance of a vehicle."""
     beside = np.hypot(*(P - E)[:, :2].T) - game.standoff.radius_m
     above = np.abs(P[:, 2] - game.standoff.height_m)
     return (
@@ -142,7 +141,7 @@ def play(game, law, age_steps, P, E, T, family, limit_s):
 
 
 def loss(game, law, age_steps, P, E, T):
-    """Return what the worst evader costs more than up-to-date play, and more than the law promises, row by row."""
+    """Return the loss by the worst evader against up-to-date play and against the promise, row by row."""
     promise = promised(game, law, age_steps * guaranteed_age_s(game) / STEPS, P, E, T)
     value = solve(game, P, E, T).value
     limit_s = float(2.0 * value.max() + 15.0) if T is None else 40.0
@@ -176,12 +175,13 @@ def main() -> None:
             for said, law in LAWS.items():
                 print(f"  {said:38}", end="", flush=True)
                 losses = []
-                for age in AGES:
+                ages = [age for age in AGES if target is None or law.answer != "age" or age <= 1.0]
+                for age in ages:
                     losses.append(loss(game, law, round(age * STEPS), P, E, target))
                     print(f"{losses[-1][0].mean():8.1f} ({losses[-1][0].max():5.1f})", end="", flush=True)
                 print()
                 if not law.predicted and law.answer in PROMISED:
-                    within = [f"{one.max():16.2f}" for (_, one), age in zip(losses, AGES, strict=True) if age <= 1.0]
+                    within = [f"{one.max():16.2f}" for (_, one), age in zip(losses, ages, strict=True) if age <= 1.0]
                     print(f"  {PROMISED[law.answer]:38}{''.join(within)}")
 
 

@@ -59,7 +59,7 @@ def random_states(seed, count, game=None):
 
 
 def shortfall(game, P, X, t):
-    """How far an evader at X is out of the pursuer's reach after t: negative once it can be held captured."""
+    """Distance by which an evader at X is out of the pursuer's reach after t; negative if it can be captured."""
     offset = X - P - np.multiply.outer(t, [*game.wind_m_s, 0.0])
     if game.evader_space == "space":
         return np.linalg.norm(offset, axis=-1) - game.capture_radius_m - game.pursuer.speed_m_s * t

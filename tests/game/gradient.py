@@ -1,4 +1,4 @@
-"""Gradients of the values: what a metre of either player, or of the target, is worth; and which values are a game's.
+"""Gradients of the values by the positions of players and target, and the Hamilton-Jacobi-Isaacs residual.
 
 Every game in the plane has its gradient here in closed form. With t_P(X) the pursuer's time to have an evader at X
 captured and t_E(X) the evader's time to X, a value is the extremum of an objective over the edge t_P = t_E of the
@@ -12,9 +12,9 @@ Any value function is the game's where its Hamilton-Jacobi-Isaacs residual is ze
     min over one player, max over the other, of  V̇ + running cost,   V̇ = ∇_P V·(u + w) + ∇_E V·v + ∇_T V·v_T
 
 PE: the pursuer minimises, the evader maximises, the running cost is 1 (seconds per second). TAD, the pursuer wins: it
-maximises the final distance and the evader minimises it, without running cost; the evader wins: the other way round,
-the value being what the pursuer is short of. The extreme point of a speed set in a direction is known in closed form,
-so that the residual needs nothing but the gradient, by finite differences or by automatic differentiation.
+maximises the final distance and the evader minimises it, without running cost. TAD, the evader wins: the other way
+round, and the value is the distance that the pursuer is short of a capture. The extreme point of a speed set in a
+direction is known in closed form, so the residual needs only the gradient, by finite or automatic differentiation.
 """
 
 from collections.abc import Callable
@@ -62,12 +62,12 @@ class Gradient(NamedTuple):
 
 
 def value_gradient(game: Game, pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike | None = None) -> Gradient:
-    """Return the gradient of `solve(...).value`; zero for the target in PE, and for what the value does not depend on.
+    """Return the gradient of `solve(...).value`; zero for the target in PE, and for positions that do not matter.
 
     On the barrier it is that of the evader's side: from the other, the meeting point lies in no direction from T.
 
     Args:
-        game: what is played.
+        game: the game.
         pursuer: position P, (..., 3), m.
         evader: position E, (..., 3), m.
         target: position T, (..., 3), m, or None for PE.
@@ -192,7 +192,7 @@ def hji_residual(
     """Return the residual at every state, (...): in PE a pure number, in TAD in m/s.
 
     Args:
-        game: what is played.
+        game: the game.
         pursuer: position P, (..., 3), m.
         evader: position E, (..., 3), m.
         target: position T, (..., 3), m, or None for PE.
@@ -277,12 +277,12 @@ def automatic_gradient(value: ValueFunction, pursuer: Array, evader: Array, targ
 
 
 def _drift(game: Game, gradient: Gradient) -> Array:
-    """What wind and moving target do to the value, whatever the players do."""
+    """Change of the value by wind and moving target alone."""
     return dot2(_plane(gradient.pursuer), game.wind_m_s) + dot2(_plane(gradient.target), game.target_velocity_m_s)
 
 
 def _saddle(xp: Library, game: Game, gradient: Gradient, minimises: Array) -> Array:
-    """What the best of both adds, turned so that the pursuer minimises."""
+    """Change of the value by both optimal velocities, with the sign for a minimising pursuer."""
     x, y, z = (-minimises * component(gradient.pursuer, index) for index in range(3))
     if isinstance(game.pursuer, Ball):
         pursuer = game.pursuer.speed_m_s * xp.sqrt(x * x + y * y + z * z)

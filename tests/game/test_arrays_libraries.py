@@ -36,7 +36,7 @@ class Torch:
 
 
 class Jax:
-    """JAX, on the CPU, with double precision switched on."""
+    """JAX, on the CPU, with double precision."""
 
     def __init__(self):
         jax = pytest.importorskip("jax")
@@ -130,7 +130,7 @@ def test_automatic_differentiation_leaves_no_residual(library, games, oracle, na
 
 @pytest.mark.parametrize("name", ["paper", "capture_radius", "ball_standoff", "wind", "ball_everything", "cylinder"])
 def test_right_above_the_evader_the_derivatives_are_numbers(library, games, name):
-    """There the distance has a corner, whose slope is taken for zero; the height counts as it does beside it."""
+    """The distance has no derivative there, and zero is used; the derivative by the height is continuous."""
     game, E, T = games[name], np.zeros((2, 3)), np.array([[30.0, 4.0, 0.0], [-9.0, 25.0, 0.0]])
     P = np.array([[0.0, 0.0, 12.0], [0.0, 0.0, 7.0]])
 
@@ -159,7 +159,7 @@ def test_a_cylinder_horizontally_inside_the_disc_gains_by_its_height_alone(libra
 
 
 def test_a_target_abeam_of_the_wind_has_its_derivative_too(library):
-    """Where a linear coefficient is zero its size has a corner, and the root that is taken has none."""
+    """The absolute value of a zero coefficient has no derivative; the root that is used has one."""
     game = Game(Ball(2.0), 1.0, wind_m_s=(0.5, 0.0))
     given = [library.array([place]) for place in ([0.0, -10.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0])]
     slopes = automatic_gradient(lambda P, E, T: solve(game, P, E, T).margin_s, *given)

@@ -87,7 +87,7 @@ def test_rows_too_old_say_so_and_facts_of_the_moment_stay():
 
 
 def test_right_above_the_evader_a_second_is_young_enough_for_a_metre_and_two_are_not():
-    """What two seconds promise, 11.90 s, an evader that just runs makes a chase without end of."""
+    """At an age of 2 s the value is 11.90 s, but an evader that runs straight is never captured."""
     P, E = np.array([1e-6, 0.0, 20.0]), np.zeros(3)
     young, old = (Game(Ball(2.0), 1.0, standoff=StandOff(1.0, 0.0), information_age_s=age) for age in (1.0, 2.0))
     value = float(solve(young, P, E).value)
@@ -133,7 +133,7 @@ def weaving(T, swing, period_s, phase):
     return run
 
 
-def test_in_tad_an_evader_beats_the_value_at_an_age_that_pe_forgives_and_not_the_floor():
+def test_in_tad_an_evader_beats_the_value_at_any_age_but_not_the_floor():
     P, E, T = np.array([2.9, -4.46, 1.51]), np.zeros(3), np.array([16.0, 0.0, 0.0])
     game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 0.0), information_age_s=1.0)
     surer = Game(Ball(2.0), 1.0, standoff=StandOff(2.0, 0.0))
@@ -148,8 +148,8 @@ def test_in_tad_an_evader_beats_the_value_at_an_age_that_pe_forgives_and_not_the
     assert np.linalg.norm(end - T) >= floor
 
 
-def test_a_pursuer_over_the_meeting_point_does_not_wait_for_an_evader_that_passes_it_by():
-    """Once it did, keeping with what it saw, and the evader got to its target."""
+def test_a_pursuer_at_the_meeting_point_does_not_wait_for_a_passing_evader():
+    """An earlier version followed the position it saw, and the evader reached its target."""
     P, E, T = np.array([5.57, -1.31, 2.61]), np.zeros(3), np.array([40.0, 0.0, 0.0])
     game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 0.0), information_age_s=1.0)
     when, end = played(game, P, E, T, weaving(T, np.pi / 4.0, 1.0, 0.0), 90.0)
@@ -185,7 +185,7 @@ FROM_THE_SIDE = (
     (44.76474311449985, 1.1825888462751633, 1.3633376712074785),
     (-4.213120699247874, 4.1048247158971165, 1.3633376712074785),
 )
-"""Once it was promised 36.4 m, and an evader that runs straight at 2.6331 rad came to 34.6 m."""
+"""An earlier version returned 36.4 m; an evader that runs straight at 2.6331 rad reaches 34.6 m."""
 AHEAD = (Game(Ball(1.3), 1.0, information_age_s=0.5), (-1.24, -2.66, 0.07), (-1.69, -3.11, 0.0), (7.44, 8.21, 0.0))
 
 

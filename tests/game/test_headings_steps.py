@@ -1,4 +1,4 @@
-"""How many steps the search for a heading takes: what makes it fast, which no answer shows."""
+"""The search for a heading converges without bisection, and bisection finds the same heading."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ NAMES = (
 
 
 def searched(game, oracle, monkeypatch, length, speed):
-    """What the search of a game is asked, in other units, for random states that the pursuer wins."""
+    """Return the arguments of the search, in other units, for random states that the pursuer wins."""
     P, E, T = (length * place for place in oracle.states(8, 600, game))
     game = replace(
         game,
@@ -42,7 +42,7 @@ def searched(game, oracle, monkeypatch, length, speed):
 
 
 def counted(monkeypatch, name):
-    """Rows of every call of a function of `region` from now on."""
+    """Record the rows of every later call of a function of `region`."""
     rows, function = [], getattr(region, name)
 
     def counting(xp, hunt, aim, *rest):

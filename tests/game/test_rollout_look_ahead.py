@@ -1,4 +1,4 @@
-"""How far a state is from its end: the least time that must pass, whatever the players do."""
+"""The least time to the end of a game, for any play."""
 
 import math
 

@@ -100,7 +100,7 @@ def test_no_pursuer_catches_the_optimal_evader_sooner_than_the_value(played, ora
 
 @few
 @given(seed=seeds)
-def test_no_evader_comes_closer_to_its_target_than_the_value_against_the_optimal_pursuer(played, oracle, seed):
+def test_no_evader_comes_closer_to_its_target_than_the_value(played, oracle, seed):
     P, E, T = start(played, oracle, seed, 5)
     solution = solve(played, P, E, T)
     won = solution.winner > 0

@@ -1,4 +1,4 @@
-"""One function for one state and for a million: the same bits, whatever the batch looks like."""
+"""The same function gives the same bits for one state and in any batch."""
 
 from dataclasses import replace
 

@@ -21,7 +21,7 @@ def test_the_pe_value_is_the_longest_escape_over_all_headings(game, oracle, seed
 
 @some
 @given(seed=seeds)
-def test_the_tad_value_is_the_closest_capture_over_all_headings_where_the_pursuer_wins(tad_game, oracle, seed):
+def test_the_tad_value_is_the_closest_capture_over_all_headings(tad_game, oracle, seed):
     for P, E, T in zip(*oracle.states(seed, 2, tad_game), strict=True):
         solution = solve(tad_game, P, E, T)
         if solution.winner > 0:
@@ -30,7 +30,7 @@ def test_the_tad_value_is_the_closest_capture_over_all_headings_where_the_pursue
 
 @settings(max_examples=drawn(20), deadline=None)
 @given(seed=seeds)
-def test_the_evader_wins_exactly_where_it_reaches_its_target_out_of_the_pursuers_reach(game, oracle, seed):
+def test_the_evader_wins_if_it_reaches_its_target_before_the_pursuer(game, oracle, seed):
     states = oracle.states(seed, 40, game)
     for P, E, T, winner in zip(*states, solve(game, *states).winner, strict=True):
         arrival = max(np.linalg.norm(E - T) / game.evader_speed_m_s - game.information_age_s, 0.0)
@@ -39,7 +39,7 @@ def test_the_evader_wins_exactly_where_it_reaches_its_target_out_of_the_pursuers
 
 @settings(max_examples=drawn(20), deadline=None)
 @given(seed=seeds)
-def test_the_value_where_the_evader_wins_is_what_the_pursuer_is_short_of_at_its_arrival(games, oracle, seed):
+def test_the_value_of_a_lost_game_is_the_shortfall_at_the_arrival(games, oracle, seed):
     for name in ("paper", "capture_radius", "age", "ball_standoff", "wind", "ball_everything", "space"):
         game = games[name]
         states = oracle.states(seed, 40, game)

@@ -224,7 +224,7 @@ def test_a_second_of_age_delays_the_papers_capture_to_11_24_s():
 
 @pytest.mark.parametrize(("wind", "published"), [(0.5, 7.62), (-0.5, 18.76)])
 def test_wind_along_the_line_of_flight_only_changes_the_pursuers_start(wind, published):
-    """P flies through air that carries it: the same capture as in still air, from where it would have drifted to."""
+    """Wind carries P: the capture is as in still air from the point to which P would have drifted."""
     time = solve(Game(Ball(2.0), 1.0, wind_m_s=(0.0, wind)), P_PE, E_PE)
     drifted = P_PE + np.array([0.0, wind * float(time.value), 0.0])
     assert solve(PAPER, drifted, E_PE).value == pytest.approx(time.value, rel=1e-12)
@@ -260,7 +260,7 @@ def test_an_evader_in_space_plays_on_the_sphere(P, z, E, zE, T, zT):
 
 @pytest.mark.parametrize("radius", [0.2, 0.6, 2.0])
 def test_a_ball_spends_its_whole_speed_on_the_way_to_a_disc_of_any_size(radius):
-    """Near enough for the way to be shorter than a metre, which no length in it may stand in for."""
+    """At distances below a metre, where a constant of one metre in the code would be wrong."""
     game = Game(Ball(2.0), 1.0, standoff=StandOff(radius, 0.0))
     for beyond in (0.1, 0.3, 5.0):
         velocity = solve(game, np.array([radius + beyond, 0.0, 0.2]), np.zeros(3)).pursuer_velocity_m_s

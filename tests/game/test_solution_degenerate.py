@@ -20,7 +20,7 @@ def at(*place):
     return np.array(place, dtype=float)
 
 
-def test_right_above_an_unknown_evader_the_ball_goes_straight_down_in_the_limit_of_the_value():
+def test_right_above_an_unknown_evader_the_ball_goes_straight_down():
     solution = solve(BALL, at(3, 4, 6), at(3, 4, 0))
     assert solution.reason == Reason.OVERHEAD
     assert solution.value == pytest.approx(6.0 / math.sqrt(2.0**2 - 1.0))
@@ -58,7 +58,7 @@ def test_an_evader_seen_faster_than_its_bound_is_copied_at_its_bound():
 
 
 @pytest.mark.parametrize(("x", "y"), [(0, 1), (1, 0)])
-def test_where_the_wind_carries_the_pursuer_right_over_the_evader_it_copies_in_the_air(x, y):
+def test_carried_right_over_the_evader_by_the_wind_the_ball_copies_it(x, y):
     """A start so far upwind that P is over E at the capture: wind and time are powers of two, so it is exactly so."""
     turned = [x, y, 2]
     game = Game(Ball(1.25), 0.75, wind_m_s=((0.25, 0.0)[x], (0.25, 0.0)[y]))
@@ -76,7 +76,7 @@ def test_below_the_disc_the_ball_climbs_while_it_follows():
     np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, math.sqrt(3.0)))
 
 
-def test_above_an_evader_that_cannot_leave_the_disc_in_time_the_ball_spends_all_speed_on_the_descent():
+def test_above_an_evader_that_cannot_leave_the_disc_the_ball_only_descends():
     game = Game(Ball(2.0), 1.0, standoff=StandOff(5.0, 2.0))
     for P in (at(3, 4, 6), at(4, 4, 6)):
         solution = solve(game, P, at(3, 4, 0))
@@ -191,7 +191,7 @@ def test_on_the_barrier_of_a_stand_off_both_take_the_time_that_the_evader_needs(
     np.testing.assert_array_equal(solution.evader_velocity_m_s, (0.0, -1.0, 0.0))
 
 
-def test_a_cylinder_captures_beside_and_above_each_by_itself_and_a_ball_by_the_distance():
+def test_a_cylinder_captures_by_both_distances_and_a_ball_by_the_total():
     reasons = [
         solve(Game(pursuer, 1.0, capture_radius_m=1.0), at(0.8, 0, 0.8), ORIGIN, at(9, 0, 0)).reason
         for pursuer in (Cylinder(2.0, 0.7, 0.5), Ball(2.0))
@@ -207,7 +207,7 @@ def test_an_evader_runs_until_it_is_there():
 
 
 @pytest.mark.parametrize("pursuer", [Ball(2.0), Cylinder(2.0, 0.7, 0.5)])
-def test_an_evader_that_can_be_at_a_guarded_target_by_now_is_undecided_and_worth_nothing(pursuer):
+def test_an_evader_that_may_be_at_a_guarded_target_is_undecided(pursuer):
     """Seen half a second ago a tenth of a metre from it, and the pursuer is well within its capture radius."""
     game = Game(pursuer, 1.0, standoff=StandOff(3.0, 2.0), capture_radius_m=0.5, information_age_s=0.5)
     solution = solve(game, at(0, 0, 2.2), at(0.1, 0, 0), ORIGIN)
@@ -267,7 +267,7 @@ def test_a_cylinder_holds_what_it_has_met_to_a_nanometre_and_no_more():
 
 @pytest.mark.parametrize("age", [0.0, 0.5])
 def test_a_cylinder_over_its_disc_holds_in_tad_as_in_pe(age):
-    """A tick at a time, the evader weaving: what is met is kept; no command jumps to full speed and back."""
+    """Step by step against a weaving evader: a part that is reached is held, without jumps to full speed."""
     game = Game(Cylinder(12.0, 3.0, 1.5), 3.0, standoff=StandOff(4.0, 5.0), capture_radius_m=0.2, information_age_s=age)
     step, run = 0.02, at(3.0, 0, 0)
     for target in (None, at(300, 100, 0)):
@@ -290,7 +290,7 @@ def test_a_pursuer_over_a_guarded_target_waits_there_whatever_it_sees():
 
 
 def test_all_three_on_one_line_in_space_no_velocity_is_beyond_its_bound():
-    """P is where E can be by now, or a rounding error beside it: what that leaves of a direction is noise."""
+    """P is at a possible position of E, up to rounding, so its direction is a rounding error."""
     rng = np.random.default_rng(6)
     E, way = rng.uniform(-20.0, 20.0, (300, 3)), rng.normal(size=(300, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)

@@ -57,7 +57,7 @@ def test_the_final_distance_keeps_its_digits_however_close_the_speeds(P, z, E, T
         assert int(solution.winner) == (1 if b > 0 else -1)
 
 
-def test_at_a_speed_ratio_of_one_and_a_millionth_of_a_millionth_the_value_is_good_to_fourteen_digits():
+def test_at_a_speed_ratio_of_one_plus_1e_12_fourteen_digits_are_right():
     rng = np.random.default_rng(3)
     u, worst = 1.0 + 1e-12, 0.0
     for _ in range(300):

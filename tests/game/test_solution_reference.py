@@ -1,7 +1,7 @@
-"""Every number of the package at fixed states, beside those kept in tests/data/games_reference.npz.
+"""Every number of the package at fixed states, compared with tests/data/games_reference.npz.
 
-The other tests say what is right, from the definitions; this one says that nothing else has changed, to 1e-9. After a
-change that is meant to change results: `python tests/game/test_solution_reference.py`.
+The other tests check correctness from the definitions; this one checks that results have not changed, to 1e-9. After an
+intended change: `python tests/game/test_solution_reference.py`.
 """
 
 from functools import partial
@@ -84,7 +84,7 @@ def states(game):
 
 
 def played(name, kind):
-    """Yield what is said of one game: both players' play, the gradient, the residual, and every policy."""
+    """Yield the results of one game: both players' play, the gradient, the residual, and every policy."""
     game = GAMES[name]
     P, E, T, seen = states(game)
     target = T if kind == "tad" else None

@@ -51,7 +51,7 @@ def stretched(discs):
 
 
 def edge(ratio, w, angle):
-    """How far an evader gets along headings before any pursuer can be there too: bisection on the definition."""
+    """Distances that an evader gets along headings before any pursuer, by bisection on the definition."""
     n = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
     low, high = np.zeros(len(angle)), np.full(len(angle), 1e4)
     for _ in range(80):

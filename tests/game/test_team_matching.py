@@ -1,4 +1,4 @@
-"""Many against many: the matching by trying all of them, and what it guarantees."""
+"""Many against many: the matching against all possible matchings, and its guarantees."""
 
 import itertools
 

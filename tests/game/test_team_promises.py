@@ -1,4 +1,4 @@
-"""What a matching promises at the start holds at the end, for each evader, whatever the evaders play."""
+"""The promises of a matching at the start hold at the end, for each evader and any play."""
 
 import itertools
 
@@ -15,9 +15,9 @@ SIZES = list(itertools.product(range(1, 5), range(2, 5)))
 
 
 class Searching:
-    """Evaders that try 24 headings at every step and know what the pursuers fly.
+    """Evaders that try 24 headings at every step and know the pursuers' velocities.
 
-    Each takes the heading after which its own team is worth least. One that has no team runs to the target.
+    Each takes the heading that gives its team the worst value after the step. One that has no team runs to the target.
     """
 
     def __init__(self, monkeypatch, game, target):

@@ -1,4 +1,4 @@
-"""Teams in play: what they guarantee never falls, and takes no more turns than it must."""
+"""Teams in play: the number of guaranteed captures never falls, and pairs do not change without need."""
 
 import inspect
 

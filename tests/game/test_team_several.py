@@ -28,7 +28,7 @@ def states(seed, n, count=None):
 
 
 def unequal(seed, n):
-    """A game in which every pursuer has a speed of its own."""
+    """A game whose pursuers have different speeds."""
     return Game(Ball(np.random.default_rng(seed).uniform(1.05, 4.0, n)), 1.0)
 
 
@@ -43,7 +43,7 @@ def same(a, b):
 
 
 def survival(oracle, game, P, E, n):
-    """How long an evader can run along each heading before the first of the pursuers has it: the definition."""
+    """Times that an evader can run along each heading before the first capture, from the definition."""
     return np.min([oracle.capture_times(pursuer_of(game, i), one, E, n) for i, one in enumerate(P)], axis=0)
 
 
@@ -184,7 +184,7 @@ def stepped(answer, P, E, dt, *, flown=None, run=None):
 
 @settings(max_examples=drawn(10), deadline=None)
 @given(seed=seeds, n=counts)
-def test_l_never_falls_whatever_fifty_evaders_do_and_never_rises_whatever_fifty_teams_do(seed, n):
+def test_l_falls_for_none_of_fifty_evaders_and_rises_for_none_of_fifty_teams(seed, n):
     P, E, T = states(seed, n, 60)
     answer = solve_team(PAPER, P, E, T)
     won = (answer.winner > 0) & (answer.value > 1.0) & (answer.meeting_time_s > 0.5)
@@ -291,7 +291,7 @@ def test_multipliers_are_what_a_second_of_delay_costs(seed, n, tad):
 @settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds)
 def test_the_multipliers_of_two_pursuers_add_up_to_one_or_more(seed):
-    """What makes the value of two pursuers exact."""
+    """The condition for an exact value of two pursuers."""
     P, E, _ = states(seed, 2, 400)
     u = np.random.default_rng(seed).uniform(1.02, 4.0, (400, 2))
     answer = solve_team(Game(Ball(u), 1.0), P, E)

@@ -10,7 +10,7 @@ START = np.array([1.0, 2.0, 0.0])
 
 
 def followed(course, start, duration_s, step_s=0.01):
-    """Positions of a point that does what the course says, every step."""
+    """Positions of a point that follows the course, every step."""
     places = [start]
     for k in range(round(duration_s / step_s)):
         places.append(places[-1] + step_s * course.velocity_m_s(k * step_s, places[-1]))

@@ -12,7 +12,7 @@ COPTER = Game(Cylinder(4.0, 2.0, 1.0), 2.0, standoff=StandOff(3.0, 5.0))
 
 
 def chased(game, law, P, E, run, *, step_s=0.01, most_s=200.0):
-    """Time until the range to a steadily running evader is gone, and the track of headings; no game is asked."""
+    """Time to the capture of an evader at constant velocity, and the headings, without a game."""
     previous, headings, now_s = None, [], 0.0
     while now_s < most_s:
         v = law(game, P, E, run, previous, step_s)
@@ -113,7 +113,7 @@ def test_on_a_collision_course_it_keeps_its_heading():
     np.testing.assert_allclose(v, previous, atol=1e-12)
 
 
-def test_it_begins_on_the_line_of_sight_and_comes_back_to_it_from_a_course_that_leads_away():
+def test_it_starts_on_the_line_of_sight_and_returns_to_it_from_any_course():
     P, E = np.zeros(3), np.array([0.0, 20.0, 0.0])
     for previous in (None, np.array([0.0, -2.0, 0.0]), np.zeros(3)):
         v = proportional_navigation(POINT, P, E, np.zeros(3), previous, dt_s=0.02, gain=3.0)
