@@ -1,10 +1,10 @@
 """Compare laws for old information against a worst evader: `python tests/bench/bench_game_age.py [--states N]`.
 
-The pursuer sees the evader's position and velocity of some time ago. Each law plays, from many starts, every evader of a
-family: straight on any heading, weaving at several periods, turning relative to the pursuer, and straight to the target.
-The loss is the difference of the worst result to the value of up-to-date play: seconds to the capture in PE (a play ends
-after twice the value and 15 s), metres of the final distance in TAD. Ages are in units of `guaranteed_age_s`; beyond it
-TAD with an age has no value.
+The pursuer sees the evader's position and velocity of some time ago. Each law plays, from many starts, every evader of
+a family: straight on any heading, weaving at several periods, turning relative to the pursuer, and straight to the
+target. The loss is the difference of the worst result to the value of up-to-date play: seconds to the capture in PE (a
+play ends after twice the value and 15 s), metres of the final distance in TAD. Ages are in units of `guaranteed_age_s`;
+beyond it TAD with an age has no value.
 
 Two laws also have a promise. With its age: the value for the last seen place with its age, a guarantee in PE up to this
 age and never in TAD. With the disc less the spread vτ: that game's value (TAD: less vτ), a guarantee in both. The line
