@@ -164,7 +164,7 @@ def end(process: subprocess.Popen[str]) -> None:
 
 
 def _start(folder: Path, udp: int | None, zenoh: int | None) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "sitl_mock", "run", "--json", "--parent-pipe"]
+    command = [sys.executable, "-P", "-m", "sitl_mock", "run", "--json", "--parent-pipe"]
     command += ["--fleet", str(folder / "fleet.toml"), "--faults", str(folder / "faults.toml")]
     command += ["--udp", str(udp)] if udp is not None else []
     command += ["--zenoh", f"tcp/127.0.0.1:{zenoh}"] if zenoh is not None else []
