@@ -98,18 +98,6 @@ def _global_position(m: Decoded, received_s: float) -> Message:
     return GlobalPosition(received_s, m.time_boot_ms / 1e3, latitude, longitude, above_sea, above_home, velocity)
 
 
-def _attitude(m: Decoded, received_s: float) -> Message:
-    return Attitude(received_s, m.time_boot_ms / 1e3, m.yaw)
-
-
-def _odometry(m: Decoded, received_s: float) -> Message:
-    return Odometry(received_s, m.reset_counter)
-
-
-def _extended_state(m: Decoded, received_s: float) -> Message:
-    return LandedState(received_s, m.landed_state)
-
-
 def _system_status(m: Decoded, received_s: float) -> Message:
     percent = m.battery_remaining
     remaining = percent / 100.0 if 0 <= percent <= 100 else math.nan  # -1: not sent
@@ -126,10 +114,6 @@ def _home(m: Decoded, received_s: float) -> Message:
 def _origin(m: Decoded, received_s: float) -> Message:
     latitude, longitude = degrees(m.latitude, m.longitude)
     return Origin(received_s, latitude, longitude, m.altitude / 1e3)
-
-
-def _command_ack(m: Decoded, received_s: float) -> Message:
-    return CommandAck(received_s, m.command, m.result)
 
 
 def _position_target(m: Decoded, received_s: float) -> Message:
@@ -164,15 +148,15 @@ def _fence_refused(m: Decoded, received_s: float) -> Message:
 DECODERS: Final[Mapping[str, Callable[[Decoded, float], Message]]] = {
     "HEARTBEAT": _heartbeat,
     "SYS_STATUS": _system_status,
-    "ATTITUDE": _attitude,
+    "ATTITUDE": lambda m, at_s: Attitude(at_s, m.time_boot_ms / 1e3, m.yaw),
     "LOCAL_POSITION_NED": _local_position,
     "GLOBAL_POSITION_INT": _global_position,
     "GPS_GLOBAL_ORIGIN": _origin,
-    "COMMAND_ACK": _command_ack,
+    "COMMAND_ACK": lambda m, at_s: CommandAck(at_s, m.command, m.result),
     "POSITION_TARGET_LOCAL_NED": _position_target,
     "HOME_POSITION": _home,
-    "EXTENDED_SYS_STATE": _extended_state,
-    "ODOMETRY": _odometry,
+    "EXTENDED_SYS_STATE": lambda m, at_s: LandedState(at_s, m.landed_state),
+    "ODOMETRY": lambda m, at_s: Odometry(at_s, m.reset_counter),
     "MISSION_COUNT": _fence_count,
     "MISSION_ITEM_INT": _fence_item,
     "MISSION_ACK": _fence_refused,
@@ -185,30 +169,28 @@ def decode(message: Decoded, received_s: float) -> Message:
 
     Raises:
         KeyError: If the message is not in `DECODERS`.
-        ValueError: If a value is unknown or implausible.
+        ValueError: If a value is unknown, or implausible by `guidance.vehicle.is_plausible`.
     """
-    return plausible(DECODERS[message.get_type()](message, received_s))
-
-
-def plausible(message: Message) -> Message:
-    """Return the same message.
-
-    Raises:
-        ValueError: If a value is implausible, see `guidance.vehicle.is_plausible`.
-    """
-    if not is_plausible(message):
-        raise ValueError(f"{message}: implausible")
-    return message
+    value = DECODERS[message.get_type()](message, received_s)
+    if not is_plausible(value):
+        raise ValueError(f"{value}: implausible")
+    return value
 
 
 def parameter(message: Decoded, received_s: float, *, autopilot: int) -> Parameter:
-    """Convert a PARAM_VALUE. PX4 carries integers as bytes in the float, other autopilots as a number."""
+    """Convert a PARAM_VALUE. PX4 carries integers as bytes in the float, other autopilots as a number.
+
+    Raises:
+        ValueError: If it is not finite.
+    """
     value = message.param_value
     if is_bytewise(message.param_type, autopilot=autopilot):
         # pymavlink's float would not do: the bytes of a negative integer are a NaN, which loses bits.
         data = bytes(message.get_msgbuf())
         start = 6 if data[0] == MAGIC_V1 else 10
         (value,) = struct.unpack("<i", data[start : start + min(4, data[1])].ljust(4, b"\0"))
+    if not math.isfinite(value):
+        raise ValueError(f"{message.param_id} = {value}: a parameter must be finite")
     return Parameter(received_s, message.param_id, float(value), message.param_type)
 
 

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import common
 
 from guidance.links import codec
-from guidance.links.codec import DECODERS, decode, parameter, plausible
+from guidance.links.codec import DECODERS, decode, parameter
 from guidance.links.frames import Decoded, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
@@ -134,6 +134,7 @@ class PymavlinkLink:
         self._own = Address(own_system_id or system_id, own_component_id)
         self._vehicle = Address(system_id, component_id)
         self._to_vehicle = self._vehicle._asdict()
+        self._signed = signing_key is not None
         self._station = Station(*self._own, signing_key=signing_key, clock=clock, unix_s=unix_s)
         self._frames = FrameReader(self._reads)
         self._inbox: deque[Message] = deque()
@@ -180,7 +181,7 @@ class PymavlinkLink:
         if (frame.get_srcSystem(), frame.get_srcComponent()) != self._vehicle:
             self.counts["foreign"] += 1
             self.others.add(frame.get_srcSystem())
-        elif (problem := self._station.problem(frame)) is not None:
+        elif self._signed and (problem := self._station.problem(frame)) is not None:
             self.counts[problem] += 1
         else:
             self.counts["received"] += 1
@@ -208,9 +209,9 @@ class PymavlinkLink:
             if reply is not None:
                 self._send(reply)
         elif name == "PARAM_VALUE":
+            self._requests.parameter_came(message.param_id)
             read = parameter(message, received_s, autopilot=self.autopilot)
-            self._requests.parameter_came(read.name)
-            self._inbox.append(plausible(read))
+            self._inbox.append(read)
         else:
             value = decode(message, received_s)
             self._inbox.append(value)

@@ -5,7 +5,7 @@
 A vehicle in its own process sends what a PX4 sends on its onboard link (LOCAL_POSITION_NED at 50 Hz among 300 other
 messages a second) and takes the time from each LOCAL_POSITION_NED to the first setpoint that comes back. The
 other end runs in a process of its own as well: our link, woken by the arrival, sends one setpoint for each position;
-the script does the same with MAVSDK's Telemetry and Offboard plugins and nothing else. Rounds are interleaved, and
+the script does only that with MAVSDK's Telemetry and Offboard plugins. Rounds are interleaved, and
 the ratio is to the script on the same wire in the same round.
 """
 
@@ -85,7 +85,7 @@ class Stopwatch:
 
 
 def background(n: int, ms: int) -> list:
-    """What a PX4 sends besides: attitude at 100 Hz, its quaternion, sensors, both positions at 50 Hz."""
+    """Return other messages of a PX4: attitude at 100 Hz, its quaternion, sensors, both positions at 50 Hz."""
     from pymavlink.dialects.v20 import common as dialect
 
     heartbeat = [dialect.MAVLink_heartbeat_message(2, 12, 157, 6 << 16, 4, 3)] if n % 100 == 0 else []
@@ -103,7 +103,7 @@ def background(n: int, ms: int) -> list:
 
 
 def vehicle(wire: str, port: int, seconds: float) -> None:
-    """Send telemetry, time the answers, print what was measured as JSON."""
+    """Send telemetry, time the answers, print the results as JSON."""
     from pymavlink.dialects.v20 import common as dialect
 
     mavlink = dialect.MAVLink(None, 1, 1)
@@ -177,7 +177,7 @@ def script_end(wire: str, port: int) -> None:
 
 
 def bridge(mavsdk: object, port: int) -> Callable[[], None]:
-    """MAVSDK over Zenoh, as its raw connection is meant to be used."""
+    """Connect MAVSDK to Zenoh through its raw connection."""
     import zenoh
 
     closed = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
@@ -198,7 +198,7 @@ def bridge(mavsdk: object, port: int) -> Callable[[], None]:
     def close() -> None:
         open_.clear()
         out.undeclare()
-        time.sleep(0.2)  # what Zenoh still had in hand must not reach a destroyed MAVSDK
+        time.sleep(0.2)  # late Zenoh samples must not reach a destroyed MAVSDK
         session.close()
 
     return close
@@ -217,7 +217,7 @@ def until_closed() -> threading.Event:
 
 
 def one_case(end: str, wire: str, seconds: float) -> dict[str, float]:
-    """Run a vehicle and an end, and sum up what the vehicle measured and what the end used of a processor."""
+    """Run a vehicle and an end; return the vehicle's latencies and the processor time of the end."""
     kind = socket.SOCK_DGRAM if wire == "udp" else socket.SOCK_STREAM
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))

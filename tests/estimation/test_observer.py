@@ -1,4 +1,4 @@
-"""Estimate: what is told of the evader at a time, what is not known of it, and settings that are none."""
+"""The evader at a time: position, velocity, unknown values, and refused settings."""
 
 import math
 import random

@@ -1,4 +1,4 @@
-"""One evader or two under one name: what one source may do without being taken for two, what gives a second away."""
+"""One evader or two with one identity: one source is never taken for two, and a second source is detected."""
 
 import math
 import random
@@ -12,7 +12,7 @@ FOR_S = 30.0
 
 
 def own(number, **changes):
-    """The report of that number: an evader that runs north at ten reports a second, its clock ours."""
+    """Return one report of an evader that runs north, reports at 10 Hz and shares our clock."""
     at_s = PERIOD_S * number
     said = Report(
         at_s + 0.05, at_s, at_s, (SPEED_M_S * at_s, 0.0), fits=True, apart_s=0.0, sequence=number % 256, peer="a"
@@ -56,7 +56,7 @@ def test_one_source_is_one(reports):
 
 
 def second(**changes):
-    """A second source half a period after each report of the first one, from the middle on."""
+    """Reports of a second source, half a period after those of the first, in the second half of the time."""
     again = [one._replace(received_s=one.received_s + 0.05, true_s=one.true_s + 0.05) for one in those(**changes)]
     return [one for one in again if one.received_s > FOR_S / 2]
 
@@ -73,21 +73,21 @@ TWO_SOURCES = {
 
 
 @pytest.mark.parametrize("by", TWO_SOURCES)
-def test_a_second_source_is_told_by_what_it_cannot_help_showing(by):
+def test_a_second_source_is_detected_by_its_contradiction(by):
     rivals = heard(those() + TWO_SOURCES[by])
     assert rivals.why == by.split(",")[0]
     assert rivals.there(FOR_S)
     assert not rivals.there(FOR_S + 0.2 + LASTS_S)
 
 
-def test_without_a_time_of_its_own_a_second_source_is_told_by_the_rate():
+def test_a_second_source_without_times_is_detected_by_the_rate():
     untimed = {"sent_s": math.nan, "sequence": None, "peer": None}
     more = [one._replace(received_s=one.received_s + 0.01 * share) for one in second(**untimed) for share in range(3)]
     assert heard(those(**untimed) + more).why == "rate"
 
 
 @pytest.mark.parametrize("by", TWO_SOURCES)
-def test_a_second_source_is_told_within_two_seconds(by):
+def test_a_second_source_is_detected_within_two_seconds(by):
     began_s = FOR_S / 2
     soon = [one for one in those() + TWO_SOURCES[by] if one.received_s <= began_s + 2.0]
     assert heard(soon).why == by.split(",")[0]

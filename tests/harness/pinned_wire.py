@@ -1,4 +1,4 @@
-"""A wire in memory on which every MAVLink component sends from an address of its own, pinned as on a UDP port."""
+"""A wire in memory that pins addresses like a UDP port; every MAVLink component has its own address."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -16,7 +16,7 @@ class PinnedWire:
     """`Wire` around another that accepts each of these systems from one address at a time.
 
     Args:
-        wire: Where the frames come from.
+        wire: Source of the frames.
         systems: MAVLink system ids that are accepted.
         is_lost: Whether the frames of a component are lost now.
     """
@@ -62,6 +62,6 @@ class PinnedWire:
 
 
 def evader_wire(world: SteppedWorld) -> Wire:
-    """Return the wire on which a world receives its evader's reports."""
+    """Return the wire of a world's evader reports."""
     assert isinstance(world.evader_source, MavlinkEvader)
     return world.evader_source._wire

@@ -1,4 +1,4 @@
-"""The other end of a link in these tests: a tiny autopilot that answers, on pymavlink, and remembers all it heard."""
+"""The other end of a link in these tests: a small autopilot that answers and keeps everything it received."""
 
 import math
 import struct
@@ -14,7 +14,7 @@ PX4, ARDUPILOT = 12, 3
 
 
 class Peer:
-    """One autopilot (and, through `say_as`, anyone else on its link). `send` puts bytes on the wire."""
+    """One autopilot, or with other ids another sender on its link. `send` writes to the wire."""
 
     def __init__(self, send: Callable[[bytes], None], *, system_id: int = 1, autopilot: int = PX4) -> None:
         self._send = send
@@ -94,7 +94,7 @@ def living(peer: Peer, receive: Callable[[], list[bytes]], *, heartbeat_every_s:
 
 
 def until(condition: Callable[[], bool], *, timeout_s: float = 5.0) -> bool:
-    """Whether the condition came true in time (real clients need real time)."""
+    """Wait for a condition; return whether it became true in time (real clients need real time)."""
     deadline_s = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > deadline_s:

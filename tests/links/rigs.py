@@ -45,7 +45,7 @@ class Rig:
         return until(heard, timeout_s=timeout_s)
 
     def fresh(self) -> "Rig":
-        """Forget the last test: what is still on its way is waited for, until only heartbeats come."""
+        """Forget the last test; wait until only heartbeats arrive."""
         self.peer.answers, self.peer.parameters = True, {}
         quiet_since_s = time.monotonic()
         while time.monotonic() - quiet_since_s < 0.03:
@@ -58,7 +58,7 @@ class Rig:
         return self
 
     def counted(self, name: str) -> int:
-        """How much a counter has risen in this test."""
+        """Return the increase of a counter in this test."""
         return self.link.counters()[name] - self.before.get(name, 0)
 
     def of(self, kind: type) -> list:
@@ -184,7 +184,7 @@ def router() -> Iterator[Router]:
 @contextmanager
 def over_zenoh(kind: str, router: Router) -> Iterator[Rig]:
     namespace = f"uav{next(_namespaces)}"
-    # BLOCK, as mavlink-server: these tests say more at once than a DROP publisher is sure to pass on
+    # BLOCK, as mavlink-server: a DROP publisher could lose some of the bursts in these tests
     out = router.session.declare_publisher(
         f"{namespace}/mavlink_raw/out", express=True, congestion_control=zenoh.CongestionControl.BLOCK
     )

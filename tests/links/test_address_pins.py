@@ -1,4 +1,4 @@
-"""Which datagrams a port accepts that anybody can send to."""
+"""A listening UDP port: accepted and refused datagrams, and attacks on the pinned address."""
 
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""Bytes from a wire never raise, and implausible values never get in, whether the checksum is right or wrong."""
+"""Bytes from a wire never raise and never become implausible values, with a right or wrong checksum."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Opening: what is allowed, what is answered when nobody is there, and how long that takes."""
+"""Opening links: allowed URLs, errors if the vehicle does not answer, and how long that takes."""
 
 import contextlib
 import socket

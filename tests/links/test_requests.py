@@ -114,7 +114,7 @@ def test_the_fence_is_asked_for_one_step_at_a_time_until_it_is_answered():
     queue = RequestQueue()
     queue.add(FenceRequest())
     assert [request for _, request, _ in sends(queue, *times(1.0))] == [FenceRequest()] * 3
-    queue.fence_came(0)  # not what was asked for
+    queue.fence_came(0)  # another one
     assert queue.waiting
     queue.fence_came(None)
     assert queue.waiting == {}

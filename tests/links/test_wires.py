@@ -38,7 +38,7 @@ def received(wire, data: bytes) -> bool:
 
 
 def received_again(send, wire, data: bytes) -> bool:
-    """Whether the wire receives data that is sent repeatedly (the first may be lost)."""
+    """Send repeatedly until the wire receives the data (the first may be lost)."""
     got = bytearray()
 
     def arrived() -> bool:
@@ -160,7 +160,7 @@ def test_a_closed_memory_wire_accepts_nothing():
 
 
 class Port:
-    """A port that accepts as many bytes as it has room for."""
+    """A port with limited room."""
 
     def __init__(self) -> None:
         self.room = 0

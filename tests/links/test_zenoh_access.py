@@ -186,7 +186,7 @@ HEARS = {OUT: ("uav1-guidance", "viewer"), IN: ("uav1",), REPORT: ("uav1-guidanc
 
 
 def test_nobody_says_or_hears_what_is_not_its_own(joined):
-    """All say all, at all: what arrives is what the table above allows, and nothing besides."""
+    """Every party publishes on every key; exactly the messages that the table allows arrive."""
     sessions = {name: joined(name) for name in PARTIES}
     heard = {(name, key): set() for name in PARTIES for key in SAYS}
     for (name, key), said in heard.items():
@@ -340,7 +340,7 @@ def test_what_is_wrong_in_a_section_is_named_with_its_file(keys, changes, said):
     path.write_text("".join(f'{key} = "{value}"\n' for key, value in given.items()))
     with pytest.raises(ConfigError, match=f"(?s){said}"):
         read_credentials(path)
-    if "others" not in said and "one line" not in said:  # the mock is nobody's secret
+    if "others" not in said and "one line" not in said:  # the mock has no secrets
         with pytest.raises(MockConfigError, match=r"given\.toml"):
             read_keys(path)
 

@@ -35,7 +35,7 @@ COMMANDS = [shlex.split(line) for block in blocks("console") for line in block.s
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
-    """What the page's first command leaves."""
+    """The folder that the page's first command creates."""
     folder = tmp_path_factory.mktemp("docs")
     made = CliRunner().invoke(app, [*COMMANDS[0][1:], "--out", str(folder / "keys")], catch_exceptions=False)
     assert made.exit_code == 0
@@ -58,7 +58,7 @@ def test_every_option_on_the_page_is_one(words):
     rest = words[1:]
     while hasattr(command, "commands"):
         command, rest = command.commands[rest[0]], rest[1:]
-    command.make_context(words[0], list(rest))  # raises for what it does not know
+    command.make_context(words[0], list(rest))  # raises for unknown options
 
 
 def test_the_vehicle_file_of_the_page_is_read_and_its_certificates_are(keys):

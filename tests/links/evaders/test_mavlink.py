@@ -77,7 +77,7 @@ def test_follow_target_is_amsl_north_east_down_and_milliseconds_since_boot():
     ("capabilities", "vel", "known"),
     [
         (0b11, (3.0, 0.0, 0.0), True),
-        (0b00, (3.0, 0.0, 0.0), True),  # many senders fill in no capabilities at all
+        (0b00, (3.0, 0.0, 0.0), True),  # many senders set no capabilities
         (0b01, (3.0, 0.0, 0.0), False),
         (0b11, (0.0, 0.0, 0.0), False),  # "(0,0,0) for unknown"
         (0b11, (NAN, 0.0, 0.0), False),
