@@ -56,9 +56,9 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
     {
         "pilot_mode": ConditionKind("the pilot switches to this mode (its name)", "", _text, event=True),
         "sticks": ConditionKind(
-            "a radio is there, sticks at roll, pitch, throttle, yaw in [-1, 1]", (0.0, 0.0, 0.0, 0.0), _vector(4)
+            "a radio is present with sticks at roll, pitch, throttle, yaw in [-1, 1]", (0.0, 0.0, 0.0, 0.0), _vector(4)
         ),
-        "rc": ConditionKind("a radio is there, sticks centred; false: it is lost", None, _flag),
+        "rc": ConditionKind("a radio is present with centred sticks; false: it is lost", None, _flag),
         "gcs_lost": ConditionKind("heartbeats of ground stations are not heard", False, _flag),
         "arm_refused": ConditionKind("arming is refused with this reason", "", _text),
         "offboard_refused": ConditionKind("OFFBOARD or GUIDED is refused", False, _flag),
@@ -69,9 +69,9 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         "gps_lost": ConditionKind("the receiver has no fix", False, _flag),
         "eph_m": ConditionKind("horizontal uncertainty grows to at least this", 0.0, _number(0.0, 1e4)),
         "drift_m_s": ConditionKind(
-            "the position estimate slides by north, east, down a second", (0.0, 0.0, 0.0), _vector(3)
+            "the position estimate drifts by north, east, down per second", (0.0, 0.0, 0.0), _vector(3)
         ),
-        "thrust_share": ConditionKind("the rotors give this share of what is asked", 1.0, _number(0.0, 1.0)),
+        "thrust_share": ConditionKind("produced over demanded thrust", 1.0, _number(0.0, 1.0)),
         "estimator_invalid": ConditionKind("position and velocity estimates are invalid", False, _flag),
         "fence_breach": ConditionKind("the fence counts as breached", False, _flag),
         "battery": ConditionKind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
@@ -80,11 +80,9 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         "push_m_s": ConditionKind(
             "the vehicle's velocity jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True
         ),
-        "telemetry_frozen": ConditionKind("nothing but heartbeats is sent", False, _flag),
-        "silent": ConditionKind("nothing is sent at all", False, _flag),
-        "reboot": ConditionKind(
-            "the autopilot restarts, in flight too; its clock starts again", True, _flag, event=True
-        ),
+        "telemetry_frozen": ConditionKind("only HEARTBEAT is sent", False, _flag),
+        "silent": ConditionKind("nothing is sent", False, _flag),
+        "reboot": ConditionKind("the autopilot restarts, also in flight; its clock restarts", True, _flag, event=True),
         "time_jump_s": ConditionKind("time since boot jumps", 0.0, _number(-1e7, 1e7), event=True),
     }
 )

@@ -70,7 +70,7 @@ def run(
     terminal, otherwise as a line per change.
 
     Over Zenoh a client opens a session with `namespace: "uav1"` and uses the keys `mavlink_raw/in` (towards the
-    vehicle) and `mavlink_raw/out`, one packet a sample. A query to `faults` lists, injects and clears faults
+    vehicle) and `mavlink_raw/out`, one packet per sample. A query to `faults` lists, adds and clears faults
     (`faults?do=inject;kind=loss;probability=0.3`; `sitl-mock list faults` names them).
     """
     from sitl_mock.faults import FaultScript, read_script  # noqa: PLC0415 - not needed for `--help`

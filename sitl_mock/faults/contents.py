@@ -112,8 +112,8 @@ CONTENT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             "fields hold NaN, infinity, zero or the largest number of their type",
             _bad_fields,
             {
-                "value": Option("what they hold", "nan", choice(*_SORTS)),
-                "fields": Option("names; all of a fitting type if empty", (), words),
+                "value": Option("the value", "nan", choice(*_SORTS)),
+                "fields": Option("field names; empty: all of a fitting type", (), words),
                 "probability": Option("share of the frames", 1.0, number(0.0, 1.0)),
             },
             Scope(Direction.OUT, _MOTION, open=True),
@@ -126,20 +126,20 @@ CONTENT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "param_echo": FaultKind(
             Group.LINK,
-            "a parameter is reported with another value than it has",
+            "a parameter is reported with a wrong value",
             _param_echo,
             {
                 "parameter": Option("its name", REQUIRED, text),
-                "value": Option("what is reported", REQUIRED, number(-1e9, 1e9)),
+                "value": Option("the reported value", REQUIRED, number(-1e9, 1e9)),
             },
             Scope(Direction.OUT, ("PARAM_VALUE",)),
         ),
-        "time_reset": FaultKind(Group.LINK, "time since boot begins again at 0 in flight", _time_reset, for_s=0.0),
+        "time_reset": FaultKind(Group.LINK, "time since boot restarts at 0 in flight", _time_reset, for_s=0.0),
         "time_wrap": FaultKind(
             Group.LINK,
-            "time_boot_ms is about to wrap around at 2^32",
+            "time_boot_ms wraps around at 2^32",
             _time_wrap,
-            {"before_s": Option("seconds until it does", 5.0, number(0.0, 1e6))},
+            {"before_s": Option("seconds until then", 5.0, number(0.0, 1e6))},
             for_s=0.0,
         ),
     }
@@ -148,7 +148,7 @@ CONTENT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
 
 _ACKS: Final = Scope(Direction.OUT, ("COMMAND_ACK",))
 _IN_PROGRESS: Final = 5
-_COMMANDS: Final = Option("MAV_CMD numbers; empty for all", frozenset(), integers(0, 65535))
+_COMMANDS: Final = Option("MAV_CMD numbers; empty: all", frozenset(), integers(0, 65535))
 _SHARE: Final = Option("share of the answers", 1.0, number(0.0, 1.0))
 
 
@@ -206,24 +206,24 @@ _COMMON: Final = {"commands": _COMMANDS, "probability": _SHARE}
 
 ACK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "ack_lost": FaultKind(Group.LINK, "the COMMAND_ACK is lost; the command was obeyed", _lost, _COMMON, _ACKS),
+        "ack_lost": FaultKind(Group.LINK, "the COMMAND_ACK is lost; the command was executed", _lost, _COMMON, _ACKS),
         "ack_late": FaultKind(
             Group.LINK,
-            "the COMMAND_ACK comes late",
+            "the COMMAND_ACK is delayed",
             _late,
             {**_COMMON, "delay_s": Option("seconds", 1.0, number(0.0, 60.0))},
             _ACKS,
         ),
         "ack_wrong": FaultKind(
             Group.LINK,
-            "the COMMAND_ACK says something else than what happened",
+            "the COMMAND_ACK has a wrong result",
             _wrong,
             {**_COMMON, "result": Option("MAV_RESULT", REQUIRED, integer(0, 255))},
             _ACKS,
         ),
         "ack_in_progress": FaultKind(
             Group.LINK,
-            "the COMMAND_ACK says IN_PROGRESS, and nothing follows",
+            "the COMMAND_ACK is IN_PROGRESS, without a final one",
             _unfinished,
             {**_COMMON, "progress": Option("percent, 255 for unknown", 0, integer(0, 255))},
             _ACKS,

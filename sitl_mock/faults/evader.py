@@ -127,14 +127,14 @@ EVADER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
         "evader_slow": FaultKind(
             Group.EVADER,
-            "reports come in steps, once a second",
+            "reports come rarely, once a second",
             _slow,
             {"period_s": Option("seconds between two", 1.0, number(0.0, 60.0))},
             _SCOPE,
         ),
-        "evader_duplicates": _as_evader("duplicate", "reports come twice"),
+        "evader_duplicates": _as_evader("duplicate", "reports are duplicated"),
         "evader_out_of_order": _as_evader("reorder", "reports are overtaken by later ones"),
-        "evader_late": _as_evader("delay", "reports come late"),
+        "evader_late": _as_evader("delay", "reports are delayed"),
         "evader_clock": FaultKind(
             Group.EVADER,
             "the evader's clock has an offset and a drift",
@@ -147,7 +147,7 @@ EVADER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "evader_stale": FaultKind(
             Group.EVADER,
-            "no news: the last report is repeated, old time and all, or nothing comes",
+            "the last report is repeated with its old time, or reports stop",
             _stale,
             {"as": Option("repeats or silence", "repeats", choice("repeats", "silence"))},
             _SCOPE,
@@ -158,10 +158,10 @@ EVADER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             _forger,
             {
                 **along(_JUMP),
-                "north_m_s": Option("how fast its place moves away", 0.0, number(-300.0, 300.0)),
+                "north_m_s": Option("speed of its position to the north", 0.0, number(-300.0, 300.0)),
                 "east_m_s": Option("the same to the east", 0.0, number(-300.0, 300.0)),
-                "rate_hz": Option("how often", 500.0, number(0.1, 1e4)),
-                "clock_s": Option("how far its clock is ahead of the vehicle's own", 0.0, number(-1e6, 1e6)),
+                "rate_hz": Option("reports per second", 500.0, number(0.1, 1e4)),
+                "clock_s": Option("seconds that its clock is ahead of the vehicle's", 0.0, number(-1e6, 1e6)),
                 "component": Option("its component id", 1, integer(1, 255)),
             },
         ),

@@ -153,7 +153,7 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "duplicate": FaultKind(
             Group.LINK,
-            "frames come again",
+            "frames are duplicated",
             _duplicate,
             {
                 "probability": _SHARE,
@@ -174,7 +174,7 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "delay": FaultKind(
             Group.LINK,
-            "frames come late",
+            "frames are delayed",
             _delay,
             {
                 "probability": _SHARE,
@@ -192,15 +192,15 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "heartbeat_gap": FaultKind(
             Group.LINK,
-            "one gap between two HEARTBEATs (MAVSDK: disconnected after 3 s)",
+            "one long gap between two HEARTBEATs (MAVSDK disconnects after 3 s)",
             _gap,
             {"gap_s": Option("seconds from the last one before to the first one after", 3.1, number(0.0, 1e6))},
             Scope(Direction.OUT, ("HEARTBEAT",)),
         ),
-        "v1_frames": FaultKind(Group.LINK, "frames are MAVLink 1; those it cannot carry are lost", _as_v1, scope=OUT),
+        "v1_frames": FaultKind(Group.LINK, "frames are MAVLink 1; others are lost", _as_v1, scope=OUT),
         "signed_frames": FaultKind(
             Group.LINK,
-            "frames are signed under a key that the receiver may not have",
+            "frames are signed with a key that the receiver may lack",
             _sign,
             {
                 "key_byte": Option("the key is this byte, 32 times", 7, integer(0, 255)),
@@ -210,13 +210,11 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "router_restart": FaultKind(
             Group.LINK,
-            "the Zenoh router goes down and comes back; stepped, all frames are lost meanwhile",
+            "the Zenoh router restarts; in stepped time all frames are lost meanwhile",
             _cut,
             scope=Scope(Direction.BOTH),
             for_s=1.0,
         ),
-        "udp_port_change": FaultKind(
-            Group.LINK, "the vehicle sends from, and listens on, another UDP port from now on", _port, for_s=0.0
-        ),
+        "udp_port_change": FaultKind(Group.LINK, "the vehicle changes its UDP port", _port, for_s=0.0),
     }
 )

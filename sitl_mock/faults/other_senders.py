@@ -156,13 +156,13 @@ OTHER_SENDER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             _second_source,
             {
                 **along(Option("m/s", 0.0, number(-20.0, 20.0))),
-                "rate_hz": Option("how often", 10.0, number(0.1, 100.0)),
+                "rate_hz": Option("reports per second", 10.0, number(0.1, 100.0)),
                 "system": Option("its system id", 254, integer(1, 255)),
             },
         ),
         "statustext": FaultKind(
             Group.LINK,
-            "a STATUSTEXT in chunks, of which one may be lost",
+            "a STATUSTEXT in chunks, one of them may be lost",
             _statustext,
             {
                 "text": Option("any length", _LONG_TEXT, a_text),

@@ -128,8 +128,8 @@ def _charge(meaning: str, share: float) -> FaultKind:
 
 FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "telemetry_freeze": _flight("nothing but HEARTBEAT and answers is sent", "telemetry_frozen"),
-        "silence": _flight("nothing at all is sent", "silent"),
+        "telemetry_freeze": _flight("only HEARTBEAT and answers are sent", "telemetry_frozen"),
+        "silence": _flight("nothing is sent", "silent"),
         "pilot_mode": FaultKind(
             Group.FLIGHT,
             "the pilot switches to a mode; there is a radio from the start",
@@ -144,7 +144,7 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             {"roll": _STICK, "pitch": _STICK, "throttle": _STICK, "yaw": _STICK},
             for_s=1.0,
         ),
-        "rc_loss": FaultKind(Group.FLIGHT, "the radio, there from the start, is lost", _rc_loss),
+        "rc_loss": FaultKind(Group.FLIGHT, "the radio, present from the start, is lost", _rc_loss),
         "gcs_loss": _flight("ground stations are not heard", "gcs_lost"),
         "arm_refused": _valued(
             "arming is refused with a text",
@@ -152,7 +152,7 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             {"text": Option("the reason", "Preflight Fail: Compass Sensor 0 missing", text)},
             _option("text"),
         ),
-        "offboard_refused": _flight("OFFBOARD or GUIDED is refused, and left", "offboard_refused"),
+        "offboard_refused": _flight("OFFBOARD or GUIDED is refused and ended", "offboard_refused"),
         "ekf_jump": _valued(
             "the position estimate jumps, the reset counter rises", "ekf_jump_m", along(_JUMP), vector, for_s=0.0
         ),
@@ -163,23 +163,23 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             _option("by_deg"),
             for_s=0.0,
         ),
-        "gps_loss": _flight("no fix; the estimate slides away and becomes invalid", "gps_lost"),
+        "gps_loss": _flight("no GPS fix; the estimate drifts and becomes invalid", "gps_lost"),
         "gps_drift": _valued(
-            "the position estimate slides away while velocities stay right",
+            "the position estimate drifts; velocities stay correct",
             "drift_m_s",
             along(_DRIFT),
             vector,
             for_s=10.0,
         ),
         "barometer_drift": _valued(
-            "the height estimate slides away",
+            "the height estimate drifts",
             "drift_m_s",
             {"down_m_s": Option("metres a second, downwards", 0.2, number(-5.0, 5.0))},
             lambda inputs: (0.0, 0.0, inputs.options["down_m_s"]),
             for_s=10.0,
         ),
         "thrust_loss": _valued(
-            "the rotors give less than is asked of them",
+            "the rotors produce less thrust than demanded",
             "thrust_share",
             {"share": Option("of the thrust that is left", 0.8, number(0.0, 1.0))},
             _option("share"),
@@ -199,7 +199,7 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "battery_critical": _charge("the battery is critical", 0.06),
         "wind_gust": _valued("a steady wind for a while", "wind_m_s", along(_WIND), vector, for_s=3.0),
         "gusts": _valued(
-            "gusts of wind at random",
+            "random gusts of wind",
             "gust_m_s",
             {"sd_m_s": Option("standard deviation, m/s", 3.0, number(0.0, 30.0))},
             _option("sd_m_s"),
@@ -207,7 +207,7 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "push": _valued("the vehicle's velocity jumps", "push_m_s", along(_WIND), vector, for_s=0.0),
         "velocity_truncation": FaultKind(
             Group.FLIGHT,
-            "velocity setpoints are cut to less than was asked for",
+            "velocity setpoints are reduced",
             _truncation,
             {
                 "horizontal_m_s": Option("limit", 2.0, number(0.0, 1e3)),
@@ -218,7 +218,7 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "reboot": FaultKind(
             Group.FLIGHT,
-            "the autopilot restarts, in flight too; its clock begins again",
+            "the autopilot restarts, also in flight; its clock restarts",
             lambda inputs: _once(inputs, "reboot", value=True),
             for_s=0.0,
         ),
