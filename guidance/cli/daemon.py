@@ -65,17 +65,17 @@ def ctl(
 ) -> None:
     """Give a running daemon an order, and say what became of it; `status` shows where the flight stands.
 
-    - `start`: THE VEHICLE IS ARMED, takes off and flies to where it stands by
-    - `engage`: the game is played, from where it stands by or holds
-    - `hold`, `return`, `land`: ends what it does, and hands the vehicle to the autopilot's mode of that name
-    - `abort`: lands it where it is; on the ground, ends what was begun: order reset to begin another
+    - `start`: THE VEHICLE IS ARMED, takes off, flies to the start and stands by
+    - `engage`: plays the game, after standing by or a hold
+    - `hold`, `return`, `land`: hands the vehicle to the autopilot's mode of that name, until the next order
+    - `abort`: lands at once; on the ground it ends the flight, and `reset` begins another
     - `alive`: a sign of life, where `flight.operator_timeout_s` asks for one; every other order is one too
     - `reset`: after a flight is over, on the ground: ready for another one
 
     The daemon lets in who can read its token file: its own user, unless the file's rights say more. From another
     computer orders go by a router, which judges certificates (`docs/zenoh.md`).
 
-    Ends with 0 if the order was accepted, 4 if it was refused (the answer says why), 3 if nobody answers.
+    Exit codes: 0 accepted, 4 refused (the answer says why), 3 no answer.
 
     - `guidance ctl status --watch`: where the flight stands, as it changes
     - `guidance ctl engage --name px4`: to one of several daemons

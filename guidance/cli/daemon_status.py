@@ -16,7 +16,7 @@ Status = Mapping[str, Any]
 
 
 def status_table(status: Status) -> RenderableType:
-    """Lay out a daemon's status: where it stands, how it flies, what the game says, and what stands against flying."""
+    """Lay out a daemon's status: state, telemetry, game and failed checks."""
     return Group(pairs(_rows(status)), *_to_do(status))
 
 
@@ -88,16 +88,16 @@ def _number(game: Status, key: str) -> str:
 def watch(
     there: Console, ask: Callable[[], Status], sleep: Callable[[float], None] = time.sleep, *, times: int | None = None
 ) -> None:
-    """Show a status again and again, until Ctrl-C; where nothing can be redrawn, one below the other.
+    """Show a status once a second until Ctrl-C; without a terminal, one below the other.
 
     Args:
-        there: Where.
-        ask: Asks the daemon.
+        there: The console.
+        ask: Returns the daemon's status.
         sleep: Waits, s.
         times: How often; None for ever.
 
     Raises:
-        LinkError: If the daemon answers no more.
+        LinkError: If the daemon stops answering.
     """
     count = 0
     with Live(console=there, auto_refresh=False, transient=False) as live:

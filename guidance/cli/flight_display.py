@@ -1,4 +1,4 @@
-"""What a flight shows: one live line while it lasts, and in the end a table and a picture."""
+"""A flight in the terminal: a live line, then a table and a picture."""
 
 import contextlib
 import json
@@ -28,10 +28,10 @@ from guidance.sim.outcome import Outcome, outcome_json
 
 REDRAWS_HZ: Final = 10.0
 STALLED_S: Final = 1.0
-"""A flight tells fifty times a second where it is: after so long it is said that it does not."""
+"""Age of the live line from which it is shown as old; it is updated 50 times a second."""
 
 _PLAIN_S: Final = 3.0
-"""How often at most a plain line says what is waited for."""
+"""Shortest interval of plain lines about waiting."""
 
 _WITH_CAUSE: Final = frozenset(
     {State.PAUSED, State.HOLDING, State.RETURNING, State.OUT_OF_CONTACT, State.YIELDED, State.FAILED}
@@ -42,18 +42,18 @@ Show = Callable[[Progress], None]
 
 
 class LiveLine:
-    """One line that says where a flight stands, and since when it has not been told."""
+    """The live line: the flight's state, or the age of the last update."""
 
     def __init__(self) -> None:
         self._last: Progress | None = None
         self._told_s = 0.0
 
     def tell(self, progress: Progress) -> None:
-        """Take in how far the flight is."""
+        """Update from one cycle."""
         self._last, self._told_s = progress, time.perf_counter()
 
     def __rich__(self) -> Text:
-        """Draw it; a loop that stands still is told from one that runs."""
+        """Draw it. A stalled loop shows as old."""
         if self._last is None:
             return Text("")
         silence_s = time.perf_counter() - self._told_s
@@ -94,7 +94,7 @@ def record_words(stopped: Stopped | None) -> str:
 
 
 def words(progress: Progress) -> str:
-    """Say in one line where a flight stands."""
+    """Return the live line of a flight."""
     if progress.waiting:
         return f"{progress.now_s:6.1f} s  waiting: {progress.waiting}"
     words = f"{progress.now_s:6.1f} s  {progress.state:<11} in {progress.mode:<8}"
@@ -110,7 +110,7 @@ def words(progress: Progress) -> str:
 
 
 def plain(progress: Progress) -> str:
-    """Say what is worth a line of its own where nothing can be redrawn: figures in it are no news."""
+    """Return a line for output that cannot be redrawn. It changes only when the state or its cause does."""
     if not progress.waiting:
         return ": ".join(filter(None, (str(progress.state), _reason(progress))))
     return f"waiting: {re.sub(r'-?[0-9.]+ s old', 'old', progress.waiting)}"
@@ -123,7 +123,7 @@ def _reason(progress: Progress) -> str:
 
 
 def report(console: Console, result: FlightResult, outcome: Outcome, folder: Path) -> None:
-    """Print how a flight ended and what it came to, and draw its picture."""
+    """Print the outcome of a flight and draw its picture."""
     tell_dropped(console, result)
     console.print(_table(result, outcome))
     if outcome.run == "fast":
@@ -132,7 +132,7 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
             f"{result.duration_s:.1f} s of flight in {result.wall_s:.2f} s: {speed:.0f} times faster than real time"
         )
     console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
-    with contextlib.suppress(OSError):  # a full disk is told of the picture
+    with contextlib.suppress(OSError):  # the picture reports a full disk
         row = json.dumps(outcome_json(outcome), indent=2) + "\n"
         private_file(folder / OUTCOME).write_text(row, encoding="utf-8")
     advice = how_to_add("plot")

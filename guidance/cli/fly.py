@@ -78,7 +78,8 @@ def fly(
     With `--vehicle URL` nothing is started: the autopilot there, PX4 or ArduCopter, is **armed**, climbs, flies to the
     start, plays, returns and lands. The scenario is laid about its home, and its evader is simulated here and reports
     over UDP as a real one would. Preflight has to pass (`guidance check --vehicle URL --apply`). Ctrl-C lands it; the
-    pilot's mode switch takes it at any moment. What is not on loopback is asked for first.
+    pilot's mode switch takes it at any moment. The command asks before it
+    flies a vehicle that is not on loopback.
 
     - `guidance fly`: the paper's PE game, in real time
     - `guidance fly config/scenarios/tad.toml`: the paper's TAD game
@@ -152,7 +153,7 @@ def _viewer(closing: contextlib.ExitStack) -> "ViewerBeside":
 
 
 def _stay(beside: "list[ViewerBeside | PanelBeside]") -> None:
-    """Leave what was opened beside the flight open until a person ends it."""
+    """Keep the viewer and the page open until Ctrl-C."""
     if not beside:
         return
     with contextlib.suppress(KeyboardInterrupt):

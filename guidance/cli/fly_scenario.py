@@ -1,4 +1,4 @@
-"""What `guidance fly` shows around a flight, of the mock or of a vehicle that runs already."""
+"""`guidance fly`: the flight of a mock or of a running vehicle, with its output."""
 
 import contextlib
 import json
@@ -49,9 +49,9 @@ def fly_scenario(
         port: Where the live mock is reached; 0 is any.
         out: Folder for the record and the picture.
         seed: In place of the scenario's.
-        on_record: Is told of the record once it is being written.
-        on_control: Is told the endpoint where people may order and look on; not called in virtual time.
-        as_json: Print the outcome row as JSON, and what is for people on standard error.
+        on_record: Called with the record's path when it is open.
+        on_control: Called with the control endpoint; never in virtual time.
+        as_json: Print the outcome row as JSON, and text for people on standard error.
 
     Raises:
         GuidanceError: For everything that the user can mend.
@@ -94,7 +94,7 @@ def fly_scenario(
 
 @contextlib.contextmanager
 def noted_ctrl_c() -> Iterator[Callable[[], None]]:
-    """Raise a Ctrl-C where it comes, and again where the function given is called: libraries may swallow the first."""
+    """Raise KeyboardInterrupt on Ctrl-C, and again from the yielded function: a library may swallow the first one."""
     noted = False
 
     def note(*_: object) -> NoReturn:

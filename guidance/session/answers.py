@@ -1,4 +1,4 @@
-"""What a person is answered: where a flight stands, why an order had no effect, what to do next, what is awaited."""
+"""Replies to operators: the status of a flight, reasons of refused orders, and advice."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -39,14 +39,14 @@ _TO_DO: Final[Mapping[str, str]] = {
     "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
     "battery": "change or charge the battery",
 }
-"""What a person does where a readiness check fails, by its name."""
+"""Advice for each failed readiness check, by its name."""
 
 _GOES_ON: Final[Mapping[State, tuple[str, str]]] = {
     State.HOLDING: ("held", "engage, return or land"),
     State.RETURNING: ("returning", "hold or land"),
     State.LANDING: ("landing", "hold or return"),
 }
-"""What an operator ordered, and the orders that change it."""
+"""For each state that an operator ordered: its name, and the orders that change it."""
 
 _ENDING: Final = frozenset({Event.HOLD, Event.RETURN, Event.LAND})
 
@@ -55,10 +55,10 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
     """Say why `order` changed nothing.
 
     Args:
-        order: What was ordered.
-        flight: As it stands.
+        order: The refused order.
+        flight: The flight.
         now_s: The present.
-        rows: What preflight found.
+        rows: Preflight's findings.
     """
     state = flight.state
     if flight.fault is not None:
@@ -88,7 +88,7 @@ def _ended(flight: Flight) -> str:
 
 
 def next_words(flight: Flight) -> str:
-    """Say what a person can do where the flight waits for one; empty elsewhere."""
+    """Return the orders that continue, if the flight waits for a person; else an empty string."""
     if flight.ordered_by_operator and flight.state in _GOES_ON:
         what, orders = _GOES_ON[flight.state]
         return f"{what} by operator: continue with guidance ctl {orders}"
@@ -100,7 +100,7 @@ def next_words(flight: Flight) -> str:
 
 
 def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
-    """Say why a vehicle that is not under way neither starts nor engages, and has nothing to end."""
+    """Return the reason of a refusal before take-off."""
     state = flight.state
     if state is State.CONNECTING:
         return "the vehicle is not heard: check its power, the link and system_id"
@@ -114,7 +114,7 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
 
 
 def _not_taken(order: Event, flight: Flight) -> str:
-    """Say why a vehicle that is ready neither starts nor engages."""
+    """Return why a ready vehicle neither starts nor engages."""
     if not flight.vehicle.armed or flight.vehicle.on_ground:
         return "on the ground: order start first"
     if order is Event.START:
@@ -123,13 +123,13 @@ def _not_taken(order: Event, flight: Flight) -> str:
 
 
 def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
-    """Name every check that fails and every preflight row that is refused."""
+    """Name every failed check and every refused preflight row."""
     checks = [f"{check.name} ({check.found})" for check in flight.checks(now_s) if not check.passed]
     return "; ".join(filter(None, (", ".join(checks), advice(rows)))) or "the checks have just passed, order again"
 
 
 def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[str, str]]:
-    """List every check that fails and every preflight row that does not pass, each with what to do about it."""
+    """List every failed check and every preflight row that does not pass, each with advice."""
     failing = [
         Finding(check.name, check.found, "", Verdict.REFUSE, _TO_DO.get(check.name, ""))
         for check in flight.checks(now_s)
@@ -149,7 +149,7 @@ def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[st
 
 
 def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequence[str]) -> dict[str, str]:
-    """Say for every order why it would be refused now; empty where it would be accepted.
+    """Return for every order why it would be refused now; empty if it would be accepted.
 
     Args:
         flight: As it stands.
@@ -174,7 +174,7 @@ def status(
     barred: Sequence[str],
     recording: str,
 ) -> dict[str, Any]:
-    """Lay out where the flight stands. NaN and infinities become null.
+    """Return the status of a flight as plain values. NaN and infinities become null.
 
     Args:
         name: The daemon's.
@@ -183,7 +183,7 @@ def status(
         outputs: Of the last cycle, None before the first.
         rows: What preflight found.
         barred: Names of what bars the vehicle from flying.
-        recording: Where to, or why not.
+        recording: State of the record, in words.
     """
     vehicle = flight.vehicle
     certificate = None if outputs is None else outputs.certificate
@@ -227,7 +227,7 @@ def status(
 
 
 def _flown(vehicle: VehicleState) -> dict[str, Any]:
-    """Where the vehicle is and how it flies: metres about its own origin, north, east and down; height above home."""
+    """Position and velocity (NED, m and m/s), height above home (m) and battery."""
     local, home, status = vehicle.last(LocalPosition), vehicle.last(Home), vehicle.last(SystemStatus)
     if local is None:
         return {}
@@ -241,7 +241,7 @@ def _flown(vehicle: VehicleState) -> dict[str, Any]:
 
 
 def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
-    """Say in one line how the flight goes, for the terminal of a daemon.
+    """Return one line about the flight for the terminal of a daemon.
 
     Args:
         flight: As it stands.
@@ -266,7 +266,7 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
 
 
 def rounded(value: Any) -> Any:  # noqa: ANN401 - plain values
-    """Return plain values with numbers as they can be read, to a tenth of a millimetre."""
+    """Round all numbers of plain values to four decimals."""
     if isinstance(value, float):
         return round(value, 4)
     if isinstance(value, dict):
@@ -279,8 +279,8 @@ class StartupResponder:
 
     Args:
         name: The vehicle's.
-        waiting_for: What is waited for, in words.
-        limit_s: How long at most.
+        waiting_for: The awaited event, in words.
+        limit_s: Time limit of the wait.
         clock: The process's.
     """
 
@@ -292,7 +292,7 @@ class StartupResponder:
         self._since_s = clock.now_s()
 
     def answer(self, order: str) -> Answer:
-        """Status is told; every other order has to wait for the vehicle."""
+        """Answer a status query; refuse every order until the vehicle is there."""
         waited_s = round(self._clock.now_s() - self._since_s, 1)
         shown = {
             "order": order,

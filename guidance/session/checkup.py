@@ -1,4 +1,4 @@
-"""What `guidance check` does: preflight alone, and setting the parameters that it wants, on the ground only."""
+"""`guidance check`: preflight alone, and setting the parameters that it requires, on the ground only."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
@@ -30,7 +30,7 @@ from guidance.session.vehicle_world import open_all
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0
-"""How long an autopilot may take to tell a parameter that was set; PX4 takes 20 ms."""
+"""Time limit for an autopilot to confirm a parameter; PX4 takes 20 ms."""
 
 _FRESH_S: Final = 2.5
 _HEARD: Final = {
@@ -39,11 +39,11 @@ _HEARD: Final = {
     GlobalPosition: "GLOBAL_POSITION_INT",
     LocalPosition: "LOCAL_POSITION_NED",
 }
-"""What is heard before anything is judged, by its name on the wire."""
+"""Messages needed before anything is judged, by their MAVLink names."""
 
 
 class Applied(NamedTuple):
-    """One parameter that was set: what was read back, None where nothing was, and whether it is what was asked."""
+    """A parameter that was set: the value read back (None without an answer), and whether it is the requested one."""
 
     name: str
     read_back: float | None
@@ -51,7 +51,7 @@ class Applied(NamedTuple):
 
 
 class Checkup:
-    """One vehicle on the ground: read, judged, set and judged again. Nothing is armed and no mode is asked for."""
+    """Reads, judges and sets the parameters of one vehicle on the ground. It neither arms nor changes the mode."""
 
     def __init__(
         self, name: str, plan: FlightPlan, link: VehicleLink, evader: EvaderSource, clock: Clock, *, log: Log
@@ -63,11 +63,11 @@ class Checkup:
         self._daemon = Daemon(name, plan, link, evader, log=log)
 
     def rows(self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None) -> Sequence[Finding]:
-        """Hear everything that is judged, and return the rows, the flight's own checks besides.
+        """Wait for all inputs, and return preflight's rows and the flight's own checks.
 
         Args:
             limit_s: For so long at most; a vehicle that is not the configured autopilot is refused at once.
-            told: Is told what is still waited for.
+            told: Called with the names of missing inputs.
         """
         daemon, clock, flight = self._daemon, self._clock, self._plan.flight
         begun_s = complete_s = clock.now_s()
@@ -94,7 +94,7 @@ class Checkup:
         return ", ".join(words)
 
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
-        """Return what has to be set, by what was read."""
+        """Return the parameters to set, from the values read."""
         plan = self._plan
         if plan.wants is None:
             return ()
@@ -111,7 +111,7 @@ class Checkup:
         for change in wanted:
             self._refuse_in_flight()
             self._link.request(change.request)
-            self._read(change.name)  # what is announced on being set is not believed: it is asked for
+            self._read(change.name)  # the announcement after setting is not proof: read the value
             self._link.request(ParameterRequest(change.name))
             value = self._read(change.name)
             told(Applied(change.name, value, value is not None and single(value) == change.request.value))
@@ -141,7 +141,7 @@ class Checkup:
         self._daemon.step(now_s)
 
     def _readiness(self, now_s: float) -> Iterator[Finding]:
-        """The flight's own checks, as rows: they may still come true, so that none of them is refused here."""
+        """The flight's own checks as rows. They may still pass later, so none is a refusal here."""
         for check in self._daemon.flight.checks(now_s):
             verdict = Verdict.PASS if check.passed else Verdict.WARN
             yield Finding(f"ready: {check.name}", check.found, "before start", verdict)

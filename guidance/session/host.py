@@ -1,6 +1,6 @@
-"""What a computer needs to fly a vehicle, looked at before there is one: each row by itself, with how to mend it.
+"""`guidance doctor`: checks of the computer before a flight, one row each with advice.
 
-Nothing is changed: ports are bound for a moment and let go, scheduling is asked for and given back.
+It changes nothing: ports are bound and released, real-time scheduling is tried and given back.
 """
 
 import contextlib
@@ -26,10 +26,10 @@ from guidance.session.process import PRIORITY
 from guidance.session.vehicle_file import Config, Control
 
 CYCLES: Final = 50
-"""Cycles that the clock is watched for: a second."""
+"""Cycles of the timing check: one second."""
 
 LATE_S: Final = 0.005
-"""A cycle that begins later than this is told of; a flight alone makes more of them."""
+"""A later start of a cycle is reported."""
 
 FLIGHT_BYTES: Final = 200_000_000
 """An hour's record, at 3 MB a minute."""
@@ -65,7 +65,7 @@ def _software() -> Finding:
 
 
 def _calendar() -> Finding:
-    """Whether the kernel's clock is held by a time service: signing and the evader's time stamps need the date."""
+    """Whether a time service keeps the system clock: signing and the evader's time stamps need the date."""
     wanted = "synchronized"
     try:
         state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024))
@@ -78,7 +78,7 @@ def _calendar() -> Finding:
 
 
 def _cadence() -> Finding:
-    """How late this process wakes, as others use the processor now."""
+    """Largest delay of a wake-up under the present load."""
     worst_s, due_s = 0.0, time.monotonic()
     for _ in range(CYCLES):
         due_s += PERIOD_S

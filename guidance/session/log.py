@@ -1,4 +1,4 @@
-"""The log: one line an event, as JSON or for people, written by a thread of its own so that nothing waits for it."""
+"""The log: one line per event, as JSON or text, written by its own thread so that the loop never waits for it."""
 
 import contextlib
 import json
@@ -18,7 +18,7 @@ LOGGER: Final = "guidance"
 MOST_WAITING: Final = 1000
 STOP_LIMIT_S: Final = 2.0
 _STALLED_S: Final = 2.5
-"""The live line is told once a second: after so long it is said that it is not."""
+"""Age of the live line from which it is shown as old; it is updated once a second."""
 
 _ANEW: Final = "\r\x1b[K"
 """To the beginning of the line, and nothing in it."""
@@ -29,11 +29,11 @@ _SEVERE: Final = frozenset({
     Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
     Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip
-"""What ends or interrupts a game, or bars it: a warning where it changes the flight's state."""
+"""Events that end, interrupt or forbid a game: warnings if they change the state."""
 
 
 class _BoundedQueue(QueueHandler):
-    """Drops a line rather than wait for a terminal or a journal that stands still."""
+    """Queue handler that drops a line if the terminal or journal is blocked."""
 
     dropped = 0
 
@@ -85,7 +85,7 @@ class _Terminal(logging.StreamHandler[TextIO]):
 
 
 class _Patient(QueueListener):
-    """Ends even where the stream stands still for good: a log must not keep a process from ending."""
+    """Listener that ends even if the stream is blocked: a log must not keep a process alive."""
 
     def __init__(self, room: "queue.Queue[logging.LogRecord | None]", writing: logging.Handler) -> None:
         super().__init__(room, writing)
@@ -148,7 +148,7 @@ class ConsoleLines(logging.Formatter):
 
 
 class Logger(Protocol):
-    """Where what happens is logged."""
+    """Interface of the log."""
 
     def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
         """Log a message with fields."""
@@ -171,7 +171,7 @@ class Log:
     Args:
         form: "json" or "console".
         level: Lowest level that is written.
-        stream: Where to.
+        stream: Output stream.
     """
 
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
@@ -190,7 +190,7 @@ class Log:
 
     @property
     def dropped(self) -> int:
-        """Lines for which there was no room."""
+        """Number of dropped lines."""
         return self._handler.dropped
 
     def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
@@ -198,7 +198,7 @@ class Log:
         self._logger.log(level, message, extra={"fields": fields})
 
     def show(self, words: str) -> None:
-        """Say where things stand, below the lines of a terminal; elsewhere nothing is said."""
+        """Show the live line below the log, on a terminal only."""
         if self._terminal is not None:
             self._handler.handle(logging.makeLogRecord({"live": words, "levelno": logging.CRITICAL}))
 
@@ -218,7 +218,7 @@ def _fields(record: logging.LogRecord) -> dict[str, Any]:
 
 
 def say_outputs(log: Logger, outputs: Outputs) -> None:
-    """Say what came of a cycle: an alarm, a fault of guidance, and everything that happened."""
+    """Log the results of a cycle: alarm, internal error and happenings."""
     if outputs.alarm is not None:
         log.say(logging.WARNING, str(outputs.alarm.violation), by=outputs.alarm.by or "-")
     if outputs.fault is not None:

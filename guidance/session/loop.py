@@ -60,7 +60,7 @@ class World(Protocol):
 
     @property
     def real_time(self) -> bool:
-        """Whether time passes by itself."""
+        """Whether time is real."""
         ...
 
     @property
@@ -70,12 +70,12 @@ class World(Protocol):
 
     @property
     def evader_source(self) -> EvaderSource:
-        """What is heard of the evader."""
+        """Reports of the evader."""
         ...
 
     @property
     def player(self) -> EvaderPlayer | None:
-        """The evader, where this process plays it; None where it is somebody else's."""
+        """The evader, if this process plays it; else None."""
         ...
 
     def advance(self) -> None:
@@ -87,7 +87,7 @@ class World(Protocol):
         ...
 
     def engage(self) -> None:
-        """The game has begun: faults that count from engagement do from now on."""
+        """The game has begun: start the faults that count from engagement."""
         ...
 
     def drain(self) -> Sequence[CapturedFrame]:
@@ -138,7 +138,7 @@ class Signals:
             sys.exit(0)
 
     def act(self, daemon: Daemon, now_s: float) -> None:
-        """Tell the daemon what was asked for since the last call."""
+        """Pass the signals since the last call to the daemon."""
         ends, again = self._end, self._again
         self._end, self._again = 0, False
         for _ in range(ends):
@@ -203,7 +203,7 @@ def run(
                 mission.before(now_s)
             try:
                 daemon.step(now_s, Timing(now_s - due_s, worked_s))
-            except Exception as error:  # the last catch: nobody else flies this vehicle
+            except Exception as error:  # of any kind: no other program flies this vehicle
                 daemon.survive(error, now_s)
             if mission is not None:
                 mission.after(now_s, now_s - due_s)

@@ -1,8 +1,7 @@
-"""The process of a daemon: the processor when it is wanted, garbage between cycles, and signs of life to systemd.
+"""The process of a daemon: priority, garbage collection between cycles, and signs of life to systemd.
 
-Every thread of the process is raised, not the loop's alone: whichever of them holds the interpreter when a busy
-machine takes the processor away keeps the loop waiting just as well. Which scheduling was had is said. Signs of life go
-by the protocol of systemd (sd_notify(3)): plain datagrams to $NOTIFY_SOCKET.
+The priority of every thread is raised. Any thread may hold the interpreter's lock, and if a busy machine takes the
+processor from it, the loop waits. Signs of life follow sd_notify(3): datagrams to $NOTIFY_SOCKET.
 """
 
 import contextlib
@@ -33,12 +32,12 @@ _WATCHDOG_SHARE: Final = 3.0
 
 
 def claim() -> str:
-    """Take what is permitted, and name it: `realtime 10`, `nice -10` or `as others`."""
+    """Raise the priority as far as permitted, and name it: `realtime 10`, `nice -10` or `as others`."""
     sys.setswitchinterval(SWITCH_S)
     if not hasattr(os, "sched_setscheduler"):  # not Linux
         return "as others"
     policy = os.sched_getscheduler(0)
-    if policy in {os.SCHED_FIFO, os.SCHED_RR}:  # as systemd was told
+    if policy in {os.SCHED_FIFO, os.SCHED_RR}:  # set by systemd
         return f"realtime {os.sched_getparam(0).sched_priority}"
     for words, raise_one in ((f"realtime {PRIORITY}", _to_real_time), (f"nice {NICE}", _to_nice)):
         try:
@@ -68,7 +67,7 @@ class GcScheduler:
     """Collects garbage between cycles, when there is time for it, and not at the interpreter's own moments.
 
     Args:
-        enabled: False leaves it to the interpreter, as in virtual time, where nothing waits.
+        enabled: False leaves collection to the interpreter, as in virtual time.
     """
 
     def __init__(self, *, enabled: bool = True) -> None:
@@ -76,7 +75,7 @@ class GcScheduler:
         self._young_s = self._old_s = 0.0
 
     def begin(self, now_s: float) -> None:
-        """From now on nothing is collected but here; what was made so far stays, and is not looked at again."""
+        """Collect only here from now on. Existing objects are frozen and never scanned again."""
         if not self._enabled:
             return
         gc.collect()
@@ -106,11 +105,11 @@ class GcScheduler:
 
 
 class Notifier:
-    """Says what there is to say, or nothing where nobody listens. Never waits.
+    """Sends sd_notify messages; does nothing without NOTIFY_SOCKET. Never waits.
 
     Args:
         address: Of the datagram socket; None sends nothing. A leading "@" is an abstract one.
-        watchdog_s: Time without a sign of life after which systemd ends the process; None sends none.
+        watchdog_s: systemd's watchdog time; None sends no signs of life.
     """
 
     def __init__(self, address: str | None, watchdog_s: float | None) -> None:

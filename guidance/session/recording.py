@@ -1,4 +1,4 @@
-"""What a daemon keeps of its flight, and how that goes: the record on disk, and what is broadcast to who looks on."""
+"""A daemon's record on disk and its broadcast to onlookers."""
 
 import logging
 
@@ -26,24 +26,24 @@ class Recording:
 
     @property
     def kept(self) -> Records | None:
-        """Where cycles are written to; None where nobody keeps any."""
+        """Destination of cycles; None if there is neither record nor broadcast."""
         kept = self._each()
         return Records(kept) if kept else None
 
     @property
     def words(self) -> str:
-        """How the record goes, for people."""
+        """State of the record, for people."""
         if self._record is None:
             return "off"
         return "on" if self._record.failed is None else f"stopped: {self._record.failed}"
 
     def note(self, now_s: float, event: str, detail: str) -> None:
-        """Keep an event that is none of the flight's own."""
+        """Record an event that is not the flight's."""
         for one in self._each():
             one.event(now_s, event, detail)
 
     def look(self, now_s: float, metrics: Metrics, log: Logger) -> None:
-        """Say once that the record could not go on."""
+        """Report once that the record stopped."""
         if self._record is None or self._record.failed is None or self._lost:
             return
         self._lost = True
@@ -53,7 +53,7 @@ class Recording:
         log.say(logging.WARNING, STOPPED, reason=self._record.failed)
 
     def rows(self) -> tuple[Finding, ...]:
-        """Refuse to fly without the record that is wanted; one that fails in flight is told, and flown on without."""
+        """A refusal if a required record has failed. In flight a failed record is only reported."""
         if self._record is None or self._record.failed is None or not self._required:
             return ()
         mend = "free the disk, or have record.folder written by this user, or set record.required = false"

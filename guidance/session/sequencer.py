@@ -7,10 +7,10 @@ from typing import Final
 from guidance.flight import FINAL, Authority, Event, Outputs, State
 
 LINGER_S: Final = 2.0
-"""How long a mission waits after the flight held or yielded by itself."""
+"""Wait of a mission after the flight held or yielded by itself."""
 
 CONTACT_PATIENCE_S: Final = 60.0
-"""How long a mission waits for a person's engage order after telemetry was lost and came back."""
+"""Wait of a mission for a person's engage order after a telemetry gap."""
 
 PATIENCE_S: Mapping[State, float] = {
     State.READY: 60.0,
@@ -70,7 +70,7 @@ class MissionSequencer:
         """Whether the flight is over, or stays too long in a state."""
         waited_s = self._now_s - self._since_s
         if self._state is State.YIELDED:
-            return waited_s >= LINGER_S  # the record shows that nothing is sent any more
+            return waited_s >= LINGER_S  # the record then shows the silence
         if self._state in FINAL:
             return True
         return not self.by_operator and waited_s > self._patience_s.get(self._state, math.inf)
@@ -105,7 +105,7 @@ class MissionSequencer:
         return (self._end_with,) if now_s - self._since_s >= self._lingers_s() else ()
 
     def _lingers_s(self) -> float:
-        """How long the mission stays in the present state before it ends the flight."""
+        """Time in the present state after which the mission ends the flight."""
         if self._state is State.ON_STATION:
             return self._hold_s
         if self._state is State.STANDING_BY and self._lost_contact:

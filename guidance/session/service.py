@@ -1,4 +1,4 @@
-"""What `guidance run` does: open everything, run, and close everything again."""
+"""`guidance run`: open everything, run, and close everything again."""
 
 import contextlib
 import json
@@ -34,7 +34,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
 
     Args:
         name: A path, or of a vehicle file that comes along.
-        on_config: Is told of the configuration before anything is opened.
+        on_config: Called with the configuration before anything is opened.
 
     Raises:
         GuidanceError: For everything that the user can mend.

@@ -28,20 +28,20 @@ from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
 
 _WIRE_LIMIT_S = 5.0
 OWN_ID = 255
-"""Who asks an evader: a ground station's id, since the vehicle's own would make us a part of the vehicle."""
+"""System id towards the evader: a ground station's. The vehicle's own id would mean a part of the vehicle."""
 
 _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
 
 
 @dataclass(slots=True)
 class VehicleWorld:
-    """The world of a vehicle that is not ours: time passes by itself, and so does what is in it.
+    """The world of a running vehicle, in real time.
 
     Attributes:
         link: The vehicle.
-        evader_source: What is heard of the evader.
+        evader_source: Reports of the evader.
         taps: Pass on the raw frames of the vehicle's wire.
-        closing: Ends what was opened.
+        closing: Closes everything.
         player: The evader, where this process plays it.
         on_engage: Called when the game begins.
     """
@@ -76,7 +76,7 @@ def open_control(config: Config, mailbox: Mailbox) -> ControlBus:
     Raises:
         ConfigError: If a certificate or its key is wrong.
         OutputError: If the token cannot be written.
-        LinkError: If there is no session to be had, or another daemon owns the vehicle.
+        LinkError: If no session can be opened, or another daemon owns the vehicle.
     """
     control = config.control
     return ControlBus(
@@ -95,10 +95,10 @@ def open_all(
     """Claim the vehicle, open its link and the evader's source, and wait until the vehicle was heard.
 
     Args:
-        config: Whom to talk to.
+        config: Of vehicle and evader.
         clock: Arrival times are its.
         tapped: Whether raw frames are passed on.
-        wire: The vehicle's, where it is open already; closed with what is opened.
+        wire: The vehicle's, if it is open already; it is closed with the world.
         evader_wire: The evader's, likewise.
 
     Raises:
@@ -120,7 +120,7 @@ def open_all(
 
 
 def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitStack) -> None:
-    """Claim the vehicle on its own bus, where it has one: there every daemon that could fly it can be seen."""
+    """Claim the vehicle on its own Zenoh bus, if it has one: all possible owners are there."""
     endpoint = parse(config.vehicle.url)
     if endpoint.scheme != "zenoh":
         return
@@ -151,7 +151,7 @@ def _vehicle_key(config: Config) -> SigningKey | None:
 def _open_link(
     config: Config, clock: Clock, wire: Wire, taps: list[TappedWire] | None
 ) -> tuple[VehicleLink, Wire | None]:
-    """Open the link; the second is a share of its wire for the evader, where it is wanted and can be had."""
+    """Open the link; the second result is a share of its wire for the evader, if that has no URL of its own."""
     vehicle = config.vehicle
     now_s = clock.now_s
     if taps is not None:
@@ -221,7 +221,7 @@ def _open_source(config: Config, clock: Clock, credentials: Credentials, spare: 
 
 
 def _frame(evader: EvaderSection) -> LocalFrame:
-    """Return the declared frame; where none is needed, one that knows no datum besides sea level."""
+    """Return the declared frame; by default one at sea level, for sources that need no frame."""
     if evader.frame is None:
         return LocalFrame(0.0, 0.0, Amsl(0.0))
     given = evader.frame
@@ -232,7 +232,7 @@ def _frame(evader: EvaderSection) -> LocalFrame:
 
 
 def _evader_key(config: Config) -> SigningKey | None:
-    """Return the key that reports have to be signed with: on the vehicle's link, its own."""
+    """Return the key that signs the evader's reports; on the vehicle's link the vehicle's key."""
     evader, vehicle = config.evader, config.vehicle
     if evader.kind not in ON_ZENOH and evader.url is None and vehicle.signing_key_file is not None:
         return _vehicle_key(config)
@@ -256,7 +256,7 @@ def signing_key(path: Path, section: str = "vehicle") -> SigningKey:
 
 
 ASK_AGAIN_S: Final = 3.0
-"""Asked again after this long without a report: an evader may have been switched off and on."""
+"""Repeat the request after this time without a report: the evader may have restarted."""
 
 HEARTBEAT_S: Final = 1.0
 
@@ -290,7 +290,7 @@ class PolledEvader:
         return reports
 
     def counters(self) -> Mapping[str, int]:
-        """As the source's, and how often was asked."""
+        """The source's counters, and the number of requests."""
         return {**self._source.counters(), "requests_sent": self._link.counters().get("requests_sent", 0)}
 
     def close(self) -> None:

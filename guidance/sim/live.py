@@ -23,7 +23,7 @@ from sitl_mock.errors import TransportError
 ZENOH: Final = "zenoh"
 UDP: Final = "udp"
 OVER: Final = (ZENOH, UDP)
-"""What the vehicles can be reached over."""
+"""Transports to the vehicles."""
 
 _ANSWER_LIMIT_S: Final = 2.0
 
@@ -70,7 +70,7 @@ class LiveWorld:
     def engage(self) -> None:
         """Put the faults in place that count from engagement."""
         if faults := list(faults_after(self._scenario, "engaged")):
-            # on a thread of its own: the loop waits for nobody
+            # on its own thread: the loop must not wait
             threading.Thread(target=_inject, args=(self._mock[PURSUER].zenoh, faults)).start()
 
     def drain(self) -> Sequence[CapturedFrame]:
@@ -88,7 +88,7 @@ class LiveWorld:
         return ZenohWire(self._clock.now_s, namespace=name, endpoint=vehicle.zenoh or "")
 
     def _wires(self, name: str) -> tuple[Wire, Wire]:
-        """Two for one vehicle; a UDP port can be had once only."""
+        """Return two wires to one vehicle; a UDP port can be opened only once."""
         if self._mock[name].udp_port is not None:
             one, other = share(self._wire(name), 2)
             return one, other

@@ -35,11 +35,11 @@ class SteppedMock:
         return ours
 
     def join(self, end: Wire) -> None:
-        """Let the vehicle send to this end too, and hear what comes by it."""
+        """Connect another wire to the vehicle."""
         self._ends.append(end)
 
     def advance(self, now_s: float) -> None:
-        """Hand the vehicle what was sent to it, and everybody what it says."""
+        """Step the vehicle with the frames sent to it, and send its frames to all wires."""
         heard = [frame for end in self._ends for _, frame in end.receive()]
         for frame in self._vehicle.step(now_s, heard):
             for end in self._ends:
@@ -50,7 +50,7 @@ class SteppedWorld:
     """The world of virtual time: both vehicles in one process. `advance` steps them to the clock's present.
 
     Attributes:
-        faulted: The vehicles with what goes wrong with them, by name; more may be injected.
+        faulted: The vehicles with their faults, by name; more may be injected.
         vehicles: The same without.
 
     Raises:
@@ -100,9 +100,9 @@ class EvaderHere:
     MAVLink frames on a loopback port, where its TIMESYNC is answered too.
 
     Args:
-        scenario: What it plays, and where on Earth.
+        scenario: Its play and its place on Earth.
         clock: The run's.
-        radio: Where it reports to, and hears TIMESYNC; closed with it.
+        radio: For its reports and TIMESYNC; closed with it.
     """
 
     def __init__(self, scenario: Scenario, clock: Clock, radio: Wire) -> None:
@@ -120,13 +120,13 @@ class EvaderHere:
         return self._pilot.ready
 
     def position_game_m(self) -> Vector | None:
-        """Where its own telemetry has it."""
+        """Its own telemetry's position."""
         return self._pilot.position_game_m()
 
     def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
-        """Step the rover, and let it be told what to do next."""
+        """Step the rover and its pilot."""
         self._mock.advance(now_s)
-        self._mock.wire.drain()  # nobody records what passes between the rover and who drives it
+        self._mock.wire.drain()  # the rover's own link is not recorded
         self._pilot.step(now_s, pursuer_game_m, playing=playing)
 
     def stop(self) -> None:

@@ -9,6 +9,7 @@ from guidance.session.mission import MISSION_LIMIT_S, MOCKED, MissionPolicy
 from guidance.session.orders import Mailbox
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR
+from tests.harness.vehicle import FENCED
 
 RUNNERS = {
     "fly": MOCKED,
@@ -17,6 +18,11 @@ RUNNERS = {
 }
 LEADS_TO = {"hold": State.HOLDING, "return": State.RETURNING, "land": State.LANDING, "abort": State.LANDING}
 STANDS_S = 30.0
+NEXT = {
+    State.HOLDING: "held by operator",
+    State.RETURNING: "returning by operator",
+    State.LANDING: "landing by operator",
+}
 
 
 class Operator:
@@ -135,3 +141,17 @@ def test_a_hold_outlasts_the_longest_mission():
     result = operator.fly()
     (held, (landing,)), _ = by_operator(result)
     assert landing.now_s - held.now_s >= MISSION_LIMIT_S
+
+
+@pytest.mark.parametrize("order", LEADS_TO)
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_a_daemon_without_a_mission_keeps_every_order_too(base, autopilot, order):
+    base = base(parameters=FENCED[autopilot], vehicle={"autopilot": autopilot}).engaged()
+    assert base.order(order)["accepted"]
+    state = base.state
+    assert state is LEADS_TO[order]
+    base.run(15.0, lambda: not base.vehicle.armed)
+    assert base.state is state
+    assert base.flight.cause.by is Authority.OPERATOR
+    said = base.order("status")
+    assert (said["by"], said["next"].split(":")[0]) == ("operator", NEXT[state])
