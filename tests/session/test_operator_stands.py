@@ -18,6 +18,7 @@ RUNNERS = {
 }
 LEADS_TO = {"hold": State.HOLDING, "return": State.RETURNING, "land": State.LANDING, "abort": State.LANDING}
 STANDS_S = 30.0
+SET_UP = {"px4": FENCED, "arducopter": {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}}
 NEXT = {
     State.HOLDING: "held by operator",
     State.RETURNING: "returning by operator",
@@ -146,7 +147,7 @@ def test_a_hold_outlasts_the_longest_mission():
 @pytest.mark.parametrize("order", LEADS_TO)
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_a_daemon_without_a_mission_keeps_every_order_too(base, autopilot, order):
-    base = base(parameters=FENCED[autopilot], vehicle={"autopilot": autopilot}).engaged()
+    base = base(parameters=SET_UP[autopilot], vehicle={"autopilot": autopilot}).engaged()
     assert base.order(order)["accepted"]
     state = base.state
     assert state is LEADS_TO[order]
