@@ -1,4 +1,4 @@
-"""A million states of the TAD game in one call, and a picture of the barrier: where the evader can still be stopped.
+"""Solves a million states of the TAD game in one call, and draws the barrier between the winners.
 
 python docs/examples/million_states.py [STATES] [PICTURE]
 """
@@ -18,7 +18,7 @@ TARGET = np.zeros(3)
 
 
 def margins(states: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where the evader stands, (n, n, 3), m, on a square of so many states, and the margins, (n, n), s."""
+    """Return evader positions on a square grid, (n, n, 3), m, and the pursuer's margins, (n, n), s."""
     side = int(states**0.5)
     x, y = np.meshgrid(np.linspace(-60.0, 60.0, side), np.linspace(-60.0, 60.0, side))
     evaders = np.stack([x, y, np.zeros_like(x)], axis=-1)
@@ -46,7 +46,7 @@ def draw(evaders: NDArray[np.float64], margin_s: NDArray[np.float64], picture: P
 
 
 def main(states: int = 1_000_000, picture: Path = Path("barrier.png")) -> None:
-    """Solve, time it, and draw."""
+    """Solve, print the time, and draw."""
     begun_s = time.perf_counter()
     evaders, margin_s = margins(states)
     took_s = time.perf_counter() - begun_s

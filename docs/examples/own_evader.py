@@ -1,4 +1,4 @@
-"""An evader of your own: a function that plays against the game, and a track that a scenario flies.
+"""Your own evader: as a function in a rollout, and as a track in a scenario.
 
 python docs/examples/own_evader.py
 """
@@ -21,7 +21,7 @@ P, E = np.array([0.0, 0.0, 20.0]), np.array([10.0, 30.0, 0.0])
 def aside(
     game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
 ) -> Array:
-    """Run across the pursuer's line of sight, at full speed: a policy is a function of arrays (..., 3)."""
+    """Run across the pursuer's line of sight at full speed. A policy is a function of arrays (..., 3)."""
     del target, evader_velocity_m_s
     sight = (evader - pursuer) * np.array([1.0, 1.0, 0.0])
     across = np.stack([-sight[..., 1], sight[..., 0], 0.0 * sight[..., 0]], axis=-1)
@@ -29,7 +29,7 @@ def aside(
 
 
 SCENARIO = """
-title = "A zigzag of one's own"
+title = "My own zigzag"
 game = "pe"
 pursuer = { position_m = [0, 0, 20], speed_m_s = 6 }
 evader = { position_m = [10, 30], speed_m_s = 3, policy = "recorded", track = "zigzag.csv" }
@@ -38,7 +38,7 @@ expect = { end = "captured" }
 
 
 def zigzag() -> str:
-    """A track: rows of time and place, of any origin; it begins where the scenario has the evader."""
+    """Return a track: time and position, from any origin. It is moved to the evader's start."""
     rows = [
         (float(t), 1.5 * t, 2.0 * ((t // 4) % 2) * (t % 4) + 2.0 * (1 - (t // 4) % 2) * (4 - t % 4)) for t in range(60)
     ]
@@ -46,7 +46,7 @@ def zigzag() -> str:
 
 
 def main() -> None:
-    """Play both."""
+    """Play against both evaders."""
     value = float(solve(GAME, P, E).value)
     played = rollout(GAME, P, E, evader_policy=aside)
     print(f"value of the game {value:.2f} s; an evader that runs aside is captured after {float(played.time_s):.2f} s")

@@ -18,7 +18,7 @@ from guidance.messages import EvaderReport
 
 
 def publish(session: zenoh.Session, key: str, *, count: int, rate_hz: float) -> None:
-    """Report an evader that runs north at 3 m/s: this is all of a source."""
+    """Report an evader that runs north at 3 m/s. A source needs no more than this."""
     publisher = session.declare_publisher(key, encoding=zenoh.Encoding.APPLICATION_JSON)
     for k in range(count):
         report = {
@@ -34,14 +34,14 @@ def publish(session: zenoh.Session, key: str, *, count: int, rate_hz: float) -> 
 
 
 def free_port() -> int:
-    """Return a TCP port of loopback that nobody has."""
+    """Return a free TCP port of loopback."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def main(count: int = 5, rate_hz: float = 20.0) -> list[EvaderReport]:
-    """Publish on a router of our own, and read it as the daemon does."""
+    """Publish on a local router, and read the reports like the daemon."""
     port = free_port()
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')

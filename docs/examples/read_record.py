@@ -1,4 +1,4 @@
-"""What a record tells: how long each state lasted, what happened, and what was promised beside what came.
+"""Reads a record: the duration of each state, the events, and the promised and actual time of the game.
 
 python docs/examples/read_record.py flights/pe-001/record.mcap
 """
@@ -14,7 +14,7 @@ PERIOD_S = 0.02
 
 
 def main(record: Path) -> dict[str, float]:
-    """Print it; return the seconds of each state."""
+    """Print a summary; return the seconds in each state."""
     survey = survey_of(record)
     print(f"{title_of(survey.metadata)}: {survey.duration_s:.1f} s, {'whole' if survey.torn is None else survey.torn}")
     cycles = list(cycles_of(record))

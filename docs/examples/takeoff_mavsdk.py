@@ -1,4 +1,4 @@
-"""A MAVSDK script as anybody writes it: arm, take off, fly north for a while, land. `test_takeoff_mavsdk.py` tests it.
+"""A plain MAVSDK script: arm, take off, fly north, land. `test_takeoff_mavsdk.py` tests it.
 
 sitl-mock run --vehicles px4:uav1 --udp 14540 &
 python docs/examples/takeoff_mavsdk.py udpin://127.0.0.1:14540
@@ -24,14 +24,14 @@ def wait(condition: Callable[[], bool], within_s: float, what: str) -> None:
 
 
 def main(url: str, *, height_m: float = 5.0, north_s: float = 2.0) -> float:
-    """Fly; return how far north it came, m."""
+    """Fly; return the distance flown north, m."""
     with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
         mavsdk.add_any_connection(url)
         return fly(mavsdk.first_autopilot(20.0), height_m, north_s)
 
 
 def fly(system: System, height_m: float, north_s: float) -> float:
-    """Fly a vehicle that is connected."""
+    """Fly a connected vehicle; return the distance flown north, m."""
     telemetry, action, offboard = Telemetry(system), Action(system), Offboard(system)
     wait(telemetry.health_all_ok, 60.0, "ready to arm")
     action.set_takeoff_altitude(height_m)
@@ -43,10 +43,10 @@ def fly(system: System, height_m: float, north_s: float) -> float:
     offboard.start()
     time.sleep(north_s)
     offboard.stop()
-    came_m = float(telemetry.position_velocity_ned().position.north_m - begun_m)
+    north_m = float(telemetry.position_velocity_ned().position.north_m - begun_m)
     action.land()
     wait(lambda: not telemetry.armed(), 60.0, "landing")
-    return came_m
+    return north_m
 
 
 if __name__ == "__main__":

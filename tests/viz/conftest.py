@@ -1,4 +1,4 @@
-"""Flights to draw, and a certificate to show them by."""
+"""Flights to draw, and a TLS certificate."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""Pictures show what they are given, whatever it is called."""
+"""Pictures show any name as plain text."""
 
 import pytest
 
@@ -16,7 +16,7 @@ IN_VIEW, FAR = circle((0.0, 0.0, 0.0), 8.0), circle((0.0, 0.0, 0.0), 300.0)
 
 @pytest.mark.parametrize("title", [r"$\frac{", r"$\frac{$", "$1 or 2$", r"costs 3$ \alpha", "ordinary"])
 def test_a_text_is_read_as_it_is_written(tmp_path, title):
-    """Whatever it is in: the title, an axis's name, its ticks, a label of a line or a note."""
+    """Text in the title, axis labels, ticks, line labels and notes."""
     figure = figure_of(4.0, 3.0)
     axes = figure.subplots()
     axes.plot([0.0, 1.0], label=title)
@@ -31,7 +31,7 @@ def test_a_text_is_read_as_it_is_written(tmp_path, title):
         *axes.legend().get_texts(),
     ]
     save(figure, tmp_path / "a.png")
-    figure.canvas.draw()  # at its own resolution, in which the widths are
+    figure.canvas.draw()  # at the resolution of the widths
     for text in texts:
         meant = figure.text(0.0, 0.0, title, parse_math=False, fontproperties=text.get_fontproperties())
         drawn_px, meant_px = (one.get_window_extent().width for one in (text, meant))

@@ -1,4 +1,4 @@
-"""The page as a browser has it, and what the pictures are drawn from."""
+"""The report in a browser, and the data of its pictures."""
 
 import base64
 import functools
@@ -74,12 +74,12 @@ def page_in(folder):
 
 @functools.cache
 def told(path):
-    """What a record tells, which nobody changes."""
+    """The story of a record. Read only."""
     return story_of(path, recorded_settings)
 
 
 def looked_at(page, folder):
-    """Show a page in a headless browser: the picture of it, and what the console said."""
+    """Render a page in a headless browser; return a screenshot and the console output."""
     picture = folder / "page.png"
     command = [BROWSER, *QUIET, f"--user-data-dir={folder / 'profile'}", "--window-size=1200,4000"]
     done = subprocess.run(
@@ -120,7 +120,7 @@ def test_every_picture_is_also_a_png_with_something_in_it(pe, tad):
 
 def test_a_browser_shows_the_page_without_a_word_on_its_console(pe, tmp_path):
     page = page_in(pe[2])
-    assert parsed(page).open == []  # all that can be said where no browser is installed
+    assert parsed(page).open == []  # without a browser, only this is checked
     if BROWSER is None:
         print("no chromium here: the page was checked for its structure only")
         return

@@ -1,4 +1,4 @@
-"""What is written for Rerun, read back with Rerun's own reader and compared with the record."""
+"""Rerun files, read back with Rerun's reader and compared with the record."""
 
 import json
 import math

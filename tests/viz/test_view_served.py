@@ -39,7 +39,7 @@ def children(pid):
 
 
 def listening(pid):
-    """Addresses (hexadecimal, as the kernel has them) that a process listens on."""
+    """Listening addresses of a process, in the hexadecimal form of /proc."""
     sockets = set()
     for one in Path(f"/proc/{pid}/fd").iterdir():
         with contextlib.suppress(OSError):
@@ -115,7 +115,7 @@ def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
 def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capfd):
     said = []
     beside = ViewerBeside(*FREE, say=said.append)
-    beside.wait()  # nothing was started
+    beside.wait()  # no process was started
     beside.start(record)
     pids = children(beside._beside.child.pid)
     until(lambda: any("http://127.0.0.1" in line for line in said))  # by us, and not into a live line
@@ -126,7 +126,7 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
     assert not any(map(is_running, pids))
 
 
-def test_a_mocked_flight_is_viewed_while_it_is_flown_and_afterwards_until_it_is_ended(tmp_path):
+def test_a_mocked_flight_is_shown_during_the_flight_and_until_it_is_closed(tmp_path):
     scenario = Path(__file__).parents[1] / "data" / "near_chase.toml"
     program = "from guidance.cli import main; main()"
     words = [sys.executable, "-c", program, "fly", str(scenario), "--fast", "--view", "--out", str(tmp_path)]
@@ -180,7 +180,7 @@ def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
     broadcast.event(cycles[200].now_s, "armed", "ready -> arming")
     for cycle in cycles[200:230]:
         broadcast.cycle(cycle)
-    flight._arrived.append(("guidance/cycle", b"{"))  # whoever is on the bus may say anything
+    flight._arrived.append(("guidance/cycle", b"{"))  # any peer may publish anything
     until(lambda: len(flight._arrived) == 32)
     items = list(flight.items(lambda: True))
     flight.close()
@@ -234,7 +234,7 @@ def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
         port = front.port
         assert status_for(port, host.format(port=port)) == http.HTTPStatus.MISDIRECTED_REQUEST
         for ours in (f"127.0.0.1:{port}", f"localhost:{port}"):
-            assert status_for(port, ours) == http.HTTPStatus.BAD_GATEWAY  # let in; nothing is served behind
+            assert status_for(port, ours) == http.HTTPStatus.BAD_GATEWAY  # accepted, but there is no server behind
     finally:
         front.close()
 

@@ -1,6 +1,6 @@
 """The panel: shows daemons in a browser and sends them orders. A separate process; needs the extra `panel`.
 
-What it offers:
+Contents:
     serve_panel: serves the page, by `PanelOptions`. PanelBeside: does so in a child process of a flight.
 """
 

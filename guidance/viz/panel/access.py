@@ -1,4 +1,4 @@
-"""Who may open the page: with a one-time URL on loopback; with a password over TLS anywhere else.
+"""Access to the page: by a one-time URL on loopback, by a password over TLS on other addresses.
 
 Both give a cookie for a secret path. Browsers send the cookies of a host to each of its ports, so a server of another
 program on 127.0.0.1 could receive ours. They do not send it to other paths, and that program does not know this one.
@@ -63,7 +63,7 @@ class Access:
 
     @property
     def needs_password(self) -> bool:
-        """Whether a password is required, instead of the token."""
+        """True if a password replaces the token."""
         return self._remote is not None
 
     @property
@@ -83,15 +83,15 @@ class Access:
         return self._remote is not None and hmac.compare_digest(password.encode(), self._remote.password.encode())
 
     def has_cookie(self, cookies: Mapping[str, str]) -> bool:
-        """Whether the cookies of a request include ours."""
+        """Check the cookie of a request."""
         return hmac.compare_digest(cookies.get(self.cookie, "").encode(), self.session.encode())
 
     def accepts_host(self, host: str) -> bool:
-        """Whether the Host header is ours. Over TLS any: the browser checks the certificate."""
+        """Check the Host header. Any name is allowed over TLS, because the browser checks the certificate."""
         return self._remote is not None or host in self._hosts
 
     def is_same_origin(self, host: str, origin: str) -> bool:
-        """Whether a request comes from a page of this panel."""
+        """Check that a request comes from a page of this panel."""
         return bool(host) and origin == f"{self.scheme}://{host}"
 
 
@@ -107,7 +107,7 @@ class PasswordThrottle:
         self._blocked_until_s: dict[str, float] = {}
 
     def is_blocked(self, address: str) -> bool:
-        """Whether an address must wait."""
+        """True while an address must wait."""
         return self._clock.now_s() < self._blocked_until_s.get(_network(address), 0.0)
 
     def block(self, address: str) -> None:
@@ -160,7 +160,7 @@ def remote_access(
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is reachable from this computer only."""
+    """True if only this computer can reach the host."""
     if host == "localhost":
         return True
     try:

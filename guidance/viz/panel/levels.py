@@ -24,7 +24,7 @@ class Level(StrEnum):
 
 
 BATTERY_CAUTION: Final = 0.1
-"""Caution if the battery is less than this above the level at which the flight returns (0 to 1)."""
+"""Caution below the minimum of the battery plus this (0 to 1). The flight returns at the minimum."""
 
 _STATES: Final[Mapping[State, Level]] = {
     State.CONNECTING: Level.CAUTION,
@@ -75,7 +75,7 @@ def of_winner(winner: int | None, *, no_game: bool) -> Level:
 
 
 def of_snapshot(snapshot: Mapping[str, Any], settings: FlightSettings) -> dict[str, str]:
-    """Severities of a snapshot, in which unknown values are NaN."""
+    """Severities of a snapshot. Its unknown values are NaN."""
     state, ages, game = State(snapshot["state"]), snapshot["age_s"], snapshot["game"]
     levels = {
         "state": of_state(state),

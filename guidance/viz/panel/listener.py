@@ -1,4 +1,4 @@
-"""Accepts the connections of the panel's web server, and closes those that do not log in."""
+"""Accepts the connections of the panel's web server. Closes those without a login."""
 
 import asyncio
 import socket
@@ -12,7 +12,7 @@ from guidance.session.connections import ConnectionLimit
 
 MAX_CONNECTIONS: Final = 256
 LOGIN_DEADLINE_S: Final = 10.0
-"""Time until a connection must show the cookie, from its first packet on. Includes the TLS handshake."""
+"""Time from a connection's first packet to a request with the cookie, including the TLS handshake."""
 
 _RETRY_S: Final = 0.1
 

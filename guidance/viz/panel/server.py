@@ -162,7 +162,7 @@ class PanelServer:
     def _print_address(self, remark: str = "") -> None:
         """Print the URL of the page. Its token works once, so each use prints the next."""
         query = "  (asks for the password)" if self._access.needs_password else f"?token={self._access.token}"
-        with contextlib.suppress(OSError):  # nobody reads the output any more
+        with contextlib.suppress(OSError):  # the output is closed
             self._say(f"panel    {self._address}{query}{remark}")
 
     def _application(self) -> web.Application:

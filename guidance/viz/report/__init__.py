@@ -1,8 +1,8 @@
 """The report: one HTML page with pictures and a summary of a record.
 
-What it offers:
+Contents:
     write_report: writes the page and its PICTURES.
-    story_of: reads a record into a `Story`, arrays over its cycles; `summary` makes rows of it.
+    story_of: reads a record into a `Story`, arrays over its cycles; `summary` makes its table.
 """
 
 from guidance.viz.report.page import PICTURES, write_report

@@ -1,4 +1,4 @@
-"""What a record tells: arrays over the cycles of its flight, NaN where nothing was known, and a summary in numbers."""
+"""Reads a record into arrays over the cycles of its flight, and summarises it. Unknown values are NaN."""
 
 import math
 from collections.abc import Sequence
@@ -32,9 +32,8 @@ from guidance.viz.shapes import Array
 class Story(NamedTuple):
     """A flight, cycle by cycle.
 
-    `engaged` and `captured` are the cycles that say so first, None where it did not come to that; `begun_s` and
-    `reached_s` are when the flight's state changed with it, by which a flight's outcome counts
-    (`guidance.session.result`), NaN where it never did.
+    `engaged` and `captured` are the first cycles of the game and of the capture, or None. `begun_s` and `reached_s` are
+    the times of the state changes ENGAGED and ON STATION, or NaN; `guidance.session.result` uses the same times.
     """
 
     title: str
@@ -53,12 +52,12 @@ class Story(NamedTuple):
     reached_s: float
 
     def column(self, name: str) -> Array:
-        """Return one number of every cycle, shape (n,) or (n, 3)."""
+        """Return one field of all cycles, shape (n,) or (n, 3)."""
         return np.array([getattr(cycle, name) for cycle in self.cycles])
 
     @property
     def with_target(self) -> bool:
-        """True where the evader has a place to reach (TAD)."""
+        """True if the evader has a target (TAD)."""
         return self.settings.cycle.target_game_m is not None
 
 
@@ -72,11 +71,11 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
     settings = settings_of(metadata)
     aggregator = Aggregator(settings)
     rows = cycles_of(path, survey)
-    told = [(aggregator.cycle(row), row.state, row.certificate, row.alarm) for row in rows]
-    if not told:
-        raise ConfigError(f"{path}: holds no guidance cycle: there is nothing to report")
-    certificates = tuple(certificate for _, _, certificate, _ in told)
-    states = tuple(state for _, state, _, _ in told)
+    cycles = [(aggregator.cycle(row), row.state, row.certificate, row.alarm) for row in rows]
+    if not cycles:
+        raise ConfigError(f"{path}: contains no guidance cycle, so there is nothing to report")
+    certificates = tuple(certificate for _, _, certificate, _ in cycles)
+    states = tuple(state for _, state, _, _ in cycles)
     playing = [number for number, one in enumerate(certificates) if one is not None]
     reached = [number for number in playing if (one := certificates[number]) is not None and one.captured]
     return Story(
@@ -86,19 +85,19 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
         tuple(events_of(path)),
         states,
         certificates,
-        tuple((cycle.now_s, str(alarm.violation)) for cycle, _, _, alarm in told if alarm is not None),
+        tuple((cycle.now_s, str(alarm.violation)) for cycle, _, _, alarm in cycles if alarm is not None),
         aggregator.home_m,
         aggregator.envelope,
-        tuple(cycle for cycle, _, _, _ in told),
+        tuple(cycle for cycle, _, _, _ in cycles),
         playing[0] if playing else None,
         reached[0] if reached else None,
-        _first_s(told, State.ENGAGED),
-        _first_s(told, State.ON_STATION),
+        _first_s(cycles, State.ENGAGED),
+        _first_s(cycles, State.ON_STATION),
     )
 
 
-def _first_s(told: Sequence[tuple[Cycle, str, object, object]], wanted: State) -> float:
-    return next((cycle.now_s for cycle, state, _, _ in told if state == wanted), math.nan)
+def _first_s(cycles: Sequence[tuple[Cycle, str, object, object]], wanted: State) -> float:
+    return next((cycle.now_s for cycle, state, _, _ in cycles if state == wanted), math.nan)
 
 
 def summary(story: Story) -> list[tuple[str, str]]:
@@ -138,7 +137,7 @@ def _game(story: Story) -> list[tuple[str, str]]:
 
 
 def _predicted(story: Story, engaged: Certificate) -> float:
-    """Return what a flight's outcome calls predicted: until the tolerance about the disc, without wind."""
+    """Return the predicted value of the outcome: capture at the tolerance around the disc, without wind."""
     cycle = story.settings.cycle
     game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
     places = [np.array(engaged.pursuer_game_m), np.array((*engaged.evader_game_m[:2], 0.0))]
@@ -164,8 +163,8 @@ def _flight(story: Story) -> list[tuple[str, str]]:
     return [
         ("record lasts", f"{story.cycles[-1].now_s - story.cycles[0].now_s:.1f} s, {len(story.cycles)} cycles"),
         ("setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"),
-        ("fastest", f"{_most(speeds):.2f} m/s"),
-        ("lowest while playing", f"{-_most(-heights[playing]):.2f} m above the evader's plane"),
+        ("highest speed", f"{_largest(speeds):.2f} m/s"),
+        ("lowest height during the game", f"{-_largest(-heights[playing]):.2f} m above the evader's plane"),
     ]
 
 
@@ -174,8 +173,8 @@ def _quality(story: Story) -> list[tuple[str, str]]:
         ("guarantee alarms", f"{len(story.alarms)}"),
         ("age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))),
         ("age of the evader's last report", _spread_ms(story.column("evader_age_s"))),
-        ("cycles began late by", _spread_ms(story.column("late_s"))),
-        ("cycles worked for", _spread_ms(story.column("worked_s"))),
+        ("delay of cycles", _spread_ms(story.column("late_s"))),
+        ("working time of cycles", _spread_ms(story.column("worked_s"))),
     ]
 
 
@@ -192,7 +191,7 @@ def _record(story: Story) -> list[tuple[str, str]]:
     ]
 
 
-def _most(values: Array) -> float:
+def _largest(values: Array) -> float:
     known = values[np.isfinite(values)]
     return float(known.max()) if len(known) else math.nan
 
@@ -201,5 +200,5 @@ def _spread_ms(values: Array) -> str:
     known = 1e3 * values[np.isfinite(values)]
     if not len(known):
         return "not recorded"
-    half, most, worst = (float(np.percentile(known, share)) for share in (50, 99, 100))
-    return f"{half:.1f} ms half of the time, {most:.1f} ms 99 %, {worst:.1f} ms at worst"
+    median, p99, worst = (float(np.percentile(known, share)) for share in (50, 99, 100))
+    return f"median {median:.1f} ms, p99 {p99:.1f} ms, largest {worst:.1f} ms"

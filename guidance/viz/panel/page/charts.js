@@ -1,4 +1,4 @@
-// The last five minutes as lines over time: which columns of the history, in which chart.
+// Charts of the last five minutes: the columns of the history, by chart.
 import { Surface, fixed, ink, roundStep } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
@@ -21,7 +21,7 @@ export class Charts {
     });
   }
 
-  // `until_s` is the right edge; a replay shows its own whole length.
+  // `until_s` is the time at the right edge. A replay shows its whole length.
   show(daemon, window_s = WINDOW_S) {
     const { rows, columns } = daemon;
     const until = rows.at(-1)?.[0] ?? 0;
@@ -73,7 +73,7 @@ export class Charts {
       const name = TEXTS.charts[column === "value" ? "value_curve" : column] + (column === "value" ? ` ${unit ?? "s"}` : "");
       const words = `${name}${last === undefined ? "" : ` ${fixed(last, last < 100 ? 1 : 0)}`}`;
       const long = surface.context.measureText(words).width;
-      if (left + 19 + long > surface.width) [left, top] = [beside, 10]; // no more room in this line
+      if (left + 19 + long > surface.width) [left, top] = [beside, 10]; // next line
       surface.line([[left, top], [left + 12, top]], colour, 2.5, dash);
       surface.text(words, left + 15, top, ink("--ink"));
       left += 22 + long;

@@ -1,13 +1,13 @@
-// What the panel tells this page, kept by daemon; the socket comes back by itself.
+// Receives the panel's messages and stores them by daemon. The WebSocket reconnects by itself.
 export const WINDOW_S = 300;
 const AGAIN_MS = 1000;
 const SILENT_MS = 2000;
 const MOST_EVENTS = 200;
 
 export class Feed {
-  // told(): something is new; lost(reason): "gone" where the panel does not answer, "closed" where it lets us in no more.
-  constructor(told, lost) {
-    this.told = told;
+  // changed(): new data; lost(reason): "gone" if the panel does not answer, "closed" if it refuses the cookie.
+  constructor(changed, lost) {
+    this.changed = changed;
     this.lost = lost;
     this.daemons = new Map();
     this.buses = [];
@@ -52,11 +52,11 @@ export class Feed {
     this.buses = message.buses;
     if (message.whole) this.daemons.clear();
     for (const said of message.daemons) this.daemons.set(said.key, merged(this.daemons.get(said.key), said));
-    this.told();
+    this.changed();
   }
 }
 
-// Fold one message about a daemon into what is known of it.
+// Merge one message into the stored data of a daemon.
 export function merged(known, said) {
   const daemon = known ?? { events: [], rows: [], status: {}, columns: [] };
   const { events, history, snapshot, ...plain } = said;
@@ -73,7 +73,7 @@ export function merged(known, said) {
   return daemon;
 }
 
-// The charts' and tracks' rows go on from what the panel sent, four a second, five minutes of them.
+// Append a row for charts and tracks: four a second, for five minutes.
 function remember(daemon, seen) {
   const last = daemon.rows.at(-1);
   if (last && seen.now_s < last[0]) daemon.rows = [];

@@ -1,4 +1,4 @@
-// At a glance: the state in large letters, lamps with a word, a shape and a colour, and the last events.
+// State in large letters, lamps (word, shape and colour), and the last events.
 import { fixed } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
@@ -12,7 +12,7 @@ export function lamp(element, level, words) {
 const number = (value, digits, unit) => (value === null || value === undefined ? "–" : `${fixed(value, digits)} ${unit}`);
 const aged = (value) => (value === null || value === undefined ? TEXTS.never : TEXTS.ago(value));
 
-// Each line: its name, its level (none: a plain figure) and its words; null leaves it out.
+// Each line: name, level (null: a plain value), text.
 function lines({ snapshot: seen, scene, status, operator }) {
   const { age_s: age, game, levels, alarm } = seen;
   const battery = seen.battery === null ? TEXTS.unknown : `${Math.round(100 * seen.battery)} %`;

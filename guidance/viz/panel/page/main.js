@@ -1,4 +1,4 @@
-// The page: it takes what the panel tells, shows one daemon of those there are, and gives orders to that one.
+// The page: receives data, shows one of the daemons, and sends it orders.
 import { Charts } from "./charts.js";
 import { Feed } from "./feed.js";
 import { Glance, lamp } from "./glance.js";
@@ -13,10 +13,10 @@ import { TEXTS } from "./texts.js";
 
 const CHARTS_EVERY_MS = 500;
 const MOST_TIMED = 600;
-const VOUCH_EVERY_MS = 1000;
+const SIGN_OF_LIFE_MS = 1000;
 const at = (name) => document.getElementById(name);
 
-// All pictures of one daemon, live or of a record.
+// All drawings of one daemon, live or from a record.
 class Pictures {
   constructor() {
     this.chartsMs = 0;
@@ -48,18 +48,18 @@ class Live {
     this.chosen = null;
     this.waiting = false;
     this.lostFor = "";
-    this.timed = []; // when each cycle was seen: [cycle's time s, this computer's clock ms]
+    this.timed = []; // when each cycle was drawn: [time of the cycle, s; clock of this computer, ms]
     this.pictures = pictures;
     this.orders = new Orders(at("orders"), lookOnly);
     at("mark").textContent = lookOnly ? TEXTS.look : "";
     at("by-label").hidden = lookOnly;
-    this.feed = new Feed(() => this.told(), (reason) => this.lost(reason));
+    this.feed = new Feed(() => this.changed(), (reason) => this.lost(reason));
     window.panel = this;
-    if (!lookOnly) setInterval(() => this.vouch(), VOUCH_EVERY_MS);
+    if (!lookOnly) setInterval(() => this.sendSignOfLife(), SIGN_OF_LIFE_MS);
   }
 
-  // A person's sign of life, for a daemon that asks for one: this page is open, in view, and shows it.
-  vouch() {
+  // An operator's sign of life to the shown daemon, while this page is visible.
+  sendSignOfLife() {
     if (this.daemon && document.visibilityState === "visible") this.feed.say(this.daemon.key);
   }
 
@@ -67,7 +67,7 @@ class Live {
     return this.feed.daemons.get(this.chosen) ?? this.feed.daemons.values().next().value;
   }
 
-  told() {
+  changed() {
     this.lostFor = "";
     if (this.waiting) return;
     this.waiting = true;
@@ -93,7 +93,7 @@ class Live {
     const drawn_s = daemon.snapshot?.now_s;
     if (drawn_s === undefined || drawn_s === this.drawn_s) return;
     this.drawn_s = drawn_s;
-    requestAnimationFrame(() => this.shown(drawn_s)); // what was drawn is on the screen when the next frame begins
+    requestAnimationFrame(() => this.shown(drawn_s)); // the drawing is on the screen when the next frame begins
   }
 
   shown(drawn_s) {
@@ -128,7 +128,7 @@ class Live {
     return button;
   }
 
-  // What is old must not look like now.
+  // Old data must not look current.
   banner() {
     const { daemon } = this;
     let words = "";

@@ -1,4 +1,4 @@
-// Orders. The daemon decides: a press asks it, and its answer is shown. Start, engage and abort take a second's press.
+// Orders. The daemon accepts or refuses them, and the page shows its answer. START, ENGAGE and ABORT need a press of 1 s.
 import { TEXTS } from "./texts.js";
 
 const HOLD_MS = 1000;
@@ -7,7 +7,7 @@ const SLOW = new Set(["start", "engage", "abort"]);
 const KEYS = { h: "hold", l: "land" };
 const ALWAYS = ["hold", "land", "return", "abort"];
 
-// Which order comes next in a state, if one begins something; the daemon says in `refused_orders` what stands against it.
+// The next order in each state. The daemon's `refused_orders` gives the reason if it would refuse it.
 const NEXT = {
   connecting: "start", checking: "start", ready: "start", waiting: "start", "standing by": "engage", holding: "engage",
   landed: "reset", yielded: "reset", failed: "reset",
@@ -20,7 +20,7 @@ export class Orders {
     this.lookOnly = lookOnly;
     this.daemon = null;
     this.shown = "";
-    this.pressed = ""; // the order whose button is held down: it stays where it is meanwhile
+    this.pressed = ""; // the order whose button is pressed; the button is not replaced meanwhile
     if (lookOnly) return;
     this.always = ALWAYS.map((order) => this.button(order));
     element.querySelector("#buttons").append(...this.always);
@@ -51,14 +51,14 @@ export class Orders {
     this.next.replaceChildren(...parts);
   }
 
-  // The panel itself is gone: nothing can be ordered until it tells something again.
+  // No contact with the panel: disable all orders until the next message.
   lose(reason) {
     this.always?.forEach((button) => disable(button, reason));
     this.next.querySelectorAll("button").forEach((button) => disable(button, reason));
     this.shown = "";
   }
 
-  // What stands against an order, and what to do about it, in place of its button.
+  // The reasons against an order and what to do, in place of its button.
   missing(order, status, reason) {
     const list = this.listed(status.to_do, "refuse", TEXTS.missing[order], "warning");
     const words = status.waiting_for ? TEXTS.waiting(status.waiting_for) : reason;
@@ -106,7 +106,7 @@ export class Orders {
         timer = null;
         this.pressed = "";
         button.classList.remove("held");
-        if (button.isConnected) this.give(order); // else what it stood for has passed meanwhile
+        if (button.isConnected) this.give(order); // otherwise the state has changed meanwhile
       }, HOLD_MS);
     };
     const end = () => {
@@ -156,13 +156,13 @@ export class Orders {
   }
 }
 
-// Why no order can be given at all; empty where the daemon is there.
+// Reason against all orders; empty if the daemon is in contact.
 function lost(daemon) {
   if (daemon.over) return TEXTS.isOver;
   return daemon.contact === "warning" ? TEXTS.noContact : "";
 }
 
-// Why the daemon would refuse an order; empty where it would accept it, or its answer is of another state.
+// Reason why the daemon would refuse an order; empty if it would accept it, or if its status is of another state.
 function refusal(daemon, state, order) {
   const { status } = daemon;
   if (status.refused_orders && status.state !== state) return "";

@@ -1,4 +1,4 @@
-// The plan view, to scale: x east, y north, m. It frames everything that matters until a person zooms or drags.
+// The plan view, to scale: x east, y north, m. It shows everything until the user zooms or drags.
 import { EVADER, PURSUER, Surface, ink, placeIn, roundStep } from "./surface.js";
 import { TEXTS } from "./texts.js";
 import { Tiles } from "./tiles.js";
@@ -13,7 +13,7 @@ export class Plan {
     this.framing = true;
     this.framed = false;
     this.centre = [0, 0];
-    this.scale = 5; // pixels a metre
+    this.scale = 5; // pixels per metre
     this.daemon = null;
     steer(canvas, {
       drag: (dx, dy) => this.move(dx, dy),
@@ -71,7 +71,7 @@ export class Plan {
     this.scaleBar();
   }
 
-  // Places that the frame holds: both, where they meet, the disc, home; and of the tracks what is not far behind.
+  // Points to show: both players, meeting point, disc, home, and the recent part of the tracks.
   worth(seen, scene, rows) {
     const places = [seen?.pursuer_m, seen?.evader_m, seen?.game?.meeting_m, scene?.home_m, scene?.target_m].filter(Boolean);
     const radius = scene?.standoff_m.radius ?? 0;
@@ -88,7 +88,7 @@ export class Plan {
     const wide = Math.max(east - west, LEAST_M) / Math.max(40, width - 2 * MARGIN_PX);
     const high = Math.max(north - south, LEAST_M) / Math.max(40, height - 2 * MARGIN_PX);
     const wanted = 1 / Math.max(wide, high);
-    // A frame that moves with every breath cannot be read: it changes when something leaves, or is far too small.
+    // Change the view only if a point leaves it, or if everything is far too small.
     const centre = [(west + east) / 2, (south + north) / 2];
     const kept = this.framed && places.every((place) => this.isInside(place)) && wanted / this.scale < 1.6;
     if (!kept) [this.scale, this.centre, this.framed] = [0.9 * wanted, centre, true];
@@ -161,7 +161,7 @@ export class Plan {
     if (pursuer) this.vehicle(this.pixel(pursuer), seen.yaw_rad ?? 0, evader && this.pixel(evader));
   }
 
-  // Its name stands on the side that the evader is not on.
+  // The label is on the side away from the evader.
   vehicle([x, y], yaw, evader) {
     const turned = (right, ahead) => [
       x + right * Math.cos(yaw) + ahead * Math.sin(yaw),
@@ -198,7 +198,7 @@ export function circle([x, y], radius, points = 72) {
   });
 }
 
-// One pointer drags, two zoom, the wheel zooms.
+// One pointer drags; two pointers or the wheel zoom.
 export function steer(canvas, { drag, zoom }) {
   const held = new Map();
   const spread = () => {

@@ -1,4 +1,4 @@
-// The height profile: height above home over distance from the evader, or from home while no evader is known.
+// Height above home over the distance to the evader, or to home if no evader is known.
 import { EVADER, PURSUER, Surface, fixed, ink, placeIn, roundStep } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
@@ -39,7 +39,7 @@ export class Profile {
     const reach = 1.15 * Math.max(10, ...places.map(([far]) => far));
     const high = 1.25 * Math.max(scene.floor_m + 5, ...places.map(([, above]) => above));
     const least = Math.min(...places.map(([, above]) => above));
-    const low = least < -0.2 ? 1.5 * least : 0; // home is as exact as its height
+    const low = least < -0.2 ? 1.5 * least : 0; // the height of home is inexact
     if (low < this.low || low > 0.5 * this.low) this.low = low;
     if (reach > this.reach || reach < 0.5 * this.reach) this.reach = reach;
     if (high > this.high || high < 0.5 * this.high) this.high = high;

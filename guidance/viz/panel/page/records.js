@@ -1,4 +1,4 @@
-// The flights that are over: how each ended, its report, its events, its exports, and its replay in the same view.
+// The list of records: outcome, report, events, exports and replay of each.
 import { TEXTS } from "./texts.js";
 
 export class Records {

@@ -1,4 +1,4 @@
-// A flight that is over, in the view of those that are not: a slider in place of the present, and no orders.
+// Replay of a record in the live view, with a slider and without orders.
 import { TEXTS } from "./texts.js";
 
 const at = (name) => document.getElementById(name);
@@ -50,7 +50,7 @@ export class Replay {
     at("banner").textContent = words;
   }
 
-  // In the flight's own time, as the frames' times have it.
+  // Plays in real time.
   play(on) {
     this.playing = on;
     at("play").textContent = on ? TEXTS.pause : TEXTS.play;

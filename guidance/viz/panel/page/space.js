@@ -1,4 +1,4 @@
-// The scene in three dimensions, by hand: a camera that is turned by dragging, lines and points in perspective.
+// The 3D view: lines and points in perspective, with a camera that is turned by dragging.
 import { EVADER, PURSUER, Surface, ink, placeIn, roundStep } from "./surface.js";
 import { circle, steer } from "./plan.js";
 import { TEXTS } from "./texts.js";
@@ -10,7 +10,7 @@ export class Space {
     this.surface = new Surface(canvas);
     this.turn = -0.6; // rad about the vertical, from north
     this.tilt = 0.45; // rad above the horizon
-    this.away = 1; // times the distance that shows everything
+    this.away = 1; // factor on the distance that shows everything
     this.middle = null;
     this.reach = 0;
     steer(canvas, {
@@ -72,7 +72,7 @@ export class Space {
     }
   }
 
-  // Pixel of a place, null behind the camera.
+  // Pixel of a point, null behind the camera.
   pixel([x, y, z]) {
     const { width, height } = this.surface;
     const [dx, dy, dz] = [x - this.middle[0], y - this.middle[1], z - this.middle[2]];
@@ -97,7 +97,7 @@ export class Space {
     const [x0, y0] = this.middle.map((value) => Math.round(value / step) * step);
     for (let at = -8; at <= 8; at++) {
       const far = 8 * step;
-      // In pieces: of a line that passes the camera, what lies before it is seen.
+      // In pieces, so that the visible part of a line that passes the camera is drawn.
       const pieces = [...Array(33).keys()].map((piece) => ((piece - 16) * far) / 16);
       this.curve(pieces.map((along) => [x0 + at * step, y0 + along, this.ground]), "--grid", 1);
       this.curve(pieces.map((along) => [x0 + along, y0 + at * step, this.ground]), "--grid", 1);

@@ -1,4 +1,4 @@
-// A canvas in its page's pixels and colours, and the few shapes that all drawings share.
+// A canvas with the page's pixels and colours, and the shapes that all drawings use.
 export class Surface {
   constructor(canvas) {
     this.canvas = canvas;
@@ -6,7 +6,7 @@ export class Surface {
     this.width = this.height = 0;
   }
 
-  // Make it as large as it is shown, empty; false where it is not shown.
+  // Clear it and set its size; false if it is hidden.
   begin() {
     const ratio = window.devicePixelRatio || 1;
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
@@ -108,12 +108,12 @@ export function roundStep(length, most) {
   return power * [1, 2, 5, 10].find((one) => one * power >= raw);
 }
 
-// A place of the history's rows, or null: `from` is the column of its x.
+// A position in a row of the history, or null; `from` is the column of x.
 export function placeIn(row, from) {
   return row[from] === null ? null : [row[from], row[from + 1], row[from + 2]];
 }
 
-// A number for people: never "-0.0".
+// Format a number without "-0.0".
 export function fixed(value, digits) {
   const words = value.toFixed(digits);
   return Number(words) === 0 ? words.replace("-", "") : words;

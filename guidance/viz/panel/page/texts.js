@@ -1,6 +1,6 @@
 const inSeconds = (seen) => (seen?.game?.time_needed_s > 0 ? `, there in ${seen.game.time_needed_s.toFixed(0)} s` : "");
 
-// Every English word of the page. What daemons say (reasons, advice, events) is theirs and comes as it is.
+// All texts of the page, except those from daemons (reasons, advice, events).
 export const TEXTS = {
   title: "Guidance",
   by: "operator",
@@ -24,16 +24,16 @@ export const TEXTS = {
   notCaptured: "not captured",
   ended: (state) => `ended ${state}`,
   alarms: (count) => `${count} alarm${count === 1 ? "" : "s"}`,
-  torn: "(record open, or torn)",
-  columns: ["Flight", "Begun (UTC)", "Duration", "Outcome", "Look again", "Export"],
+  torn: "(record open or incomplete)",
+  columns: ["Flight", "Start (UTC)", "Duration", "Outcome", "View", "Export"],
   report: "Report",
   replayed: "Replay",
   eventList: "Events",
   noDaemon: "No daemon yet",
   looking: (endpoint, reason) => (reason.includes(endpoint) ? reason : `${endpoint}: ${reason}`),
-  panelGone: "NO CONTACT WITH THE PANEL: what you see is old. Trying again…",
-  panelClosed: "This page is not let in any more: the panel was started anew. Open the address that it printed.",
-  daemonGone: (s) => `NO CONTACT WITH THE DAEMON for ${s} s: what you see is old, and orders do not arrive.`,
+  panelGone: "NO CONTACT WITH THE PANEL: this data is old. Reconnecting…",
+  panelClosed: "The panel was restarted and refuses this page. Open the last address that it printed.",
+  daemonGone: (s) => `NO CONTACT WITH THE DAEMON for ${s} s: this data is old, and orders do not arrive.`,
   over: (ended, record) => `The flight is over: ${ended}.${record ? ` Record: ${record}` : ""} `,
   replayIt: "Replay",
   contact: { ok: "in contact", caution: "late", warning: "no contact", unknown: "no contact" },
@@ -49,8 +49,8 @@ export const TEXTS = {
   none: "none",
   ago: (s) => (s < 10 ? `${s.toFixed(1)} s` : `${Math.round(s)} s`),
   lamps: {
-    battery: "Battery", heartbeat: "Heartbeat", position: "Position age", evader: "Evader age", source: "Heard by",
-    stream: "We send", winner: "Winner", value: "Value", need: "Vehicle needs", range: "Range to disc", height: "Height to disc",
+    battery: "Battery", heartbeat: "Heartbeat", position: "Position age", evader: "Evader age", source: "Source",
+    stream: "Sending", winner: "Winner", value: "Value", need: "Vehicle needs", range: "Range to disc", height: "Height to disc",
     margin: "Margin", assured: "Keeps from T", limits: "Limits acting", alarm: "Alarm", altitude: "Above home",
     speed: "Speed", operator: "Operator seen", recording: "Record",
   },
@@ -68,19 +68,19 @@ export const TEXTS = {
   noContact: "no contact",
   isOver: "the flight is over",
   awaits: (order) => `It waits for ${order}.`,
-  ready: { start: "Everything passes. START arms the vehicle: propellers will turn.", engage: "ENGAGE begins the game: guidance flies the vehicle to the stand-off disc." },
+  ready: { start: "All checks pass. START arms the vehicle: the propellers will turn.", engage: "ENGAGE starts the game: guidance flies the vehicle to the stand-off disc." },
   missing: { start: "Missing before start", engage: "Missing before engaging" },
-  advised: "Worth knowing",
+  advised: "Advice",
   counted: (heading, count) => `${heading} (${count})`,
   wanted: (wanted) => `wanted ${wanted}`,
-  // What guidance is about to do, by state; `seen` is the last moment, `status` the daemon's last answer.
+  // What guidance will do next, by state; `seen` is the last snapshot.
   about: {
     arming: () => "Arms the vehicle, then climbs.",
     climbing: () => "The autopilot climbs to the take-off height. Then it flies to the start, or stands by.",
     positioning: () => "The autopilot flies to the start. Then it stands by for ENGAGE.",
     entering: () => "Streams a hover until the vehicle shows the guided mode. Then the game begins.",
     engaged: (seen, after) => `Flies to the stand-off disc${inSeconds(seen)}. There it ${after}.`,
-    paused: () => "Hovers until what is missing is back; after ten seconds the autopilot holds.",
+    paused: () => "Hovers until the missing data is back; after ten seconds the autopilot holds.",
     "on station": (seen, after) => `At the stand-off disc: it ${after}.`,
     returning: () => "The autopilot flies home and lands.",
     landing: () => "The autopilot lands where it is.",
@@ -89,7 +89,7 @@ export const TEXTS = {
   given: (order) => `${order}: given, waiting for the answer…`,
   accepted: (order) => `${order}: accepted`,
   refused: (order, reason) => `${order} refused: ${reason}`,
-  unanswered: (order) => `${order}: no answer from the panel. Give it again, or take the vehicle by its radio.`,
+  unanswered: (order) => `${order}: no answer from the panel. Repeat it, or take over by radio.`,
   tooShort: (order) => `${order}: not given. Keep it pressed for one second.`,
   charts: {
     range: "Range to the disc, m", value: "Value", speed: "Speed, m/s", age: "Age, ms",

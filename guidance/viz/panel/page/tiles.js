@@ -1,4 +1,4 @@
-// A map under the plan view, from a tile server that the panel was told of; none by default.
+// A map under the plan view, from the tile server of --tiles.
 import { ink } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
@@ -12,7 +12,7 @@ export class Tiles {
     this.kept = new Map();
   }
 
-  // Web Mercator tiles about home, laid out in metres as the plan has them: near enough for a few kilometres.
+  // Web Mercator tiles around home, placed in metres like the plan. Exact enough for a few kilometres.
   draw(plan, scene) {
     if (!this.source) return;
     const [latitude, longitude] = scene.home_deg;
