@@ -251,7 +251,7 @@ def test_a_record_without_a_cycle_and_a_folder_that_cannot_be_written_are_refuse
     recorder = Recorder(path, metadata_of(pe[1]))
     recorder.event(0.0, "vehicle heard")
     recorder.close()
-    with pytest.raises(ConfigError, match="holds no guidance cycle"):
+    with pytest.raises(ConfigError, match="contains no guidance cycle"):
         write_report(path, tmp_path, recorded_settings)
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
