@@ -34,7 +34,7 @@ def stop_m(speed_m_s, envelope):
 
 
 @given(speeds, gaps)
-def test_a_vehicle_decelerates_where_its_drift_and_its_stop_do_not_fit_before_the_wall(speed, gap_m):
+def test_a_vehicle_brakes_if_drift_and_stopping_distance_exceed_the_room(speed, gap_m):
     wanted = deceleration_m_s2(speed, gap_m, OPEN.braking_m_s2, OPEN.reaction_s)
     spare_m = gap_m - stop_m(speed, OPEN)
     assert wanted <= 1e-6 or spare_m <= 1e-6

@@ -153,7 +153,7 @@ APART = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (7.0, 10.0), (7.0, 5.0), (3.0, 5
 @pytest.mark.parametrize("turn", range(4))
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("reverse", [False, True])
-def test_edges_that_touch_are_found_whichever_way_they_lie_and_edges_on_one_line_may_be_apart(turn, mirrored, reverse):
+def test_touching_edges_are_found_in_any_direction_and_collinear_ones_may_be_apart(turn, mirrored, reverse):
     def placed(corners):
         for _ in range(turn):
             corners = tuple((-east, north) for north, east in corners)
@@ -223,7 +223,7 @@ def test_outward_is_away_from_the_inside_wherever_the_polygon_lies(angle, north,
         assert star.contains((middle[0] - 1e-3 * outward[0], middle[1] - 1e-3 * outward[1]))
 
 
-def test_speed_limits_are_those_of_the_file_or_a_tenth_above_the_game_s_and_never_below_them():
+def test_speed_limits_are_from_the_file_or_10_percent_above_the_game_speed():
     game = Speeds(6.0, 3.0, 1.5)
     assert Limits().speeds(game, section="game") == pytest.approx((6.6, 3.3, 1.65))
     given_one = Limits(speed_m_s=7.0, climb_m_s=3.0).speeds(game, section="game")
@@ -240,6 +240,6 @@ def test_speed_limits_are_those_of_the_file_or_a_tenth_above_the_game_s_and_neve
         Limits(descent_m_s=1.4).speeds(game, section="own")
 
 
-def test_of_a_situation_that_says_no_more_than_place_and_velocity_nothing_else_is_taken_to_move():
+def test_a_situation_with_position_and_velocity_only_assumes_no_other_motion():
     still = (0.0, 0.0, 0.0)
     assert Situation((1.0, 2.0, 3.0), still) == ((1.0, 2.0, 3.0), still, 0.0, None, None, still)

@@ -102,7 +102,7 @@ def test_outside_is_beyond_a_fence_itself_whatever_its_margin():
 
 
 @given(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))
-def test_every_edge_is_measured_along_a_unit_normal_and_from_outside_the_nearest_only(x, y):
+def test_edges_are_measured_along_unit_normals_and_outside_only_the_nearest(x, y):
     fence = measure_fence(at(x, y), SQUARE)
     assert all(math.hypot(*edge.outward) == pytest.approx(1.0) for edge in fence.edges)
     nearest = min(abs(edge.gap_m) for edge in fence.edges)

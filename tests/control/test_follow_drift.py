@@ -94,7 +94,7 @@ def test_one_report_moves_place_and_drift_by_its_share_of_what_it_is_off(off, dt
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_what_is_off_by_more_than_a_metre_after_its_share_is_a_jump_and_no_drift_is_above_its_bound(axis, side):
+def test_a_remaining_error_above_one_metre_is_a_jump_and_drift_is_bounded(axis, side):
     def along(size):
         return tuple(side * size if n == axis else 0.0 for n in range(3))
 

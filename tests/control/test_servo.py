@@ -244,7 +244,7 @@ def test_what_is_expected_of_the_vehicle_is_the_reference_late_by_its_lag():
     assert late.memory.expected_ned_m_s == pytest.approx((3.0 - 2.0 * left, 4.0 - 5.0 * left, 1.0 - 2.0 * left))
 
 
-def test_a_vehicle_that_is_held_back_teaches_nothing_and_what_is_expected_of_it_goes_on():
+def test_a_held_back_vehicle_does_not_change_the_expected_response():
     memory = ServoMemory(CRUISE, STILL, (2.0, 4.0, 1.0), 0.4, (0.1, -0.2, 0.0))
     free, held = (
         serve(CRUISE, (2.5, 3.0, 0.0), memory, GAINS, dt_s=DT_S, held_back=one).memory for one in (False, True)

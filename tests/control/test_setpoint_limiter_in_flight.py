@@ -260,7 +260,7 @@ def test_five_minutes_of_level_flight_keep_the_height_that_bare_velocity_loses()
     assert abs(errors[-1]) < 0.1
 
 
-def test_a_hold_begins_where_the_vehicle_is_and_moves_to_its_height_without_overshoot():
+def test_a_hold_starts_at_the_vehicle_and_reaches_its_height_without_overshoot():
     begun = hold_altitude(None, down_m=-17.0, envelope=ENVELOPE, dt_s=DT_S)
     assert begun == (0.0, (-17.0, 0.0))
     assert hold_altitude(begun.memory, down_m=-18.0, envelope=ENVELOPE, dt_s=DT_S)[0] > 0.5

@@ -69,7 +69,7 @@ def test_shrinking_keeps_directions_and_touches_only_what_closes(velocity, one):
 
 @settings(deadline=None)
 @given(vectors, constraints)
-def test_what_goes_along_a_closed_wall_is_not_taken_for_what_rounding_leaves_of_the_rest(velocity, one):
+def test_velocity_along_a_closed_wall_is_kept_and_not_mistaken_for_rounding(velocity, one):
     along = slide(velocity, one.closed())
     assert shrink(along, one.closed()) is along
 
