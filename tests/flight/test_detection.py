@@ -97,7 +97,7 @@ def test_a_mode_that_is_not_our_doing_is_another_hand(state, autopilot):
         assert seen is (mode not in OUR_MODES[state])
 
 
-def test_no_heartbeat_is_no_hand_and_whoever_flies_where_a_pilot_is_to_engage_is_none_either():
+def test_a_missing_heartbeat_or_an_invited_pilot_is_no_takeover():
     assert not happens(Event.PILOT, State.ENGAGED, vehicle=VehicleState())
     sticks = well(heartbeat(mode=Mode.OTHER))
     assert happens(Event.PILOT, State.STANDING_BY, vehicle=sticks)
@@ -156,9 +156,7 @@ def test_the_guided_mode_is_said_by_a_heartbeat_after_the_state_was_entered(at_s
         (ARDUCOPTER, 3.0, True, True),
     ],
 )
-def test_a_late_loop_pauses_and_one_that_stopped_for_as_long_as_the_autopilot_waits_yields(
-    autopilot, dt_s, late, stopped
-):
+def test_a_late_loop_pauses_and_yields_after_the_autopilots_timeout(autopilot, dt_s, late, stopped):
     settings = settings_of(autopilot)
     assert happens(Event.LOOP_LATE, State.ENGAGED, dt_s=dt_s, settings=settings) is late
     assert happens(Event.LOOP_STOPPED, State.ENGAGED, dt_s=dt_s, settings=settings) is stopped
@@ -203,7 +201,7 @@ ABOUT_HOME = replace(ENVELOPE, home_ned_m=(5.0, 0.0, HOME_DOWN_M), stand_off=STA
         (Event.STAND_OFF, (100.0, 0.0, HOME_DOWN_M - 5.4), True),
     ],
 )
-def test_a_limit_of_space_is_watched_in_every_commanding_state_with_and_without_a_game(state, event, place, broken):
+def test_limits_of_space_are_checked_in_every_commanding_state(state, event, place, broken):
     evader = (100.0, 0.0, HIGH_M if event is not Event.STAND_OFF or place[2] == HIGH_M else HOME_DOWN_M)
     given = {"vehicle": GUIDED, "envelope": ABOUT_HOME, "position_ned_m": place, "evader_ned_m": evader}
     for certificate in (QUIET, None):
@@ -387,7 +385,7 @@ def test_a_check_says_what_it_found(name, changes, expected):
     assert row(name, well(*changes)) == expected
 
 
-def test_px4_never_says_that_its_arming_checks_are_present_and_is_believed_of_them_all_the_same():
+def test_px4_arming_checks_count_although_px4_never_reports_them_as_present():
     silent = well(status(present=0, healthy=0))
     assert not row("prearm", silent, PX4)[0]
     assert row("prearm", silent, ARDUCOPTER)[0]

@@ -128,7 +128,7 @@ def test_odd_reports_between_our_own_are_a_second_source_within_two_seconds(ever
     assert now_s - begun_s == pytest.approx(2.0 * max(APART_S, 0.02 * every), abs=0.03)
 
 
-def test_a_transient_of_the_autopilots_own_of_a_third_of_a_second_is_no_alarm_and_is_forgotten():
+def test_a_transient_of_the_autopilot_of_a_third_of_a_second_is_no_alarm():
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))
     for step in range(19):
@@ -158,7 +158,7 @@ def test_outside_the_guided_mode_the_autopilots_setpoints_are_its_own_affair():
     assert not echo.foreign
 
 
-def test_what_the_autopilot_still_reports_from_before_we_began_is_not_held_against_anyone():
+def test_late_autopilot_reports_from_before_our_stream_are_no_takeover():
     echo = Echo()
     for step in range(60):
         now_s = 0.02 * step
@@ -199,7 +199,7 @@ def test_in_a_mode_that_is_not_ours_nothing_is_strange_and_what_was_is_forgotten
 
 @pytest.mark.parametrize("later_s", [0.0, 0.1, 0.7, 1234.56])
 @pytest.mark.parametrize(("apart_s", "foreign"), [(1.0, True), (1.02, False)])
-def test_three_strange_reports_within_two_seconds_are_foreign_whatever_the_clock_rounds(apart_s, foreign, later_s):
+def test_three_strange_reports_in_two_seconds_are_foreign_for_any_clock_rounding(apart_s, foreign, later_s):
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0)) + later_s
     for count in range(3):

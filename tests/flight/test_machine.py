@@ -30,7 +30,7 @@ def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin()
     assert flown.cycle().state is State.READY
 
 
-def test_what_preflight_refuses_keeps_a_vehicle_from_being_ready_and_takes_readiness_away():
+def test_a_preflight_refusal_prevents_readiness_and_ends_it():
     flown = Flown()
     flown.cycle()
     assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
@@ -47,7 +47,7 @@ def test_the_time_in_a_phase_counts_from_its_entry():
     assert flown.cycles(0.1, silent=True)[-1].state is State.FAILED
 
 
-def test_a_request_is_repeated_when_a_heartbeat_shows_that_it_had_no_effect_and_not_before():
+def test_a_request_is_repeated_only_after_a_heartbeat_shows_no_effect():
     flown = Flown()
     flown.cycle()
     flown.cycle()
@@ -61,7 +61,7 @@ def test_a_request_is_repeated_when_a_heartbeat_shows_that_it_had_no_effect_and_
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_from_the_ground_the_autopilot_takes_off_and_the_flight_stands_by_in_its_hold(autopilot):
+def test_from_the_ground_the_autopilot_takes_off_and_holds_while_standing_by(autopilot):
     flown = Flown(settings_of(autopilot))
     flown.cycles(0.1)
     flown.cycle(Event.START)
@@ -79,7 +79,7 @@ def test_from_the_ground_the_autopilot_takes_off_and_the_flight_stands_by_in_its
     assert {one.setpoint for one in flown.cycles(3.0)} == {None}
 
 
-def test_a_vehicle_that_is_up_already_is_taken_over_as_it_hovers_and_one_on_the_ground_is_armed():
+def test_a_hovering_vehicle_is_taken_over_and_one_on_the_ground_is_armed():
     up = Flown()
     up.standing_by()
     assert [h.event for h in up.outputs.happenings] == [Event.ALOFT]
@@ -136,7 +136,7 @@ def test_what_was_taken_before_its_checks_passed_is_not_engaged_until_they_do():
     assert found.cycle(Event.ENGAGE).state is State.ENTERING
 
 
-def test_what_was_ready_when_it_was_taken_is_engaged_again_unless_something_is_refused_now():
+def test_a_vehicle_that_was_ready_is_engaged_again_unless_a_check_refuses():
     found = Flown().standing_by()
     found.cycle(Event.HOLD)
     assert found.flight.checked
@@ -173,7 +173,7 @@ def test_orders_are_followed_one_after_the_other_and_have_one_happening_each():
     assert {h.now_s for h in outputs.happenings} == {flown.now_s}
 
 
-def test_the_guided_mode_is_asked_for_once_a_setpoint_went_out_and_a_heartbeat_came_which_is_asked_for_at_once():
+def test_the_guided_mode_is_requested_after_a_setpoint_and_a_requested_heartbeat():
     flown = Flown().standing_by()
     flown.evader = (60.0, 0.0)
     ordered = flown.cycle(Event.ENGAGE, beat=True)  # this HEARTBEAT may be from before the order
@@ -190,7 +190,7 @@ def test_the_guided_mode_is_asked_for_once_a_setpoint_went_out_and_a_heartbeat_c
     assert commands(flown.cycles(1.0)) == []
 
 
-def test_an_autopilot_that_sends_no_heartbeat_when_it_is_asked_is_waited_for_no_longer_than_this():
+def test_the_wait_for_a_requested_heartbeat_is_bounded():
     flown = Flown().standing_by()
     flown.evader = (60.0, 0.0)
     outputs = [flown.cycle(Event.ENGAGE), *flown.cycles(UNHEARD_S - 2 * CYCLE_S)]
@@ -202,9 +202,7 @@ def test_an_autopilot_that_sends_no_heartbeat_when_it_is_asked_is_waited_for_no_
 
 @pytest.mark.parametrize("began_s", [0.0, 1234.56])
 @pytest.mark.parametrize(("autopilot", "streamed"), [(PX4, 10), (ARDUCOPTER, 0)])
-def test_requests_of_the_guided_mode_come_in_the_cycle_in_which_they_are_due_whatever_the_clock_rounds(
-    autopilot, streamed, began_s
-):
+def test_guided_mode_requests_are_sent_in_the_due_cycle_for_any_clock_rounding(autopilot, streamed, began_s):
     for beat, due in ((True, streamed + 1), (False, 20)):
         flown = Flown(settings_of(autopilot))
         flown.now_s += began_s
@@ -216,7 +214,7 @@ def test_requests_of_the_guided_mode_come_in_the_cycle_in_which_they_are_due_wha
         assert [n for n, requests in enumerate(asked) if message in requests] == [0, 5, 10, 15, 20]
 
 
-def test_the_guided_mode_is_asked_for_again_only_of_an_autopilot_that_shows_another_one_of_ours():
+def test_the_guided_mode_is_requested_again_only_while_another_of_our_modes_is_on():
     flown = Flown().standing_by()
     flown.cycle(Event.ENGAGE)
     assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.cycles(0.3, beat=True) for request in one.requests]
@@ -283,7 +281,7 @@ def test_what_an_order_will_do_is_foreseen_and_asking_changes_nothing(brought, r
 
 
 @pytest.mark.parametrize(("engage_on", "taken"), [(EngageOn.COMMAND, False), (EngageOn.PILOT_MODE, True)])
-def test_a_vehicle_that_a_pilot_has_in_the_air_is_taken_over_only_where_a_pilot_is_to_engage(engage_on, taken):
+def test_a_piloted_vehicle_is_taken_over_only_if_the_pilot_engages(engage_on, taken):
     flown = Flown(settings_of(engage_on=engage_on))
     flown.cycles(0.1)
     flown.armed, flown.landed, flown.mode, flown.position[2] = True, 2, Mode.OTHER, HOME_DOWN_M - 10.0
@@ -321,7 +319,7 @@ def test_a_mode_of_ours_that_an_order_is_to_end_is_no_pilots_until_it_comes_agai
     assert flown.cycle(beat=True).state is State.YIELDED
 
 
-def test_two_sources_of_an_evader_end_in_the_hold_or_are_told_of_each_time_that_they_appear(monkeypatch):
+def test_two_evader_sources_end_in_hold_or_are_reported_each_time(monkeypatch):
     for hold in (True, False):
         flown = Flown(settings_of(hold_on_rival=hold)).engaged()
         told = []

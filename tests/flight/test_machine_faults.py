@@ -136,7 +136,7 @@ def test_on_the_ground_nothing_is_asked_of_the_vehicle(monkeypatch):
     assert flown.state in FINAL
 
 
-def test_after_an_error_of_our_own_no_order_is_followed_and_asking_for_one_does_not_fail_again(monkeypatch):
+def test_after_an_internal_error_orders_are_refused_without_another_error(monkeypatch):
     flown = Flown().engaged()
     assert flown.flight.follows(Event.HOLD, flown.now_s)
     monkeypatch.setattr(flown.flight.tracking, "silence_s", lambda _now_s: 1 / 0)
@@ -170,7 +170,7 @@ def yielded(autopilot, how):
 
 
 @pytest.mark.parametrize("how", sorted(LOST))
-def test_an_arducopter_that_waits_in_guided_after_a_loss_is_handed_to_its_hold_once_it_is_heard_to_wait(how):
+def test_an_arducopter_waiting_in_guided_after_a_loss_is_switched_to_hold(how):
     flown, lost = yielded(ARDUCOPTER, how)
     assert commands([lost]) == []  # what was heard meanwhile is from before
     (asked,) = [flown.cycle(beat=True)]
@@ -190,7 +190,7 @@ def test_an_arducopter_that_waits_in_guided_after_a_loss_is_handed_to_its_hold_o
 
 @pytest.mark.parametrize("how", sorted(LOST))
 @pytest.mark.parametrize(("autopilot", "mode"), [(ARDUCOPTER, Mode.OTHER), (ARDUCOPTER, Mode.LAND), (PX4, Mode.GUIDED)])
-def test_after_a_loss_nothing_is_asked_of_a_pilots_vehicle_nor_of_one_that_helps_itself(how, autopilot, mode):
+def test_after_a_loss_no_mode_is_requested_from_a_pilot_or_an_active_failsafe(how, autopilot, mode):
     flown, _ = yielded(autopilot, how)
     flown.mode = mode
     assert commands([flown.cycle(beat=True), *flown.cycles(5.0)]) == []
@@ -216,7 +216,7 @@ def test_after_a_pilots_takeover_an_arducopter_is_left_alone_in_whatever_mode():
         (Event.ABORT, Mode.LAND, False),
     ],
 )
-def test_after_an_error_the_hold_is_asked_for_where_the_vehicle_may_fly_by_our_setpoints(
+def test_after_an_error_the_hold_is_requested_if_our_setpoints_may_be_in_use(
     autopilot, order, mode, flown_by_us, monkeypatch
 ):
     flown = Flown(settings_of(autopilot)).standing_by()

@@ -119,7 +119,7 @@ def test_another_sources_setpoints_end_in_the_autopilots_hold_and_our_own_do_not
     assert flown.state is State.HOLDING
 
 
-def test_a_pilots_own_setpoints_are_not_taken_for_another_sources_and_nothing_is_ordered():
+def test_a_pilots_setpoints_are_not_another_source_and_cause_no_command():
     flown = Flown().engaged()
     flown.cycles(4.0)
     flown.mode = Mode.OTHER
@@ -196,7 +196,7 @@ def test_a_mode_that_was_chosen_before_standing_by_is_no_invitation_either():
     assert {one.state for one in flown.cycles(2.5)} == {State.STANDING_BY}
 
 
-def test_who_flies_while_one_is_waited_for_keeps_the_vehicle_whatever_is_ordered_then():
+def test_a_pilot_who_flies_while_waited_for_keeps_the_vehicle_against_any_order():
     for order in (Event.HOLD, Event.RETURN, Event.LAND):
         flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
         flown.mode = Mode.OTHER

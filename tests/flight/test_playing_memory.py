@@ -24,7 +24,7 @@ BEGUN = CycleMemory(
 PROMISED = MonitorMemory(lost=False)
 
 
-def test_what_is_remembered_of_places_moves_with_the_local_frame_and_nothing_else_does():
+def test_remembered_positions_move_with_the_local_frame_and_nothing_else_does():
     playing = Playing(SETTINGS)
     playing._memory = BEGUN
     playing.move((10.0, -20.0, 3.0))
@@ -59,7 +59,7 @@ def test_a_change_of_state_keeps_what_goes_on(before, after, remembers, watches_
     assert playing.certificate is None
 
 
-def test_without_a_setpoint_there_is_no_evader_and_no_alarm_and_without_a_place_no_setpoint():
+def test_silence_clears_evader_and_alarm_and_a_setpoint_needs_a_position():
     flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
     assert any(flown.cycle().alarm is not None for _ in range(100))
     playing = flown.flight._playing
@@ -80,7 +80,7 @@ def test_a_pilot_who_climbs_with_the_neutral_stream_is_not_pulled_back():
     assert flown.outputs.setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
-def test_a_height_that_is_held_jumps_with_the_position_so_that_the_vehicle_is_not_sent_back():
+def test_a_held_height_jumps_with_the_position_estimate():
     flown = Flown().engaged()
     flown.evader = None
     flown.cycles(5.0)

@@ -48,7 +48,7 @@ def test_the_reserve_needed_is_at_least_what_is_left_and_at_most_a_full_charge()
     assert RESERVE.needed(math.inf, 0.0) == RESERVE.needed(math.nan, 0.0) == 1.0
 
 
-def test_a_certificate_says_what_it_takes_to_come_home_from_here_where_that_is_reckoned():
+def test_a_certificate_gives_the_battery_needed_to_fly_home_if_configured():
     reckoned, fixed = Flown(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0))), Flown()
     for flown in (reckoned, fixed):
         flown.position[0] = 60.0
@@ -89,7 +89,7 @@ def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
         assert {check.name: check.passed for check in flight.checks(NOW_S)}["battery"] is passed
 
 
-def test_before_a_flight_or_without_a_place_the_way_home_is_reckoned_from_the_edge_of_the_fence():
+def test_without_a_position_the_way_home_is_from_the_edge_of_the_fence():
     flown = Flown(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
     flown.cycles(0.1)
     assert flown.flight.battery_needed == RESERVE.needed(300.0, 10.0)

@@ -26,7 +26,7 @@ def test_nothing_leads_out_of_a_final_state(state):
     assert {next_state(state, event) for event in Event} == {state}
 
 
-def test_only_a_persons_word_leads_to_entering_and_only_that_or_a_pilots_hand_begins_the_game():
+def test_only_an_order_leads_to_entering_and_only_order_or_pilot_start_the_game():
     into_entering = {(state, event) for (state, event), after in TRANSITIONS.items() if after is State.ENTERING}
     assert {event for _, event in into_entering} == {Event.ENGAGE}
     into_engaged = {state for (state, _), after in TRANSITIONS.items() if after is State.ENGAGED}

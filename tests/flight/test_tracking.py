@@ -63,7 +63,7 @@ def test_a_reset_that_leaves_the_zero_where_it_was_leaves_the_track_alone():
     assert tracking.evader(1.5) == before
 
 
-def test_an_origin_that_is_told_elsewhere_moves_the_track_to_the_same_place_in_the_new_frame():
+def test_a_moved_origin_moves_the_track_to_the_same_place_in_the_new_frame():
     tracking = Tracking(SETTINGS.cycle, PX4)
     tracking.observe(vehicle_at_home(), [report(1.0, north_deg=1e-3)])
     before, place = tracking.evader(1.5), tracking.local_frame
@@ -142,7 +142,7 @@ def test_a_position_that_is_a_metre_off_at_first_has_not_jumped(axis):
     assert (tracking.local_frame, tracking.held_back_ned_m) == (ZERO, (0.0, 0.0, 0.0))
 
 
-def test_a_jump_is_judged_by_a_global_position_of_its_own_moment_and_not_by_an_older_one():
+def test_a_jump_is_judged_by_a_global_position_of_the_same_time():
     before = [home(0.0), origin(ZERO), local(1.0, (0.0, 0.0, 0.0)), seen_at((0.0, 0.0, 0.0), 1.0)]
     for seen_s, held_back_m in ((1.01, 30.0), (1.02, 0.0)):
         tracking = Tracking(SETTINGS.cycle, PX4)
@@ -154,7 +154,7 @@ def test_a_jump_is_judged_by_a_global_position_of_its_own_moment_and_not_by_an_o
         assert tracking.local_frame == ZERO
 
 
-def test_a_jump_before_the_frame_is_known_or_an_origin_on_another_continent_change_nothing():
+def test_a_jump_before_the_frame_is_known_or_a_far_origin_changes_nothing():
     tracking = Tracking(SETTINGS.cycle, PX4)
     jumped = observe(VehicleState(), [local(1.0), seen_at((0.0, 0.0, 0.0), 1.0), local(1.02, (30.0, 0.0, 0.0))])
     assert jumped.jumped_ned_m != (0.0, 0.0, 0.0)

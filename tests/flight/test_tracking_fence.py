@@ -43,9 +43,7 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autop
 
 
 @pytest.mark.parametrize(("armed", "flown_by"), [(False, 1), (True, 0)])
-def test_a_home_that_is_set_anew_takes_heights_along_on_the_ground_only_and_leaves_the_fence_on_the_map(
-    armed, flown_by
-):
+def test_a_new_home_shifts_heights_only_on_the_ground_and_never_the_fence(armed, flown_by):
     frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=SETTINGS.autopilot.projection)
     flight = Flight(settings_of(limits=Limits.model_construct(fence_polygon_deg=on_the_map(frame, (0.0, 0.0, 0.0)))))
     origin = Origin(50.0, 47.397742, 8.545594, 488.0)

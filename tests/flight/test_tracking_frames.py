@@ -188,7 +188,7 @@ def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(b
     assert flown.flight.tracking.counts["started"] == 1
 
 
-def test_a_zero_that_is_told_elsewhere_without_the_vehicle_being_there_is_not_believed():
+def test_a_moved_origin_is_rejected_if_the_vehicle_did_not_move_with_it():
     flown = engaged()
     was, home_ned_m = relative(flown), flown.flight._heard.cycle.envelope.home_ned_m
     wrong = moved_zero_of((50.0, -80.0, 3.0))
