@@ -19,7 +19,7 @@ def is_guided_request(sent, profile):
 
 
 @pytest.mark.parametrize("times_real", [1, 30])
-def test_01_setpoints_stream_before_the_mode_is_asked_for_at_any_speed_of_the_simulation(
+def test_01_setpoints_stream_before_the_mode_request_at_any_simulation_speed(
     sortie, autopilot, times_real, monkeypatch
 ):
     # The core knows only the injected clock: 30 cycles of 20 ms are the same whether they take 0.6 s or 0.02 s. What a

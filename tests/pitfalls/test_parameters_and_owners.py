@@ -90,7 +90,7 @@ def test_24_the_timeout_that_was_set_is_what_the_autopilot_acts_on(sortie):
     assert speed < 0.4
 
 
-def test_29_a_second_source_of_setpoints_is_noticed_and_left_alone_with_the_autopilots_hold(sortie):
+def test_29_a_second_setpoint_source_is_detected_and_ends_in_the_autopilots_hold(sortie):
     flight = sortie.engaged("px4").run(2.0)
     stranger = mavlink.MAVLink(None, 255, 190)
     real_step = flight.mock.step
