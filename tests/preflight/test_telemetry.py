@@ -140,7 +140,7 @@ def heard(now_s=0.0):
     return Heartbeat(now_s, 0, armed=False, system_status=3, autopilot=12)
 
 
-def test_parameters_are_asked_for_once_the_vehicle_is_heard_and_again_while_they_are_missing():
+def test_parameters_are_requested_after_contact_and_again_while_missing():
     survey = PreflightMemory(["A", "B"])
     assert survey.requests(0.0) == ()
     survey.observe([heard()], [])
