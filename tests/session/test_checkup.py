@@ -119,9 +119,7 @@ def test_an_autopilot_that_answers_nothing_is_asked_again_and_then_given_up(worl
 
 
 @pytest.mark.parametrize(("configured", "flown"), [("px4", "arducopter"), ("arducopter", "px4")])
-def test_another_autopilot_than_configured_is_the_first_and_only_row_and_refuses_at_once(
-    vehicle_document, configured, flown
-):
+def test_a_wrong_autopilot_is_the_only_row_and_refuses_at_once(vehicle_document, configured, flown):
     world = World(vehicle_document, configured, flown)
     (row,) = world.checkup.rows()
     assert world.now_s() < 3.0

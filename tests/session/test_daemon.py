@@ -89,7 +89,7 @@ def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
     base.until(State.ENGAGED)
 
 
-def test_an_abort_of_a_vehicle_found_in_the_air_lands_it_and_on_the_ground_calls_the_flight_off(base):
+def test_abort_lands_a_vehicle_found_in_the_air_and_cancels_one_on_the_ground(base):
     up, down = aloft(base.standing_by()).until(State.READY), base.ready()
     assert up.order("abort")["state"] == "landing"
     up.until(State.LANDED)
@@ -274,7 +274,7 @@ def test_a_configuration_that_became_wrong_leaves_the_old_one_in_force(base):
     assert "speed_m_s" in fields["error"]
 
 
-def test_setpoints_of_another_source_are_noticed_and_the_vehicle_is_handed_to_its_hold(base):
+def test_setpoints_of_another_source_are_detected_and_the_vehicle_is_set_to_hold(base):
     base = base.engaged().run(2.0)
     begun_s = base.now_s
     while base.state is State.ENGAGED and base.now_s - begun_s < 5.0:
@@ -392,7 +392,7 @@ def test_a_pilot_takes_back_what_he_engaged_and_his_switch_does_not_engage_again
     assert base.setpoints_since(silent_s + 0.001) == []
 
 
-def test_before_a_pilot_is_waited_for_the_hold_is_asked_for_once_and_then_the_stream_begins(base):
+def test_waiting_for_a_pilot_starts_with_one_hold_request_and_then_the_stream(base):
     # A PX4 that lost its setpoints in OFFBOARD would take the new stream for the old wish.
     base = base.standing_by(flight={"engage_on": "pilot_mode"})
     begun_s = base.now_s

@@ -32,7 +32,7 @@ def read_since(one, since_s):
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_what_no_longer_passes_is_refused_by_name_until_it_is_mended_and_nobody_waits_long(base, autopilot):
+def test_a_failing_check_refuses_by_name_until_it_passes_without_a_long_wait(base, autopilot):
     one = standing_by(base, autopilot)
     for name, value in CHANGED[autopilot]:
         before = one.vehicle.autopilot.parameters[name]
@@ -91,7 +91,7 @@ def unanswered(one, name):
     one.vehicle.step = lambda now_s, frames=(): step(now_s, [frame for frame in frames if heard(frame)])
 
 
-def test_a_parameter_that_does_not_answer_is_a_refusal_in_time_and_other_orders_do_not_wait(base):
+def test_an_unanswered_parameter_refuses_in_time_and_delays_no_other_order(base):
     one = base.standing_by()
     unanswered(one, "GF_ACTION")
     asked_s = one.now_s

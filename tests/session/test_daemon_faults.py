@@ -63,7 +63,7 @@ def test_a_whole_flight_on_a_wire_that_spoils_one_number_in_thirty_messages(base
     assert one.order("status")["accepted"]
 
 
-def test_an_error_outside_of_the_flight_hands_the_vehicle_over_and_the_daemon_still_answers(base):
+def test_an_error_outside_the_flight_releases_the_vehicle_and_the_daemon_answers(base):
     one = base.engaged()
     since_s = one.now_s
     one.daemon.survive(KeyError("a part of ours"), one.now_s)

@@ -42,7 +42,7 @@ def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, 
     assert "features" in export(path, tmp_path / "map.geojson", recorded_settings)
 
 
-def test_a_configuration_that_was_read_again_is_in_the_record_and_its_flight_is_replayed_with_it(base, tmp_path):
+def test_a_reloaded_configuration_is_recorded_and_used_by_the_replay(base, tmp_path):
     path = tmp_path / "daemon.mcap"
     recorder = Recorder(path, {"config": base().config.model_dump_json()})
     one = base(record=recorder).until(State.READY)
@@ -89,9 +89,7 @@ def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
     return make
 
 
-def test_a_disk_that_fills_up_is_said_once_everywhere_and_the_flight_goes_on_as_without_a_record(
-    base, recorder_of, tmp_path
-):
+def test_a_full_disk_is_reported_once_and_the_flight_continues_without_a_record(base, recorder_of, tmp_path):
     recorder = recorder_of(60_000)
     one, bare = base(record=recorder), base()
     for each in (one, bare):
@@ -110,9 +108,7 @@ def test_a_disk_that_fills_up_is_said_once_everywhere_and_the_flight_goes_on_as_
 
 
 @pytest.mark.parametrize("required", [True, False])
-def test_a_record_that_cannot_even_be_opened_keeps_the_vehicle_on_the_ground_unless_it_is_not_required(
-    required, base, vehicle_document, tmp_path
-):
+def test_a_required_record_that_cannot_be_opened_prevents_the_start(required, base, vehicle_document, tmp_path):
     (tmp_path / "file").write_text("")
     document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
     bare = base()

@@ -37,7 +37,7 @@ def pe(tmp_path_factory):
     return flown(load_scenario("pe")[1], path), path
 
 
-def test_a_disk_that_fills_up_is_said_at_once_and_in_the_summary_and_the_game_is_played_to_its_end(tmp_path):
+def test_a_full_disk_is_reported_at_once_and_the_game_is_played_to_its_end(tmp_path):
     scenario = Path(__file__).parents[1] / "data" / "short_chase.toml"
     guidance = Path(sys.executable).parent / "guidance"
     # No file of the process may become larger than 100 blocks of 1 KiB: the record alone would.

@@ -86,7 +86,7 @@ def test_a_pursuit_is_flown_in_real_time_over_mavlink_and_zenoh(tmp_path, link):
 
 
 @pytest.mark.slow
-def test_a_mock_that_dies_in_flight_ends_the_run_within_three_seconds_with_a_readable_record(tmp_path):
+def test_a_mock_that_dies_in_flight_ends_the_run_in_3_s_with_a_readable_record(tmp_path):
     process = start(tmp_path / "out")
     wait_for(process, "climbing")
     mock = mock_of(process.pid)

@@ -209,7 +209,7 @@ def test_check_prints_every_row_and_its_verdict(vehicle_file):
     assert rows["LOCAL_POSITION_NED"]["verdict"] == "pass"
 
 
-def test_a_vehicle_that_is_not_there_is_waited_for_by_a_daemon_that_says_so_and_then_is_one_clear_message(vehicle_file):
+def test_a_daemon_waits_for_a_missing_vehicle_and_then_ends_with_one_message(vehicle_file):
     path, control = vehicle_file("nobody", timeout_s=4.0)
     with subprocess.Popen([GUIDANCE, "run", path], stderr=subprocess.PIPE, text=True) as daemon:
         waiting = until(control, "waiting")

@@ -59,7 +59,7 @@ def config_of(vehicle_document, **sections):
 
 
 @pytest.mark.parametrize("link", ["pymavlink", "mavsdk"])
-def test_an_evader_on_the_vehicles_wire_is_heard_beside_it_and_every_frame_is_passed_on(vehicle_document, udp, link):
+def test_an_evader_on_the_vehicles_wire_is_received_and_all_frames_are_passed_on(vehicle_document, udp, link):
     config = config_of(vehicle_document, vehicle={"url": udp, "link": link}, evader={"url": None})
     clock = MonotonicClock()
     opened = open_all(config, clock, tapped=True)
