@@ -72,7 +72,7 @@ def test_a_vehicle_that_has_not_answered_yet_has_twice_what_accelerating_costs()
 
 
 @pytest.mark.parametrize("with_target", [False, True])
-def test_a_vehicle_that_is_held_back_has_lost_at_once_what_gaining_its_speed_again_takes(with_target):
+def test_a_held_back_vehicle_loses_the_time_to_regain_its_speed_at_once(with_target):
     values = [4.0] * 40 if with_target else [20.0 - 0.1 * index for index in range(40)]
     found = alarms(values, with_target=with_target, costs=[0.0] * 20 + [0.3] * 20)
     assert [index for index, said in enumerate(found) if said] == [24]
@@ -143,7 +143,7 @@ def test_what_estimates_scatter_by_is_allowed_for_as_the_way_that_makes_it_good(
         assert any(found) is broken
 
 
-def test_an_evader_of_which_nothing_new_is_heard_is_said_once_for_each_time_that_it_takes_longer():
+def test_a_stale_evader_is_reported_once_for_each_longer_silence():
     memory, said = MonitorMemory(), []
     for ages in ([0.1, 0.3], [0.1, 0.9, STALE_S], [0.1, 1.1, 1.2], [0.1, 1.3, 1.5], [0.1, 1.6, 1.7, 2.0]):
         for age_s in ages:
