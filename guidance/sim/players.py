@@ -201,7 +201,7 @@ def _course(
                 seed,
                 stream=stream,
                 every_s=player.turn_every_s,
-                most_rad=np.deg2rad(player.turn_most_deg),
+                max_turn_rad=np.deg2rad(player.turn_most_deg),
                 duration_s=scenario.time_limit_s,
             )
         case "recorded":

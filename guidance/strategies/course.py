@@ -85,12 +85,12 @@ def random_turns(
     *,
     stream: int,
     every_s: float,
-    most_rad: float,
+    max_turn_rad: float,
     duration_s: float,
 ) -> Course:
     """Go at `speed_m_s` (...) in the plane of a start (..., 3) and turn at random every `every_s`.
 
-    The first heading is random; each later one differs from the one before by up to `most_rad`, evenly distributed.
+    The first heading is random; each later one differs from the one before by up to `max_turn_rad`, evenly distributed.
 
     Args:
         start_m: (..., 3), m.
@@ -98,12 +98,12 @@ def random_turns(
         seed: (...).
         stream: Number of the random stream, different for each player of a seed.
         every_s: Time between two turns.
-        most_rad: The largest turn to either side.
+        max_turn_rad: The largest turn to either side.
         duration_s: The least duration of the course.
     """
     count = int(np.ceil(duration_s / every_s)) + 1
     draws = uniform(np.asarray(seed)[..., None], stream, np.arange(count))
-    turns = (2.0 * draws - 1.0) * np.where(np.arange(count) == 0, np.pi, most_rad)
+    turns = (2.0 * draws - 1.0) * np.where(np.arange(count) == 0, np.pi, max_turn_rad)
     heading = np.cumsum(turns, axis=-1)
     leg = np.asarray(speed_m_s, dtype=np.float64)[..., None] * every_s
     steps = np.stack([leg * np.cos(heading), leg * np.sin(heading), np.zeros_like(heading)], axis=-1)

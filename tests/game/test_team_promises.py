@@ -8,7 +8,7 @@ import pytest
 from guidance.game import Ball, End, Game
 from guidance.game.team import match_teams, rollout, rollout_teams, solve_team
 
-STEP_S = 0.1
+STEP_S = 0.2
 T = np.zeros(3)
 HEADINGS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 SIZES = list(itertools.product(range(1, 5), range(2, 5)))
@@ -89,10 +89,19 @@ def test_every_promise_made_at_the_start_is_kept(monkeypatch, n, m, tad):
 @pytest.mark.parametrize("tad", [True, False])
 @pytest.mark.parametrize(("n", "m"), SIZES)
 def test_two_thousand_states_keep_every_promise(monkeypatch, n, m, tad):
-    for ratio, count in ((2.0, 64), (1.3, 20)):
-        game = Game(Ball(ratio), 1.0)
-        _, worst = broken(monkeypatch, game, n, m, count, tad=tad, seed=100 * n + m)
-        assert worst <= allowed(game)
+    """80 states of each size: 1,920, and 96 with slower pursuers below."""
+    game = Game(Ball(2.0), 1.0)
+    _, worst = broken(monkeypatch, game, n, m, 80, tad=tad, seed=100 * n + m)
+    assert worst <= allowed(game)
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("tad", [True, False])
+@pytest.mark.parametrize(("n", "m"), [(2, 3), (3, 3)])
+def test_slower_pursuers_keep_their_promises(monkeypatch, n, m, tad):
+    game = Game(Ball(1.3), 1.0)
+    _, worst = broken(monkeypatch, game, n, m, 24, tad=tad, seed=n)
+    assert worst <= allowed(game)
 
 
 def test_an_evader_that_was_promised_is_not_left_for_one_that_runs_away():

@@ -221,15 +221,17 @@ def test_the_bounds_of_pe_hold_against_fifty_opponents(seed, n):
     assert ((later.lower_bound + dt[:, 0, 0] - answer.lower_bound) / dt[:, 0, 0] > -1e-3).all()
 
 
-def hunted(ratio, share, count, seed):
-    """Play PE of two pursuers that both bind, in steps of a share of the value, against an evader that tries 24
-    headings at every step and knows the pursuers' velocities; return the times to the capture over the value."""
+def hunted(ratio, share, count, seed, n=2):
+    """Play PE of n pursuers against an evader that tries 24 headings at every step and knows their velocities.
+
+    Two pursuers bind at the start. Steps are a share of the value. Return the times to the capture over the value.
+    """
     game = Game(Ball(ratio), 1.0)
     rng = np.random.default_rng(seed)
-    P, E = rng.uniform(-12.0, 12.0, (8 * count, 2, 3)), rng.uniform(-6.0, 6.0, (8 * count, 3))
+    P, E = rng.uniform(-12.0, 12.0, (8 * count, n, 3)), rng.uniform(-6.0, 6.0, (8 * count, 3))
     P[..., 2], E[:, 2] = np.abs(P[..., 2]) * rng.choice([0.0, 1.0], (8 * count, 1)), 0.0
     first = solve_team(game, P, E)
-    both = np.flatnonzero(first.binds.all(axis=-1))[:count]
+    both = np.flatnonzero(first.binds.sum(axis=-1) == 2)[:count]
     P, E, value = P[both], E[both], first.value[both]
     angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     runs = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)[:, None]
@@ -252,6 +254,13 @@ def test_two_pursuers_capture_an_evader_that_searches_in_the_value(ratio, most):
     late = hunted(ratio, 0.005, 3, 3)
     assert late.min() > 0.9
     assert late.max() < most
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("n", [3, 4])
+def test_more_pursuers_are_never_later_than_the_upper_bound(n):
+    assert hunted(1.3, 0.005, 20, 5, n).max() < 1.04
+    assert hunted(2.0, 0.005, 20, 5, n).max() < 1.01
 
 
 @pytest.mark.flight

@@ -43,14 +43,14 @@ def test_corners_are_the_times_of_the_table():
 
 
 @given(st.integers(0, 2**40), st.floats(0.5, 8.0), st.floats(0.1, np.pi))
-def test_random_turns_are_at_full_speed_and_no_sharper_than_allowed(seed, every_s, most_rad):
-    course = random_turns(START, 1.5, seed, stream=1, every_s=every_s, most_rad=most_rad, duration_s=40.0)
+def test_random_turns_are_at_full_speed_and_no_sharper_than_allowed(seed, every_s, max_turn_rad):
+    course = random_turns(START, 1.5, seed, stream=1, every_s=every_s, max_turn_rad=max_turn_rad, duration_s=40.0)
     legs = np.diff(course.places_m, axis=0)
     np.testing.assert_allclose(np.linalg.norm(legs, axis=1), 1.5 * every_s)
     assert not legs[:, 2].any()
     heading = np.arctan2(legs[:, 1], legs[:, 0])
     turn = (np.diff(heading) + np.pi) % (2.0 * np.pi) - np.pi
-    assert np.all(np.abs(turn) <= most_rad + 1e-6)
+    assert np.all(np.abs(turn) <= max_turn_rad + 1e-6)
     assert course.times_s[-1] >= 40.0
 
 
@@ -63,7 +63,7 @@ def test_a_recorded_track_is_moved_to_where_the_player_starts():
 def test_courses_of_a_batch_are_those_of_its_rows():
     starts = np.random.default_rng(1).uniform(-9.0, 9.0, (5, 3))
     speeds, seeds = np.linspace(1.0, 2.0, 5), np.arange(5)
-    turning = {"stream": 2, "every_s": 2.0, "most_rad": 1.0, "duration_s": 9.0}
+    turning = {"stream": 2, "every_s": 2.0, "max_turn_rad": 1.0, "duration_s": 9.0}
     points = [(1.0, 1.0, 1.0), (-3.0, 0.0, 2.0)]
     track = [(0.0, 0.0, 0.0, 0.0), (4.0, 9.0, 0.0, 1.0)]
     for batch, alone in (
