@@ -31,6 +31,8 @@ from guidance.sweeps.rows import scenario_of
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 1.0)
 _SHOWN: Final = {"5 %": "0.05", "median": "0.5", "95 %": "0.95", "max": "1"}
 _BINS: Final = 10
+_ROUNDING: Final = 5e-5
+"""Smaller regrets are rounding errors."""
 _NO_INTERVAL: Final = Interval(math.nan, math.nan, math.nan)
 _COLUMNS: Final = ("end", "predicted_winner", "predicted", "regret", "final_distance_m", "game_time_s", "reason")
 
@@ -319,11 +321,11 @@ def _percent(share: float | None) -> str:
 
 def _with_interval(interval: Mapping[str, float | None]) -> str:
     """Return an estimate, with half the width of its interval if that is known."""
-    if interval["low"] is None or interval["high"] is None:
-        return _number(interval["estimate"])
-    return f"{_number(interval['estimate'])} ± {0.5 * (interval['high'] - interval['low']):.2g}"
+    low, high = interval["low"], interval["high"]
+    half = 0.0 if low is None or high is None else 0.5 * (high - low)
+    return _number(interval["estimate"]) + (f" ± {half:.2g}" if half > _ROUNDING else "")
 
 
 def _number(value: float | None) -> str:
     """Return three digits; rounding errors of zero as 0."""
-    return "-" if value is None else f"{0.0 if abs(value) < 5e-5 else value:.3g}"
+    return "-" if value is None else f"{0.0 if abs(value) < _ROUNDING else value:.3g}"

@@ -25,7 +25,7 @@ from guidance.sim.team_maths import TeamOutcome, invalid_teams, play_teams
 from guidance.sim.teams import TeamScenario
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.plan import Cases, Pair, Plan, Rows, policy_in
+from guidance.sweeps.plan import Cases, Pair, Plan, policy_in
 
 _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 _SAMPLE: Final = 1000
@@ -169,18 +169,14 @@ def _faults(model: Model, base: dict[str, Any], axis: Axis, value: Any) -> Itera
                 yield explain(model, dict(fault))
 
 
-def _spread(plan: Plan, count: int) -> Rows:
-    """Return the numbers of some rows, evenly spread over the plan."""
-    return np.unique(np.linspace(0, plan.rows - 1, count).round().astype(np.int64))
-
-
 def refuse_without_games(plan: Plan) -> None:
     """Refuse a sweep if all of a sample of its rows are invalid.
 
     Raises:
         ConfigError: With the most common reason.
     """
-    found = list(Scenarios(plan).of(plan.cases(_spread(plan, _SAMPLE))))
+    spread = np.unique(np.linspace(0, plan.rows - 1, _SAMPLE).round().astype(np.int64))
+    found = list(Scenarios(plan).of(plan.cases(spread)))
     reasons = Counter(one for one in found if isinstance(one, str))
     if reasons.total() == len(found):
         reason, count = reasons.most_common(1)[0]
@@ -214,7 +210,6 @@ def chunk_size(plan: Plan, workers: int, clock: Callable[[], float] = time.proce
         tried.append(_timed(plan, min(count, fair), clock))
     if len(tried) == 1:
         tried.append(_timed(plan, 2 * _TRIED[0], clock))
-    # The last two: a smaller trial may contain few kinds of games.
     (few, few_s), (many, many_s) = tried[-2:]
     # A chunk costs its steps, which all games share, and something for each game. The lower bound is for measurements
     # that differ by chance.
@@ -226,10 +221,10 @@ def chunk_size(plan: Plan, workers: int, clock: Callable[[], float] = time.proce
 
 
 def _timed(plan: Plan, count: int, clock: Callable[[], float]) -> tuple[int, float]:
-    spread = _spread(plan, count)
+    begin = (plan.rows - count) // 2  # neighbours, as in a chunk: they share their steps
     began_s = clock()
-    _outcomes(plan, plan.cases(spread))
-    return len(spread), max(clock() - began_s, 1e-6)
+    _outcomes(plan, plan.cases(np.arange(begin, begin + count)))
+    return count, max(clock() - began_s, 1e-6)
 
 
 def computed(plan: Plan, rows: range) -> bytes:

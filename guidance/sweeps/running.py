@@ -353,7 +353,7 @@ class Shown:
         done = self.kept - self._before
         if not done:
             left_s = self._expected_s - passed_s
-            return "" if math.isnan(left_s) else f"about {_clock(max(0.0, left_s))} left"
+            return f"about {_clock(left_s)} left" if left_s > 0.0 else ""
         rate = done / max(1e-9, passed_s)
         return f"{rate:.3g} {self._unit}/s, {_clock((self._rows - self.kept) / rate)} left"
 
