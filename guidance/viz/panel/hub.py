@@ -8,13 +8,13 @@ import json
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
 from guidance.log import CycleEntry, EventEntry, Item, SettingsOf
 from guidance.log.entries import BEGUN, FLIGHT_OVER
-from guidance.viz.panel.bus import FoundDaemon, News, StatusAnswer
+from guidance.viz.panel.bus import DaemonBus, FoundDaemon, StatusAnswer
 from guidance.viz.panel.levels import of_age, of_operator
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
 
@@ -29,33 +29,10 @@ Plain = dict[str, Any]
 _BAD_DATA: Final = (ConfigError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError)
 
 
-class Bus(Protocol):
-    """Connection to the daemons of an endpoint; implemented by `guidance.viz.panel.bus.DaemonBus`."""
-
-    endpoint: str
-    reason: str
-
-    def news(self) -> Sequence[News]:
-        """Return the news since the last call."""
-        ...
-
-    def order(self, name: str, order: str, by: str) -> Mapping[str, Any]:
-        """Send an order and return the answer; LinkError if none arrives."""
-        ...
-
-    def note_operator(self, name: str) -> None:
-        """Send a daemon signs of life for a short time."""
-        ...
-
-    def close(self) -> None:
-        """Disconnect."""
-        ...
-
-
 class DaemonView:
     """Data of one daemon, and which of it the pages do not have yet."""
 
-    def __init__(self, name: str, bus: Bus, settings_of: SettingsOf, now_s: float) -> None:
+    def __init__(self, name: str, bus: DaemonBus, settings_of: SettingsOf, now_s: float) -> None:
         self.name = name
         self.bus = bus
         self.key = f"{name}@{bus.endpoint}"
@@ -159,7 +136,7 @@ class Hub:
         clock: The panel's clock.
     """
 
-    def __init__(self, buses: Sequence[Bus], settings_of: SettingsOf, clock: Clock) -> None:
+    def __init__(self, buses: Sequence[DaemonBus], settings_of: SettingsOf, clock: Clock) -> None:
         self._buses = buses
         self._settings_of = settings_of
         self._clock = clock
@@ -179,7 +156,7 @@ class Hub:
                 else:
                     view.add(news.item, news.at_s)
 
-    def _view(self, name: str, bus: Bus) -> DaemonView | None:
+    def _view(self, name: str, bus: DaemonBus) -> DaemonView | None:
         key = f"{name}@{bus.endpoint}"
         if key not in self._views and len(self._views) < MAX_DAEMONS:
             self._views[key] = DaemonView(name, bus, self._settings_of, self._clock.now_s())

@@ -24,6 +24,9 @@ MAX_PAGES: Final = 64
 MAX_QUEUED: Final = 20
 """Unsent messages of a page, two seconds of them. A page with more is disconnected; it reconnects by itself."""
 
+KEEPALIVE_S: Final = 15.0
+"""Idle time of a connection between two requests; then it is closed."""
+
 _MAX_BYTES: Final = 4096
 _MAX_NAME_LENGTH: Final = 24
 _MAX_ORDERS_AT_ONCE: Final = 16
@@ -143,7 +146,9 @@ class PanelServer:
             listening: A listening TCP socket. The caller closes it.
             host: Host name of the page's address.
         """
-        runner = web.AppRunner(self._application(), access_log=None, shutdown_timeout=1.0)
+        runner = web.AppRunner(
+            self._application(), access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEPALIVE_S
+        )
         await runner.setup()
         assert runner.server is not None
         self._listener = Listener(runner.server, self._clock, self._access.tls)
