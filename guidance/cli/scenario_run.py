@@ -24,9 +24,16 @@ from guidance.sim.teams import TeamScenario
 
 WAYS: Final = ("maths", "fast", "live", "vehicle")
 
-_SECONDS: Final = ("game_time_s", "capture_time_s", "time_needed_s", "duration_s")
-_METRES: Final = ("final_distance_m", "min_standoff_m", "min_altitude_m")
-_NUMBERS: Final = ("predicted", "achieved", "regret")
+_SECONDS: Final = ("game_time_s", "capture_time_s", "predicted_capture_time_s", "time_needed_s", "duration_s")
+_METRES: Final = (
+    "distance_to_disc_m",
+    "evader_to_target_m",
+    "predicted_evader_to_target_m",
+    "predicted_short_m",
+    "min_standoff_m",
+    "min_altitude_m",
+)
+_NUMBERS: Final = ("regret",)
 
 
 REPORTED: Final = "reported"

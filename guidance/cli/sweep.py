@@ -128,7 +128,7 @@ def compare(
     b: Annotated[Path, typer.Argument(metavar="B", help="Another of the same kind.")],
     column: Annotated[
         str, typer.Option("--by", help="Sweeps: list the rows with the largest differences in this column.")
-    ] = "achieved",
+    ] = "game_time_s",
     rows: Annotated[int, typer.Option(min=0, help="Sweeps: number of rows to list.")] = 10,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:

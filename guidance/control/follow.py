@@ -47,8 +47,9 @@ _STILL: Vector = (0.0, 0.0, 0.0)
 
 RETREAT_M = 2.0
 """Gap below which the vehicle gives way to an evader that comes towards it; at the rim it moves as fast as that."""
-ABOVE_M = 0.5
-"""It gives way from further off where it is more than this below the disc: only above it may the evader pass under."""
+BELOW_M, ABOVE_M = 0.5, 1.0
+"""It gives way from any distance while it is lower or higher than this about the disc: lower, it must not be passed
+under; higher, it could not capture the evader that passes."""
 
 SETTLE_S = 1.2
 LARGEST_M_S = 0.6
@@ -237,7 +238,7 @@ def approach(
     (north, east, _), (evader_north, evader_east, _) = desired_ned_m_s, evader_ned_m_s
     to_north, to_east = gaps.towards_north, gaps.towards_east
     coming = max(0.0, -evader_north * to_north - evader_east * to_east)
-    wait = coming * min(1.0, max(0.0, gaps.ground_m / RETREAT_M)) if gaps.height_m > -ABOVE_M else 0.0
+    wait = coming * min(1.0, max(0.0, gaps.ground_m / RETREAT_M)) if -BELOW_M < gaps.height_m < ABOVE_M else 0.0
     evader_north, evader_east = evader_north + wait * to_north, evader_east + wait * to_east
     relative_north, relative_east = north - evader_north, east - evader_east
     closing = relative_north * to_north + relative_east * to_east

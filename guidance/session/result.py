@@ -23,7 +23,7 @@ from guidance.session.linked_flight import Stopped
 from guidance.session.sequencer import MissionSequencer
 from guidance.sim.batch import stack
 from guidance.sim.maths import game_of
-from guidance.sim.outcome import Outcome, final_distance_m, outcome_of, winner_name
+from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind
 
 PLAYING = frozenset({State.ENGAGED, State.PAUSED})
@@ -57,6 +57,7 @@ class FlightResult:
     time_needed_s: float = math.nan
     achieved: float = math.nan
     capture_time_s: float = math.nan
+    reachable_speed_m_s: float = math.nan
     engaged: Certificate | None = None
     captured: bool = False
     timed_out: bool = False
@@ -109,6 +110,8 @@ def note(
     certificate = outputs.certificate
     if certificate is None:
         return
+    reachable = (result.reachable_speed_m_s, certificate.reachable_speed_m_s)
+    result.reachable_speed_m_s = min((each for each in reachable if not math.isnan(each)), default=math.nan)
     result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
     if math.isnan(result.predicted):
         result.predicted, result.time_needed_s = certificate.value, certificate.time_needed_s
@@ -143,18 +146,21 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     ending = _ending(result, since_engagement)
     game = [sample for sample in result.samples if began.now_s <= sample.now_s <= ending.now_s]
     predicted, winner = _predicted(result)
+    last = game[-1] if game else None
     return outcome_of(
         scenario,
         way,
         end=ending.end,
         game_time_s=ending.now_s - began.now_s,
-        final_distance_m=final_distance_m(scenario, game[-1].pursuer_m, game[-1].evader_m) if game else math.nan,
+        distance_to_disc_m=distance_to_disc_m(scenario, last.pursuer_m, last.evader_m) if last else math.nan,
+        evader_to_target_m=evader_to_target_m(scenario, last.evader_m) if last else math.nan,
         predicted=predicted,
         predicted_winner=winner,
         time_needed_s=result.time_needed_s,
         min_standoff_m=min((_beside_m(sample) for sample in game), default=math.nan),
         min_altitude_m=min((sample.pursuer_m[2] for sample in game), default=math.nan) + scenario.evader.height_m,
         duration_s=result.duration_s,
+        reachable_speed_m_s=result.reachable_speed_m_s,
         limits=result.limits,
         alarms=len(result.alarms),
         events=dict.fromkeys(str(each.event) for each in since_engagement),
@@ -209,7 +215,8 @@ def _never_engaged(result: FlightResult, way: str) -> Outcome:
         way,
         end="yielded" if by_pilot else "failed",
         game_time_s=nan,
-        final_distance_m=nan,
+        distance_to_disc_m=nan,
+        evader_to_target_m=nan,
         predicted=nan,
         predicted_winner="none",
         time_needed_s=nan,

@@ -60,14 +60,19 @@ class Expectations(Section):
     end: End | None = Field(None, description="how the run ends")
     winner: Literal["pursuer", "evader", "none"] | None = Field(None, description="who wins")
     capture_time_s: Range | None = Field(None, description="from engagement to the capture")
-    final_distance_m: Range | None = Field(
-        None, description="of the evader from its target, or of the pursuer from the disc"
+    distance_to_disc_m: Range | None = Field(None, description="of the pursuer from the stand-off disc at the end")
+    evader_to_target_m: Range | None = Field(None, description="TAD: of the evader from its target at the end")
+    predicted_capture_time_s: Range | None = Field(None, description="PE: the game's value at engagement")
+    predicted_evader_to_target_m: Range | None = Field(
+        None, description="TAD: the game's value at engagement, if the pursuer is predicted to win"
     )
-    predicted: Range | None = Field(None, description="the game's value at engagement, s or m")
+    predicted_short_m: Range | None = Field(
+        None, description="TAD: how short of a capture the pursuer is, if the evader is predicted to win"
+    )
     time_needed_s: Range | None = Field(None, description="what the vehicle promised at engagement")
-    achieved: Range | None = Field(None, description="what it came to, s or m")
     regret: Range | None = Field(None, description="what the pursuer lost against the value, s or m")
-    ratio: Range | None = Field(None, description="achieved / predicted")
+    ratio: Range | None = Field(None, description="achieved over predicted")
+    reachable_speed_m_s: Range | None = Field(None, description="smallest speed that the vehicle was seen to reach")
     min_standoff_m: Range | None = Field(None, description="least level distance of the players")
     min_altitude_m: Range | None = Field(None, description="least height of the pursuer")
     alarms: Range | None = Field(None, description="number of broken guarantees")

@@ -20,7 +20,7 @@ from guidance.game.game import wind_speed
 from guidance.game.pe import TOUCH_M
 from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
 from guidance.sim.batch import Array, Batch, keep, kind_of, stack, starts
-from guidance.sim.outcome import Outcome, final_distance_m, outcome_of, winner_name
+from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import PERFECT, TIMEOUT_S, Known, Received, begin, known, listen, next_event_s
 from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
@@ -366,7 +366,8 @@ def _outcome(scenario: Scenario, first: Solution, row: int, moment: Moment, plac
         "maths",
         end=end,
         game_time_s=float(moment.now_s[place]),
-        final_distance_m=final_distance_m(scenario, P, E),
+        distance_to_disc_m=distance_to_disc_m(scenario, P, E),
+        evader_to_target_m=evader_to_target_m(scenario, E),
         predicted=float(first.value[row]),
         predicted_winner=winner_name(int(first.winner[row])),
         time_needed_s=float(first.meeting_time_s[row]),

@@ -10,7 +10,7 @@ from guidance.sim.scenario import Scenario
 
 
 class Outcome(NamedTuple):
-    """The outcome of one run; NaN if a value does not exist.
+    """The outcome of one run. NaN means "there is none". Every column has one meaning in both games.
 
     Attributes:
         scenario: Title of the scenario.
@@ -24,21 +24,25 @@ class Outcome(NamedTuple):
         winner: "pursuer", "evader" or "none".
         predicted_winner: Of the game's solution at engagement: "pursuer", "evader" or "none" (on the barrier).
         game_time_s: From engagement to the end of the game.
-        capture_time_s: The same; NaN without a capture.
-        final_distance_m: TAD: of the evader from its target at the end. PE: of the pursuer from the stand-off disc.
-        predicted: The game's value at engagement: s until capture (PE), or m from the target (TAD); where the evader
-            wins, the m that the pursuer comes short.
-        time_needed_s: What the vehicle promised at engagement: the time to the meeting, from the velocity that it had
-            and with its acceleration. In mathematics, where no pursuer accelerates, the game's own.
-        achieved: What it came to in the same unit; NaN in PE without a capture, and in TAD where nobody got there.
-        regret: What the pursuer lost against the value: achieved − predicted in PE, predicted − achieved in TAD, where
-            it wants the evader far from the target; NaN where the value has another meaning, as the evader wins.
-        ratio: achieved / predicted.
-        min_standoff_m: Least horizontal distance between the players in the game.
+        capture_time_s: The same if the evader was captured.
+        distance_to_disc_m: Distance of the pursuer from the stand-off disc at the end.
+        evader_to_target_m: TAD: distance of the evader from its target at the end.
+        predicted_capture_time_s: PE: the game's value at engagement.
+        predicted_evader_to_target_m: TAD, pursuer predicted to win: the game's value at engagement, the distance of the
+            evader from its target at the capture.
+        predicted_short_m: TAD, evader predicted to win: by how much the pursuer is short of a capture.
+        time_needed_s: What the vehicle promised at engagement: time to the meeting, from its velocity and with its
+            acceleration. In mathematics, where no pursuer accelerates, the game's own.
+        regret: What the pursuer lost against the value. PE: capture_time_s − predicted_capture_time_s, s. TAD:
+            predicted_evader_to_target_m − evader_to_target_m, m.
+        ratio: What was achieved over what was predicted, of the same two columns.
+        reachable_speed_m_s: Smallest speed over the ground that the vehicle was seen to reach while asked for more; the
+            configured speed if there was no such time. NaN in mathematics.
+        min_standoff_m: Least horizontal distance of the players in the game.
         min_altitude_m: Least height of the pursuer above the site in the game.
         limits: Limits that changed a command in the game.
-        alarms: Number of broken guarantees.
-        events: Names of events since engagement.
+        alarms: Number of alarms of the monitor.
+        events: What happened from engagement on.
         duration_s: Of the whole run.
         reason: Why the row is invalid or failed; otherwise empty.
     """
@@ -54,12 +58,15 @@ class Outcome(NamedTuple):
     predicted_winner: str
     game_time_s: float
     capture_time_s: float
-    final_distance_m: float
-    predicted: float
+    distance_to_disc_m: float
+    evader_to_target_m: float
+    predicted_capture_time_s: float
+    predicted_evader_to_target_m: float
+    predicted_short_m: float
     time_needed_s: float
-    achieved: float
     regret: float
     ratio: float
+    reachable_speed_m_s: float
     min_standoff_m: float
     min_altitude_m: float
     limits: tuple[str, ...]
@@ -68,6 +75,18 @@ class Outcome(NamedTuple):
     duration_s: float
     reason: str = ""
 
+    @property
+    def predicted(self) -> float:
+        """The game's value if the pursuer was predicted to win: s in PE, m in TAD."""
+        return self.predicted_capture_time_s if self.game == "pe" else self.predicted_evader_to_target_m
+
+    @property
+    def achieved(self) -> float:
+        """The same as played; in TAD NaN unless the evader was captured or arrived."""
+        if self.game == "pe":
+            return self.capture_time_s
+        return self.evader_to_target_m if self.end in {"captured", "arrived"} else math.nan
+
 
 def outcome_of(
     scenario: Scenario,
@@ -75,39 +94,43 @@ def outcome_of(
     *,
     end: str,
     game_time_s: float,
-    final_distance_m: float,
+    distance_to_disc_m: float,
+    evader_to_target_m: float,
     predicted: float,
     predicted_winner: str,
     time_needed_s: float,
     min_standoff_m: float,
     min_altitude_m: float,
     duration_s: float,
+    reachable_speed_m_s: float = math.nan,
     limits: Iterable[str] = (),
     alarms: int = 0,
     events: Iterable[str] = (),
     reason: str = "",
 ) -> Outcome:
-    """Return a complete row; derived columns are computed here for every kind of run.
+    """Complete a row with what follows from the rest, the same for every kind of run.
 
     Args:
         scenario: Of the run.
         run: `maths`, `fast`, `live` or `vehicle`.
         end: As in `Outcome`.
         game_time_s: From engagement to the end.
-        final_distance_m: As in `Outcome`.
-        predicted: The game's value at engagement: s in PE, m in TAD.
+        distance_to_disc_m: See `Outcome`; so are the others.
+        evader_to_target_m: At the end.
+        predicted: The game's value at engagement, whoever is predicted to win.
         predicted_winner: `pursuer`, `evader` or `none`.
-        time_needed_s: As in `Outcome`.
-        min_standoff_m: As in `Outcome`.
-        min_altitude_m: As in `Outcome`.
+        time_needed_s: What this vehicle promised.
+        min_standoff_m: Least horizontal distance of the players in the game.
+        min_altitude_m: Least height of the pursuer.
         duration_s: Of the whole run.
-        limits: Names of the active ones.
-        alarms: Their number.
-        events: In order.
-        reason: Why the run failed.
+        reachable_speed_m_s: Smallest one of the game.
+        limits: Names of those that were active.
+        alarms: How many sounded.
+        events: What happened, in order.
+        reason: Why there was no game.
     """
-    comparable = predicted_winner != "evader"
-    achieved, regret = achieved_and_regret(scenario.game, end, game_time_s, final_distance_m, predicted)
+    pe, winnable, nan = scenario.game == "pe", predicted_winner != "evader", math.nan
+    achieved, regret = achieved_and_regret(scenario.game, end, game_time_s, evader_to_target_m, predicted)
     return Outcome(
         scenario=scenario.title,
         run=run,
@@ -119,13 +142,16 @@ def outcome_of(
         winner=WINNERS.get(end, "none"),
         predicted_winner=predicted_winner,
         game_time_s=game_time_s,
-        capture_time_s=game_time_s if end == "captured" else math.nan,
-        final_distance_m=final_distance_m,
-        predicted=predicted,
+        capture_time_s=game_time_s if end == "captured" else nan,
+        distance_to_disc_m=distance_to_disc_m,
+        evader_to_target_m=evader_to_target_m,
+        predicted_capture_time_s=predicted if pe else nan,
+        predicted_evader_to_target_m=predicted if winnable and not pe else nan,
+        predicted_short_m=nan if winnable or pe else predicted,
         time_needed_s=time_needed_s,
-        achieved=achieved,
-        regret=regret if comparable else math.nan,
-        ratio=achieved / predicted if comparable and predicted else math.nan,
+        regret=regret if winnable else nan,
+        ratio=achieved / predicted if winnable and predicted else nan,
+        reachable_speed_m_s=reachable_speed_m_s,
         min_standoff_m=min_standoff_m,
         min_altitude_m=min_altitude_m,
         limits=tuple(limits),
@@ -137,7 +163,7 @@ def outcome_of(
 
 
 def achieved_and_regret(
-    game: str, end: str, game_time_s: float, final_distance_m: float, predicted: float
+    game: str, end: str, game_time_s: float, evader_to_target_m: float, predicted: float
 ) -> tuple[float, float]:
     """Return the achieved value of a game and the pursuer's regret, both in the unit of the value.
 
@@ -145,23 +171,26 @@ def achieved_and_regret(
         game: "pe" or "tad".
         end: As in `Outcome`.
         game_time_s: From engagement to the end.
-        final_distance_m: Of the evader from its target, in TAD.
+        evader_to_target_m: At the end, in TAD.
         predicted: The game's value at engagement: s in PE, m in TAD.
     """
     if game == "pe":
         achieved = game_time_s if end == "captured" else math.nan
         return achieved, achieved - predicted
-    achieved = final_distance_m if end == "captured" else (0.0 if end == "arrived" else math.nan)
+    achieved = evader_to_target_m if end == "captured" else (0.0 if end == "arrived" else math.nan)
     return achieved, predicted - achieved
 
 
-def final_distance_m(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> float:
-    """Return `Outcome.final_distance_m` from the last positions; heights are above the evader's plane."""
-    if scenario.target is not None:
-        return math.dist(evader_m[:2], scenario.target.position_m)
+def distance_to_disc_m(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> float:
+    """Return how far the pursuer is from the stand-off disc, from positions above the evader's plane."""
     disc = scenario.standoff
     beside = max(0.0, math.dist(pursuer_m[:2], evader_m[:2]) - disc.radius_m)
     return math.hypot(beside, pursuer_m[2] - (disc.height_m - scenario.evader.height_m))
+
+
+def evader_to_target_m(scenario: Scenario, evader_m: Sequence[float]) -> float:
+    """Return how far the evader is from its target; NaN in PE."""
+    return math.nan if scenario.target is None else math.dist(evader_m[:2], scenario.target.position_m)
 
 
 def winner_name(winner: int) -> str:
@@ -172,7 +201,7 @@ def winner_name(winner: int) -> str:
 def invalid(title: str, run: str, reason: str) -> Outcome:
     """Return the row of a scenario that allows no game."""
     nan = math.nan
-    numbers = (nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
+    numbers = (nan,) * 13
     return Outcome(title, run, "", "", "", 0, "invalid", "none", "none", *numbers, (), 0, (), nan, reason)
 
 

@@ -38,7 +38,7 @@ class TeamOutcome(NamedTuple):
         captor: Number of the pursuer that captured the evader; −1 for none.
         game_time_s: Time of its end.
         capture_time_s: The same if it is a capture.
-        final_distance_m: Of the evader from its target; NaN in PE.
+        evader_to_target_m: Of the evader from its target; NaN in PE.
         predicted: TAD: the guaranteed distance, m. PE: the guaranteed time, s.
         lower_bound: PE: the time that the evader had at least, s. TAD: as predicted.
         achieved: In the unit of predicted; NaN without a capture.
@@ -66,7 +66,7 @@ class TeamOutcome(NamedTuple):
     captor: int
     game_time_s: float
     capture_time_s: float
-    final_distance_m: float
+    evader_to_target_m: float
     predicted: float
     lower_bound: float
     achieved: float
@@ -181,7 +181,7 @@ def _outcomes(scenario: TeamScenario, teams: Teams, played: TeamRollout, row: in
                 captor=int(played.captor[row, j]),
                 game_time_s=time,
                 capture_time_s=time if end == "captured" else math.nan,
-                final_distance_m=distance,
+                evader_to_target_m=distance,
                 predicted=predicted,
                 lower_bound=float(first.lower_bound[row, j]),
                 achieved=achieved,

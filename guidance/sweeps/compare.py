@@ -25,12 +25,13 @@ Array = NDArray[np.float64]
 CONFIDENCE: Final = 0.95
 CAPTURED: Final = "captured"
 COLUMNS: Final = (
-    "predicted",
-    "achieved",
+    "predicted_capture_time_s",
+    "predicted_evader_to_target_m",
     "regret",
     "game_time_s",
     "capture_time_s",
-    "final_distance_m",
+    "distance_to_disc_m",
+    "evader_to_target_m",
     "min_standoff_m",
     "min_altitude_m",
 )

@@ -34,7 +34,9 @@ _BINS: Final = 10
 _ROUNDING: Final = 5e-5
 """Smaller regrets are rounding errors."""
 _NO_INTERVAL: Final = Interval(math.nan, math.nan, math.nan)
-_COLUMNS: Final = ("end", "predicted_winner", "predicted", "regret", "final_distance_m", "game_time_s", "reason")
+_COLUMNS: Final = ("end", "predicted_winner", "regret", "evader_to_target_m", "game_time_s", "reason")
+_VALUES: Final = ("predicted_capture_time_s", "predicted_evader_to_target_m")
+_DISC: Final = "distance_to_disc_m"
 
 
 class Worst(NamedTuple):
@@ -82,7 +84,14 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
 
 def _read(folder: Folder) -> pa.Table:
     swept = [column for axis in folder.plan.axes for column in axis.columns()]
-    table = folder.table([ROW, *swept, *_COLUMNS])
+    teams = bool(folder.plan.teams)
+    table = folder.table([ROW, *swept, *_COLUMNS, *(("predicted",) if teams else (*_VALUES, _DISC))])
+    if not teams:  # each game fills one of the two columns, the other one is NaN
+        time_s, distance_m = (table[name] for name in _VALUES)
+        table = table.append_column("predicted", pc.if_else(pc.is_nan(time_s), distance_m, time_s))
+        to_target_m, at = table["evader_to_target_m"], table.column_names.index("evader_to_target_m")
+        off_m = pc.if_else(pc.is_nan(to_target_m), table[_DISC], to_target_m)
+        table = table.set_column(at, "evader_to_target_m", off_m)
     end = pc.cast(table["end"], pa.string())
     table = table.append_column("game", pc.cast(pc.not_equal(end, "invalid"), pa.int64()))
     return table.append_column(CAPTURED, pc.cast(pc.equal(end, CAPTURED), pa.int64()))
@@ -225,12 +234,13 @@ def _finite(column: pa.ChunkedArray) -> NDArray[np.float64]:
 def _write_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> Iterator[Worst]:
     """Write the worst rows of every pair of policies as `worst-001.toml`, `worst-002.toml` …, the worst first.
 
-    A game that the pursuer should have won and lost is worse than any regret; its final distance orders it.
+    A game that the pursuer should have won and lost is worse than any regret; the evader's distance from its
+    target (TAD) or the pursuer's from the disc (PE) orders it.
     """
     end, regret = np.array(table["end"].to_pylist()), table["regret"].to_numpy()
     foretold = np.array(table["predicted_winner"].to_pylist()) == "pursuer"
     lost = foretold & ~np.isin(end, [CAPTURED, "invalid"])
-    badness = np.nan_to_num(np.where(lost, table["final_distance_m"].to_numpy(), regret))
+    badness = np.nan_to_num(np.where(lost, table["evader_to_target_m"].to_numpy(), regret))
     row, pair = table[ROW].to_numpy(), table[PAIR].to_numpy()
     order = np.lexsort((row, -badness, ~lost))
     order = order[(lost | np.isfinite(regret))[order]]

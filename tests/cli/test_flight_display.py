@@ -18,7 +18,8 @@ from guidance.viz.scenario_picture import _score
 
 def yielded(predicted):
     return outcome_of(
-        load_scenario("pilot_takeover")[1], "fast", end="yielded", game_time_s=3.84, final_distance_m=9.0,
+        load_scenario("pilot_takeover")[1], "fast", end="yielded", game_time_s=3.84,
+        distance_to_disc_m=9.0, evader_to_target_m=math.nan,
         predicted=predicted, predicted_winner="pursuer", time_needed_s=math.nan, min_standoff_m=12.0,
         min_altitude_m=10.0, duration_s=29.0,
     )  # fmt: skip

@@ -22,7 +22,7 @@ def test_a_scenario_is_run_as_mathematics_and_its_row_written(tmp_path):
     assert list(row) == list(Outcome._fields)
     assert row["end"] == "captured"
     assert row["reason"] == ""
-    assert f"{row['predicted']:.3f} s" in done.output
+    assert f"{row['predicted_capture_time_s']:.3f} s" in done.output
 
 
 def test_a_number_that_there_is_none_of_is_null_in_json(tmp_path):

@@ -207,7 +207,7 @@ request_rate_hz = 20.0
     assert (row["run"], row["end"]) == ("vehicle", "captured")
     assert row["evader_policy"] == "reported"  # the file's is nobody's here
     assert row["min_standoff_m"] > 7.0
-    assert math.isfinite(row["predicted"])
+    assert math.isfinite(row["predicted_capture_time_s"])
     record = tmp_path / "record.mcap"
     with record.open("rb") as stream:
         assert make_reader(stream).get_summary().statistics.message_count > 1000

@@ -54,11 +54,11 @@ def test_both_sides_of_the_barrier_end_as_predicted():
         sides.add(outcome.winner)
         if outcome.winner == "pursuer":
             assert -1e-6 < outcome.regret < 3.0 * 0.02
-            assert outcome.achieved == outcome.final_distance_m
+            assert outcome.achieved == outcome.evader_to_target_m
         else:
             assert outcome.end == "arrived"
             assert np.isnan(outcome.regret)
-            assert outcome.final_distance_m < 1e-6
+            assert outcome.evader_to_target_m < 1e-6
     assert sides == {"pursuer", "evader"}
 
 

@@ -82,10 +82,10 @@ def test_what_is_expected_of_flights_is_not_asked_of_mathematics():
 
 
 def test_no_number_meets_no_range():
-    scenario = built(expect={"maths": {"final_distance_m": {"min": -1e9, "max": 1e9}}})
+    scenario = built(expect={"maths": {"distance_to_disc_m": {"min": -1e9, "max": 1e9}}})
     outcome = play([scenario])[0]
     assert scenario.expect.of(outcome._asdict())[0].held
-    assert not scenario.expect.of(outcome._replace(final_distance_m=float("nan"))._asdict())[0].held
+    assert not scenario.expect.of(outcome._replace(distance_to_disc_m=float("nan"))._asdict())[0].held
 
 
 def test_a_track_is_read_from_a_csv_beside_the_scenario(tmp_path):
@@ -170,8 +170,6 @@ def test_every_length_time_speed_and_angle_of_the_schema_says_its_unit():
         "ratio",
         "alarms",
         "track",
-        "predicted",
-        "achieved",
         "regret",
         "hysteresis",
     }

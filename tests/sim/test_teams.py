@@ -91,7 +91,7 @@ def test_every_evader_has_a_row_that_holds_what_the_matching_promised():
     assert [row.first for row in rows] == [row.captor for row in rows] == known.first.tolist()
     for row in rows:
         assert (row.end, row.winner, row.predicted_winner) == ("captured", "pursuer", "pursuer")
-        assert row.achieved == row.final_distance_m == pytest.approx(row.predicted, abs=1e-6)
+        assert row.achieved == row.evader_to_target_m == pytest.approx(row.predicted, abs=1e-6)
         assert row.regret == pytest.approx(0.0, abs=1e-6)
         assert row.ratio == pytest.approx(1.0, abs=1e-6)
         assert row.capture_time_s == row.game_time_s
@@ -106,7 +106,7 @@ def test_pe_is_held_against_the_time_that_is_guaranteed():
     for row in rows:
         assert row.lower_bound - 1e-6 <= row.achieved <= row.predicted + 1e-6
         assert row.regret == row.achieved - row.predicted
-        assert math.isnan(row.final_distance_m)
+        assert math.isnan(row.evader_to_target_m)
 
 
 def test_who_is_not_matched_may_arrive_and_has_no_regret():

@@ -79,7 +79,7 @@ def test_sweeps_of_two_policies_pair_row_by_row(swept):
 
 def test_a_sweep_does_not_differ_from_itself(swept):
     a, b = swept("a"), swept("b", chunk=20)
-    compared = compare_sweeps(a, b, column="achieved", rows=5)
+    compared = compare_sweeps(a, b, column="game_time_s", rows=5)
     assert compared["largest"] == []
     for column in compared["groups"][0]["columns"].values():
         assert column["difference"] == {"estimate": 0.0, "low": 0.0, "high": 0.0}
@@ -88,10 +88,10 @@ def test_a_sweep_does_not_differ_from_itself(swept):
 def test_rows_pair_by_seed_and_policy_whatever_their_order(swept):
     a = swept("a", pursuers='["optimal", "lead_pursuit"]')
     b = swept("b", BASE.replace("seeds = 10", "seeds = [7, 3, 12]"), pursuers='["lead_pursuit", "pure_pursuit"]')
-    compared = compare_sweeps(a, b, column="achieved", rows=5)
+    compared = compare_sweeps(a, b, column="game_time_s", rows=5)
     assert matched_pairs(a.plan, b.plan) == {1: 0}
     assert [group["rows_a"] for group in compared["groups"]] == [4]
-    assert compared["groups"][0]["columns"]["achieved"]["difference"]["estimate"] == 0.0
+    assert compared["groups"][0]["columns"]["game_time_s"]["difference"]["estimate"] == 0.0
 
 
 def test_sweeps_over_different_values_are_independent(swept):
@@ -107,7 +107,7 @@ def test_sweeps_over_different_values_are_independent(swept):
 
 def test_an_unknown_column_is_refused_with_those_allowed(swept):
     a = swept("a")
-    with pytest.raises(ConfigError, match="--by speed: allowed are predicted, achieved"):
+    with pytest.raises(ConfigError, match="--by speed: allowed are predicted_capture_time_s"):
         compare_sweeps(a, a, column="speed", rows=1)
 
 

@@ -109,7 +109,7 @@ def test_the_worst_rows_are_lost_games_then_those_with_the_largest_regret(mixed,
     assert "invalid" not in ends
     lost = ends.count("time_up")
     assert ends == ["time_up"] * lost + ["captured"] * (len(ends) - lost)
-    distance = [everything.loc[case["row"], "final_distance_m"] for case in worst[:lost]]
+    distance = [everything.loc[case["row"], "distance_to_disc_m"] for case in worst[:lost]]
     regret = [case["regret"] for case in worst[lost:]]
     assert distance == sorted(distance, reverse=True)
     assert regret == sorted(regret, reverse=True)

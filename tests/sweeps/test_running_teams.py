@@ -124,7 +124,7 @@ def test_the_report_counts_evaders_and_writes_the_worst_as_scenarios_of_teams(sw
     assert len(load_any(str(worst))[1].pursuer) == 2
     folder = read_folder(tmp_path / "out")
     with pytest.raises(ConfigError, match="has teams, whose rows are evaders"):
-        compare_sweeps(folder, folder, column="achieved", rows=3)
+        compare_sweeps(folder, folder, column="game_time_s", rows=3)
 
 
 def test_teams_do_not_fly_in_sweeps_either(swept):
