@@ -5,7 +5,7 @@ The game's value and winner are theorems about players that change their velocit
 shown into account; see `guidance.control.capability`.
 
 In TAD the vehicle's verdict is "pursuer" only if the vehicle can be over the target, able to stay, before the evader
-can arrive there: from the velocity that it flies, and from the one that it will have in a second if it goes on playing.
+can arrive there: from the velocity that it flies, and also if it first gains the velocity that the game asks for.
 Whatever the evader does meanwhile, it is then caught at the target at the latest. The verdict is "evader" if even the
 game's pursuer loses, and "undecided" in between.
 """
@@ -21,7 +21,6 @@ from guidance.messages import Setpoint
 _NOWHERE: Final[Vector] = (math.nan, math.nan, math.nan)
 _SLOWEST_M_S: Final = 0.01
 
-AHEAD_S: Final = 1.0
 VERTICAL_TOLERANCE_M: Final = 0.5
 """Height from the disc at which a vehicle guards the target."""
 
@@ -140,7 +139,7 @@ def answer(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector | 
         return Answer(here, there.value, math.nan, there.value - here.value, int(Winner.PURSUER), math.nan)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
     arrival_s, goal = _arrival(game, E, T)
-    aims = (players.pursuer_m_s, _soon(players.pursuer_m_s, desired_m_s, vehicle.acceleration))
+    aims = (players.pursuer_m_s, desired_m_s)
     margin_s = arrival_s - max(guard_time_s(game, P, moving, goal, vehicle) for moving in aims)
     verdict = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     if here.winner == Winner.EVADER:
@@ -187,14 +186,6 @@ def guard_time_s(game: Game, pursuer_m: Vector, moving_m_s: Vector, goal_m: Vect
         braking_m_s2=envelope.vertical_braking_m_s2,
     )
     return envelope.reaction_s + max(ground_s, vertical_s)
-
-
-def _soon(flown_m_s: Vector, desired_m_s: Vector, acceleration: Acceleration) -> Vector:
-    """Return the velocity over the ground after `AHEAD_S` of accelerating towards the desired one."""
-    x, y = desired_m_s[0] - flown_m_s[0], desired_m_s[1] - flown_m_s[1]
-    change_m_s = math.hypot(x, y)
-    share = min(1.0, AHEAD_S * acceleration.ground_m_s2 / change_m_s) if change_m_s > 0.0 else 0.0
-    return (flown_m_s[0] + share * x, flown_m_s[1] + share * y, flown_m_s[2])
 
 
 def _arrival(game: Game, evader_m: Vector, target_m: Vector) -> tuple[float, Vector]:

@@ -27,8 +27,10 @@ SHORT: Final = 0.05
 """Share of the speed asked for that may be missing; estimates scatter by about as much."""
 
 _SMOOTHED_S: Final = 0.5
-_GAINING_M_S2: Final = 0.3
-"""Mean acceleration above which a vehicle is still gaining speed."""
+_STEADY_M_S2: Final = 0.4
+_ALIGNED: Final = 0.9
+"""Nothing is learned while the mean acceleration is larger, or less than this share of the velocity is along the one
+asked for: the vehicle is still gaining speed, or turning."""
 
 _LEAST_ASKED_M_S: Final = 1.0
 _TAKEN_FOR_GRANTED: Final = 0.5
@@ -97,14 +99,14 @@ class SpeedMemory(NamedTuple):
     Attributes:
         shown: Largest speeds flown, smoothed: over the ground, up and down.
         flown_ned_m_s: Mean velocity of the last half second or so.
-        gaining_m_s2: Mean acceleration along the velocity asked for.
+        acceleration_m_s2: Mean acceleration of the last second or so, north and east.
         short_s: For how long it has stayed below the speed asked for.
         share: Share of the game's speed over the ground that it reaches; 1 until it was seen to reach less.
     """
 
     shown: Speeds = Speeds(0.0, 0.0, 0.0)
     flown_ned_m_s: Vector = (0.0, 0.0, 0.0)
-    gaining_m_s2: float = 0.0
+    acceleration_m_s2: tuple[float, float] = (0.0, 0.0)
     short_s: float = 0.0
     share: float = 1.0
 
@@ -125,15 +127,21 @@ def observe_speed(
     north += share * (flown_ned_m_s[0] - north)
     east += share * (flown_ned_m_s[1] - east)
     down += share * (flown_ned_m_s[2] - down)
+    a_north, a_east = memory.acceleration_m_s2
+    acceleration = (
+        a_north + share * ((flown_ned_m_s[0] - north) / _SMOOTHED_S - a_north),
+        a_east + share * ((flown_ned_m_s[1] - east) / _SMOOTHED_S - a_east),
+    )
     ground, climb, descent = memory.shown
     shown = Speeds(max(ground, math.hypot(north, east)), max(climb, -down), max(descent, down))
     asked = math.hypot(asked_ned_m_s[0], asked_ned_m_s[1])
     if asked < _LEAST_ASKED_M_S:
-        return memory._replace(shown=shown, flown_ned_m_s=(north, east, down), short_s=0.0)
+        return memory._replace(
+            shown=shown, flown_ned_m_s=(north, east, down), acceleration_m_s2=acceleration, short_s=0.0
+        )
     along = (north * asked_ned_m_s[0] + east * asked_ned_m_s[1]) / asked
-    ahead = (flown_ned_m_s[0] * asked_ned_m_s[0] + flown_ned_m_s[1] * asked_ned_m_s[1]) / asked - along
-    gaining = memory.gaining_m_s2 + share * (ahead / _SMOOTHED_S - memory.gaining_m_s2)
-    short = at_full_speed and gaining < _GAINING_M_S2 and along < (1.0 - SHORT) * asked
+    steady = math.hypot(*acceleration) < _STEADY_M_S2 and along > _ALIGNED * math.hypot(north, east)
+    short = at_full_speed and steady and along < (1.0 - SHORT) * asked
     short_s = memory.short_s + dt_s if short else 0.0
     reached = max(0.0, along) / asked
     learned = memory.share
@@ -141,7 +149,7 @@ def observe_speed(
         learned = reached
     elif learned < 1.0 and reached > learned:
         learned = 1.0 if reached >= 1.0 - SHORT else reached
-    return SpeedMemory(shown, (north, east, down), gaining, short_s, learned)
+    return SpeedMemory(shown, (north, east, down), acceleration, short_s, learned)
 
 
 def trusted(shown: Speeds, game: Speeds) -> Speeds:
