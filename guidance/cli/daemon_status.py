@@ -58,7 +58,9 @@ def _game(status: Status) -> Iterator[tuple[str, Cell]]:
     yield "range", f"{status['range_m']:.1f} m to the evader, {_number(game, 'gap_m')} m to the stand-off disc's rim"
     value = f"{_number(game, 'value')} {status['value_unit']}"
     promised = "value to go" if status["value_unit"] == "s" else "evader's distance from its target"
-    yield "game", f"{game['winner']} wins; {promised} {value}; this vehicle needs {_number(game, 'time_needed_s')} s"
+    yield "ideal game", f"winner {game['winner']}; {promised} {value}"
+    needs = f"needs {_number(game, 'time_needed_s')} s, reaches {_number(game, 'reachable_speed_m_s')} m/s"
+    yield "this vehicle", f"winner {game.get('vehicle_winner', 'undecided')}; {needs}"
     if game.get("active_limits"):
         yield "limited by", ", ".join(game["active_limits"])
 

@@ -220,7 +220,8 @@ def status(
     if certificate is not None:
         range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
         reason = None if certificate.reason is None else Reason(certificate.reason).word
-        words = {"winner": Winner(certificate.winner).word, "reason": reason}
+        winners = {"winner": certificate.winner, "vehicle_winner": certificate.vehicle_winner or 0}
+        words = {"reason": reason} | {name: Winner(winner).word for name, winner in winners.items()}
         shown["certificate"] = shown["certificate"] | words
         shown |= {"range_m": round(range_m, 2), "value_unit": "m" if flight.settings.cycle.target_game_m else "s"}
     return shown

@@ -34,6 +34,8 @@ _GAME_METRICS: Final = (
     "time_needed_s",
     "assured_distance_m",
     "margin_s",
+    "vehicle_margin_s",
+    "reachable_speed_m_s",
     "meeting_time_s",
     "speed_ratio",
     "evader_age_s",

@@ -36,7 +36,7 @@ def test_a_status_says_mode_height_position_battery_range_and_the_game_in_words(
     said = " ".join(words.split())
     for part in (
         "OFFBOARD, armed", "20.0 m above home", "12.5 m north, -3.2 m east", "5.0 m/s level, 1.5 m/s up", "87%",
-        "31.4 m to the evader", "pursuer wins", "9.2 s", "descent, fence", "charge it",
+        "31.4 m to the evader", "winner pursuer", "9.2 s", "descent, fence", "charge it",
     ):  # fmt: skip
         assert part in said, part
 

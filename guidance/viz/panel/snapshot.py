@@ -189,9 +189,11 @@ class SnapshotFold:
         meets = not certificate.no_game
         return {
             "winner": certificate.winner,
-            "wins": "pursuer" if certificate.winner == Winner.PURSUER else "evader",
+            "wins": Winner(certificate.vehicle_winner or 0).word,
             "value": certificate.value,
             "margin_s": certificate.margin_s,
+            "vehicle_margin_s": certificate.vehicle_margin_s,
+            "reachable_m_s": certificate.reachable_speed_m_s,
             "time_needed_s": certificate.time_needed_s,
             "assured_m": certificate.assured_distance_m,
             "limits": list(certificate.active_limits),

@@ -30,7 +30,7 @@ PICTURES: Final[Mapping[str, Picture]] = {
     "tracks": Picture(
         "Tracks",
         "Pursuer (solid) and evader (dashed) in the game frame. The isochron is where an evader that runs straight is "
-        "caught, by heading; whatever it does, it is caught inside the one at engagement.",
+        "caught, by heading. In the ideal game it is caught inside the one at engagement, whatever it does.",
         tracks,
     ),
     "game": Picture(

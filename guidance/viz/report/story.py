@@ -120,6 +120,7 @@ def _game(story: Story) -> list[tuple[str, str]]:
     predicted = _predicted(story, engaged)
     rows.append(("value predicted at engagement", f"{predicted:.2f} {unit}"))
     rows.append(("time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"))
+    rows.append(("speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"))
     if story.with_target:
         rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
     if story.captured is None:
@@ -134,6 +135,12 @@ def _game(story: Story) -> list[tuple[str, str]]:
         ("game lasted", f"{lasted_s:.2f} s"),
         ("lasted / time needed", f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–"),
     ]
+
+
+def _slowest_m_s(story: Story) -> float:
+    """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
+    reachable = [one.reachable_speed_m_s for one in story.certificates if one is not None]
+    return min((each for each in reachable if not math.isnan(each)), default=math.nan)
 
 
 def _predicted(story: Story, engaged: Certificate) -> float:

@@ -43,8 +43,9 @@ function played(game, levels, scene) {
     ["winner", levels.winner, winner],
     ["value", null, `${number(game.value, 1, "")}${TEXTS.valueUnits[unit]}`],
     ["need", null, number(game.time_needed_s, 1, "s")],
+    ["reaches", null, number(game.reachable_m_s, 1, "m/s")],
   ];
-  if (unit === "m") rows.push(["margin", null, number(game.margin_s, 1, "s")], ["assured", null, number(game.assured_m, 1, "m")]);
+  if (unit === "m") rows.push(["margin", null, `${number(game.vehicle_margin_s, 1, "s")}${TEXTS.ideal(number(game.margin_s, 1, "s"))}`], ["assured", null, number(game.assured_m, 1, "m")]);
   return rows;
 }
 
