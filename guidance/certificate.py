@@ -24,6 +24,9 @@ _SLOWEST_M_S: Final = 0.01
 VERTICAL_TOLERANCE_M: Final = 0.5
 """Height from the disc at which a vehicle guards the target."""
 
+VERTICAL_SETTLE_S: Final = 0.6
+"""The last metre of height is flown more slowly than braking needs (`Approach.vertical_settle_s`)."""
+
 
 class Players(NamedTuple):
     """Positions in the game frame, m, and velocities, m/s. `target_m` is T of the TAD game, None in PE."""
@@ -185,6 +188,8 @@ def guard_time_s(game: Game, pursuer_m: Vector, moving_m_s: Vector, goal_m: Vect
         gaining_m_s2=vehicle.acceleration.vertical_m_s2,
         braking_m_s2=envelope.vertical_braking_m_s2,
     )
+    if vertical_s > 0.0:
+        vertical_s += VERTICAL_SETTLE_S
     return envelope.reaction_s + max(ground_s, vertical_s)
 
 

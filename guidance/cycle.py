@@ -163,18 +163,25 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
     nominal = _at_nominal_speed(asked, game, settings)
     asked_ned_m_s = keep_inside(ned_from_game(nominal), fence, envelope)
-    most = envelope.speed_m_s / settings.ground_speed_m_s
+    max_speed_ratio = envelope.speed_m_s / settings.ground_speed_m_s
     held_back = memory.limits is not None and memory.limits.held_back
     followed = follow(
-        asked_ned_m_s, here, gaps, settings.following, memory.follow, most=most, dt_s=dt_s, held_back=held_back
+        asked_ned_m_s,
+        here,
+        gaps,
+        settings.following,
+        memory.follow,
+        max_speed_ratio=max_speed_ratio,
+        dt_s=dt_s,
+        held_back=held_back,
     )
     unslowed = followed.unslowed and not held_back and asked_ned_m_s[:2] == ned_from_game(nominal)[:2]
     flown = less_drift(here.velocity_ned_m_s, followed.memory.drift)
     speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
-    led = settings.following is not None
-    limited = limit(command, here, envelope, memory.limits, dt_s, fence=fence, led=led)
+    already_shaped = settings.following is not None
+    limited = limit(command, here, envelope, memory.limits, dt_s, fence=fence, already_shaped=already_shaped)
     certificate = certify(
         game,
         answered,

@@ -1,36 +1,32 @@
-"""From the velocity that the game asks for to what is commanded: drift ▸ catching up ▸ the approach ▸ the servo.
+"""From the velocity that the game asks for to the velocity commanded: drift, catching up, approach, servo.
 
-**Drift.** All of it works with the velocity over the ground as positions tell it; the command is given in the
-autopilot's own terms, whose velocity differs by the drift: reported velocity less the rate of the reported position. An
-estimator's velocity carries an error that wanders slowly (PX4: 0.2 to 0.4 m/s over many seconds, north, east and down),
-its position is drawn back by GPS and barometer. The autopilot flies the velocity it believes in, so that a vehicle told
-to stand still moves, and one told to fly at 6 m/s gains on its evader by 5 % too little. The game is played in
-positions: what counts is how they change. An observer of second order, with both poles at -1/settle, tells the
-difference from the two, and is no slower than the error itself.
+**Drift.** Velocities over the ground are taken from positions. The velocity that an autopilot reports differs from the
+rate of its reported position: the velocity error wanders slowly (PX4: 0.2 to 0.4 m/s over many seconds, on all axes),
+while GPS and barometer correct the position. The autopilot controls its own velocity estimate, so a vehicle commanded
+to stand still moves, and one commanded to fly 6 m/s closes on its evader 5 % too slowly. A second-order observer with
+both poles at -1/settle estimates the difference. Commands are converted to the autopilot's terms with it.
 
-**Catching up.** The game's pursuer is at full speed at once; a vehicle that starts from hover is some metres behind for
-the rest of the game, and would be later by just that. So its along-track deficit is kept account of, and worked off
-with what the speed limits leave above the game's speed; where they leave nothing, nothing is made good. The deficit is
-gone when the vehicle has flown as far as the game's pursuer would have: over any game its mean speed stays within the
-game's bound, and its value is never beaten in this way. A vehicle that flies faster than the limits, though no command
-says so, is told to fly slower: ArduCopter makes good by itself what it has lagged behind its setpoints, for seconds.
+**Catching up.** The game's pursuer is at full speed at once. A vehicle that starts from hover would stay some metres
+behind for the rest of the game. Its along-track deficit is integrated and worked off with the part of the speed limits
+above the game's speed; without such a part nothing is made up. The deficit is zero once the vehicle has flown as far as
+the game's pursuer would have, so its mean speed over a game stays within the game's bound. A vehicle that flies faster
+than its limits without being asked to is commanded to fly slower: ArduCopter makes up for its own lag for seconds.
 
-**The approach.** The game closes at full speed to the very rim of the disc. A vehicle has to stop closing there, and
-what counts is the motion seen from the evader. Of the distance left, the vehicle uses up some before it answers; over
-the rest it may close only as fast as it can surely brake (`approach_speed`):
+**Approach.** The game closes at full speed until the rim of the disc. A vehicle must stop closing there, measured
+relative to the evader. It may close only as fast as it can brake (`approach_speed`):
 
     v · settle + v² / (2 · braking) = gap − margin − lag · (closing speed now)
 
-An evader that flees is thus followed at its own speed to the rim, as it has to be if it is to be captured at all. One
-that stops dead there is flown past, above it at the height of the disc: `stand_off_constraints` sees to it that a
-vehicle below that height keeps the distance in which it could stop. An evader that runs at the vehicle is waited for
-until it is `RETREAT_M` from the rim. A vehicle that retreated at the evader's speed from further away would keep the
-gap open, and the evader would reach its target uncaptured. The distance that the evader covers while the vehicle brakes
-is taken off. What the game wants across the line of sight fades
-as the closing does, so that at the rim the velocity is the evader's, and inside it the vehicle backs off gently. The
-height is approached by the same law.
+An evader that flees is followed at its own speed to the rim. If it stops dead, the vehicle flies past above it at the
+disc's height; below that height `stand_off_constraints` keeps the braking distance. The velocity across the line of
+sight is reduced by the same factor as the closing speed, so at the rim the velocity equals the evader's. Inside the
+disc the vehicle backs off slowly. The height is approached by the same law.
 
-**The servo** (`guidance.control.servo`) makes the vehicle fly what comes of that.
+An evader that runs at the vehicle is waited for until it is `RETREAT_M` from the rim. A vehicle that retreated at the
+evader's speed from further away would keep the gap open, and the evader would reach its target uncaptured. The distance
+that the evader covers while the vehicle brakes is subtracted.
+
+**Servo.** `guidance.control.servo` makes the vehicle fly the resulting velocity.
 """
 
 import math
@@ -46,10 +42,10 @@ from guidance.game import StandOff
 _STILL: Vector = (0.0, 0.0, 0.0)
 
 RETREAT_M = 2.0
-"""Gap below which the vehicle gives way to an evader that comes towards it; at the rim it moves as fast as that."""
+"""Gap below which the vehicle retreats from an evader that comes towards it; at the rim it retreats at its speed."""
 BELOW_M, ABOVE_M = 0.5, 1.0
-"""It gives way from any distance while it is lower or higher than this about the disc: lower, it must not be passed
-under; higher, it could not capture the evader that passes."""
+"""Further below or above the disc, the vehicle retreats from any distance: below, the evader must not pass under it;
+above, it could not capture an evader that passes."""
 
 SETTLE_S = 1.2
 LARGEST_M_S = 0.6
@@ -57,7 +53,7 @@ JUMP_M = 1.0
 _LONGEST_STEP_S = 0.1
 
 OVER = 0.02
-"""Share of the limit by which a vehicle may be faster before it is told to fly slower: what estimates scatter by."""
+"""Share of the speed limit by which a vehicle may exceed it before it is slowed down; about the estimation error."""
 EASE = 1.5
 
 
@@ -69,16 +65,15 @@ class Drift(NamedTuple):
 
 
 def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector, *, dt_s: float) -> Drift:
-    """Take in one report of position and velocity, `dt_s` after the last.
+    """Update the drift with a report of position and velocity.
 
-    A position that is further off than any drift could have it (`JUMP_M`: the estimator was reset) is taken as it is,
-    and nothing is learned from it.
+    After a jump of more than `JUMP_M` (the estimator was reset), the new position is taken over and nothing is learned.
 
     Args:
-        drift: What is known so far.
-        position_ned_m: As reported now.
-        velocity_ned_m_s: As reported now.
-        dt_s: Since the last report.
+        drift: So far.
+        position_ned_m: Reported position.
+        velocity_ned_m_s: Reported velocity.
+        dt_s: Time since the last report.
     """
     if drift.position_ned_m is None:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
@@ -115,8 +110,8 @@ class CatchUp:
     """How the along-track deficit is worked off.
 
     Attributes:
-        gain_per_s: Speed added per metre of deficit, where it is small.
-        limit_m: The deficit is never more than this: a vehicle that cannot keep up at all does not race for ever after.
+        gain_per_s: Speed added per metre of deficit.
+        limit_m: Largest deficit, so that a vehicle that cannot keep up does not race for long afterwards.
     """
 
     gain_per_s: float = 0.5
@@ -124,7 +119,7 @@ class CatchUp:
 
 
 class CaughtUp(NamedTuple):
-    """The velocity with what catching up adds to it, and the along-track deficit now, in metres."""
+    """The increased velocity, and the along-track deficit in metres."""
 
     velocity_ned_m_s: Vector
     deficit_m: float
@@ -136,17 +131,17 @@ def catch_up(
     deficit_m: float,
     settings: CatchUp,
     *,
-    most: float,
+    max_speed_ratio: float,
     dt_s: float,
 ) -> CaughtUp:
-    """Add to a velocity what makes up for the along-track deficit over the ground.
+    """Increase a velocity to work off the along-track deficit over the ground.
 
     Args:
-        desired_ned_m_s: What the game asks for.
-        flown_ned_m_s: What the vehicle flies.
+        desired_ned_m_s: Velocity that the game asks for.
+        flown_ned_m_s: Velocity of the vehicle.
         deficit_m: From the last call; 0 at engagement.
         settings: How fast it is worked off.
-        most: The largest multiple of the velocity, which is what the speed limits are of the game's speeds; at least 1.
+        max_speed_ratio: Speed limit over the game's speed, at least 1.
         dt_s: Seconds since the last call.
     """
     speed = math.hypot(*desired_ned_m_s[:2])
@@ -154,8 +149,8 @@ def catch_up(
         return CaughtUp(desired_ned_m_s, deficit_m)
     along = sum(w * f for w, f in zip(desired_ned_m_s[:2], flown_ned_m_s[:2], strict=True)) / speed
     deficit_m = min(settings.limit_m, max(0.0, deficit_m + (speed - along) * dt_s))
-    over = max(0.0, along / speed - (1.0 + OVER) * most)
-    scale = max(0.0, min(most, 1.0 + settings.gain_per_s * deficit_m / speed) - EASE * over)
+    over = max(0.0, along / speed - (1.0 + OVER) * max_speed_ratio)
+    scale = max(0.0, min(max_speed_ratio, 1.0 + settings.gain_per_s * deficit_m / speed) - EASE * over)
     north, east, down = desired_ned_m_s
     return CaughtUp((scale * north, scale * east, scale * down), deficit_m)
 
@@ -165,13 +160,13 @@ class Approach:
     """How one vehicle arrives at the disc.
 
     Attributes:
-        braking_m_s2: Deceleration over the ground that is planned with.
-        vertical_braking_m_s2: The same vertically.
-        lag_s: How long the vehicle goes on as it does before it answers.
-        settle_s: Time constant of the last part, horizontally; it damps what is noise in the positions.
-        vertical_settle_s: The same vertically.
-        margin_m: How far outside the rim it comes to rest.
-        backing_m_s: Largest speed at which it backs off from inside.
+        braking_m_s2: Planned deceleration over the ground.
+        vertical_braking_m_s2: Planned vertical deceleration.
+        lag_s: Dead time of the vehicle.
+        settle_s: Time constant near the rim; it damps position noise.
+        vertical_settle_s: Time constant near the disc's height.
+        margin_m: Distance outside the rim at which it comes to rest.
+        backing_m_s: Largest speed for backing off from inside.
     """
 
     braking_m_s2: float
@@ -184,7 +179,7 @@ class Approach:
 
 
 class Gaps(NamedTuple):
-    """To the stand-off disc: horizontally to its rim (negative inside), and the height above it; unit vector to E."""
+    """Horizontal distance to the disc's rim (negative inside), height above the disc, unit vector to the evader."""
 
     ground_m: float
     height_m: float
@@ -193,7 +188,7 @@ class Gaps(NamedTuple):
 
 
 def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOff) -> Gaps:
-    """Return how far a place is from the stand-off disc of an evader."""
+    """Return the distances from a position to the stand-off disc of an evader."""
     north, east = evader_ned_m[0] - position_ned_m[0], evader_ned_m[1] - position_ned_m[1]
     distance_m = math.hypot(north, east)
     scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
@@ -202,20 +197,20 @@ def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOf
 
 
 class Approached(NamedTuple):
-    """The velocity to fly, and whether the approach has slowed the closing down."""
+    """The velocity to fly, and whether the approach has reduced the closing speed."""
 
     velocity_ned_m_s: Vector
     braking: bool
 
 
 def closing_allowed(left_m: float, braking_m_s2: float, settle_s: float, backing_m_s: float) -> float:
-    """Return the speed, m/s, at which a distance may be closed; negative, backing off, where none is left.
+    """Return the allowed closing speed, m/s; negative (backing off) inside.
 
     Args:
-        left_m: The distance that is left; negative inside of what may be closed on.
-        braking_m_s2: What brakes, m/s².
-        settle_s: The time constant of the last stretch.
-        backing_m_s: The most that is backed off with.
+        left_m: Remaining distance, negative inside.
+        braking_m_s2: Deceleration.
+        settle_s: Time constant near zero distance.
+        backing_m_s: Largest speed for backing off.
     """
     if left_m > 0.0:
         return approach_speed(left_m, braking_m_s2, settle_s)
@@ -228,11 +223,11 @@ def approach(
     """Slow a velocity down near the disc.
 
     Args:
-        desired_ned_m_s: What is desired without regard to braking.
-        flown_ned_m_s: What the vehicle flies.
-        evader_ned_m_s: What the evader does, as estimated.
+        desired_ned_m_s: Velocity desired without regard to braking.
+        flown_ned_m_s: Velocity of the vehicle.
+        evader_ned_m_s: Estimated velocity of the evader.
         gaps: To the disc.
-        settings: How the vehicle brakes.
+        settings: Of the vehicle.
     """
     down = _vertical(desired_ned_m_s[2], flown_ned_m_s[2], gaps.height_m, settings)
     (north, east, _), (evader_north, evader_east, _) = desired_ned_m_s, evader_ned_m_s
@@ -255,7 +250,7 @@ def approach(
 
 
 def _vertical(desired_m_s: float, flown_m_s: float, height_m: float, settings: Approach) -> float:
-    """Return the vertical speed (down positive), slowed down near the height of the disc; never away from it."""
+    """Return the vertical speed (down positive), reduced near the disc's height and never reversed."""
     closing_now = math.copysign(flown_m_s, height_m * flown_m_s)
     left_m = max(0.0, abs(height_m) - settings.lag_s * closing_now)
     allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
@@ -264,7 +259,7 @@ def _vertical(desired_m_s: float, flown_m_s: float, height_m: float, settings: A
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
-    """How one vehicle is made to fly what the game asks for."""
+    """Settings of one vehicle for following the game's velocity."""
 
     servo: ServoGains
     approach: Approach
@@ -272,7 +267,7 @@ class Following:
 
 
 class FollowMemory(NamedTuple):
-    """What one call leaves to the next: the servo's memory, the along-track deficit (m), and the drift."""
+    """Memory between calls: the servo's, the along-track deficit (m), and the drift."""
 
     servo: ServoMemory = ServoMemory()
     deficit_m: float = 0.0
@@ -280,9 +275,9 @@ class FollowMemory(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """What to command, before the limits; the velocity desired after the approach; the memory for the next call.
+    """Command before the limits, velocity desired after the approach, and memory for the next call.
 
-    `unslowed` says that the approach leaves the game's whole speed over the ground.
+    `unslowed`: the approach does not reduce the speed.
     """
 
     velocity_ned_m_s: Vector
@@ -299,27 +294,29 @@ def follow(
     following: Following | None,
     memory: FollowMemory,
     *,
-    most: float,
+    max_speed_ratio: float,
     dt_s: float,
     held_back: bool = False,
 ) -> Followed:
-    """Follow the game's velocity for one cycle; None for `following` sends it as it is.
+    """Follow the game's velocity for one cycle; without `following` it is sent unchanged.
 
     Args:
-        desired_ned_m_s: What the game asks for.
-        here: Where the vehicle is and how it moves, and the evader's velocity.
+        desired_ned_m_s: Velocity that the game asks for.
+        here: Position and velocity of the vehicle, velocity of the evader.
         gaps: To the disc.
-        following: How this vehicle is made to.
+        following: Settings of the vehicle.
         memory: From the last call.
-        most: The largest multiple of the game's velocity with which the along-track deficit is worked off.
+        max_speed_ratio: Speed limit over the game's speed.
         dt_s: Seconds since the last call.
-        held_back: Whether a limit holds the vehicle back from what is asked here.
+        held_back: Whether a limit reduced the last command; the servo learns nothing then.
     """
     if following is None:
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
     flown = less_drift(here.velocity_ned_m_s, drift)
-    caught_up = catch_up(desired_ned_m_s, flown, memory.deficit_m, following.catch_up, most=most, dt_s=dt_s)
+    caught_up = catch_up(
+        desired_ned_m_s, flown, memory.deficit_m, following.catch_up, max_speed_ratio=max_speed_ratio, dt_s=dt_s
+    )
     desired, braking = approach(
         caught_up.velocity_ned_m_s, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach
     )

@@ -80,7 +80,7 @@ def limit(
     dt_s: float,
     *,
     fence: FenceGeometry | None = None,
-    led: bool = False,
+    already_shaped: bool = False,
 ) -> Limited:
     """Turn a command into a setpoint that the envelope allows. Never raises, and never returns a NaN.
 
@@ -91,7 +91,7 @@ def limit(
         memory: From the last call; None at the first one, which then starts at the vehicle's own velocity.
         dt_s: Time since the last call, seconds.
         fence: Where the vehicle is to the fences, where that is measured already.
-        led: Whether the velocity is shaped already: only what jumps all the same, as a wall lets go, is held back then.
+        already_shaped: Whether the servo has shaped the velocity; then only its acceleration is limited, not its jerk.
     """
     active: list[Limiter] = []
     here: Situation | None = situation
@@ -107,7 +107,7 @@ def limit(
 
     allowed = clamp(command.velocity_ned_m_s, envelope.speeds)
     _note_vector(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, command.velocity_ned_m_s)
-    shaped, acceleration = (_accelerate if led else _shape)(allowed, memory, envelope, dt_s)
+    shaped, acceleration = (_accelerate if already_shaped else _shape)(allowed, memory, envelope, dt_s)
     _note_vector(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
     velocity, constraints = feasible_velocity(shaped, here, fence, envelope)

@@ -102,7 +102,7 @@ def test_a_feed_forward_leans_on_no_speed_limit_that_is_not_commanded(asked, flo
 def test_a_velocity_that_is_led_already_passes_to_the_digit_within_the_acceleration(north, east, change, climb):
     soft, before = replace(OPEN, jerk_m_s3=1.0), (0.5 * north, 0.5 * east, 0.3)
     wanted = (before[0] + 0.7 * change, before[1] - 0.7 * change, 0.3 + climb)
-    limited = limit(Setpoint(wanted), HOVER, soft, LimitMemory(before), DT_S, led=True)
+    limited = limit(Setpoint(wanted), HOVER, soft, LimitMemory(before), DT_S, already_shaped=True)
     assert limited.setpoint.velocity_ned_m_s == wanted
     assert limited.active == ()
     assert limited.memory.acceleration_ned_m_s2 == pytest.approx(
@@ -115,10 +115,10 @@ def test_a_velocity_that_is_led_already_jumps_no_further_than_the_acceleration()
         ((1.0, 2.0, 1.5), (1.0, 9.0, -3.0), (1.0, 2.1, 1.44)),
         ((0.0, 0.0, 0.0), (-3.0, -4.0, 2.0), (-0.06, -0.08, 0.06)),
     ):
-        limited = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before), DT_S, led=True)
+        limited = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before), DT_S, already_shaped=True)
         assert limited.setpoint.velocity_ned_m_s == pytest.approx(got)
         assert limited.active == (Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION)
-    held = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before, (1.0, 1.0, 1.0)), 0.0, led=True)
+    held = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before, (1.0, 1.0, 1.0)), 0.0, already_shaped=True)
     assert (held.setpoint.velocity_ned_m_s, held.memory.acceleration_ned_m_s2) == (before, (0.0, 0.0, 0.0))
 
 

@@ -188,15 +188,15 @@ def assert_inside_space(limited, situation, envelope):
 @settings(max_examples=drawn(200), deadline=None)
 @given(wild_setpoints, wild_situations, wild_memories, wild, st.booleans())
 def test_no_numbers_at_all_leave_the_speeds_or_yield_a_nan(command, situation, memory, dt, led):
-    limited = limit(command, situation, ENVELOPE, memory, dt, led=led)
+    limited = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led)
     assert_inside(limited, ENVELOPE)
-    assert_inside(limit(command, situation, ENVELOPE, limited.memory, dt, led=led), ENVELOPE)
+    assert_inside(limit(command, situation, ENVELOPE, limited.memory, dt, already_shaped=led), ENVELOPE)
 
 
 @settings(max_examples=drawn(300), deadline=None)
 @given(wild_setpoints | setpoints, situations, wild_memories | memories, wild | steps, st.booleans())
 def test_no_command_leads_out_of_the_envelope_from_any_place(command, situation, memory, dt, led):
-    limited = limit(command, situation, ENVELOPE, memory, dt, led=led)
+    limited = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led)
     assert_inside(limited, ENVELOPE)
     assert_inside_space(limited, situation, ENVELOPE)
 
@@ -205,7 +205,7 @@ def test_no_command_leads_out_of_the_envelope_from_any_place(command, situation,
 @given(setpoints, near_situations, memories, steps, st.booleans())
 def test_no_command_leads_into_the_stand_off_of_an_evader_at_rest(command, situation, memory, dt, led):
     situation = situation._replace(evader_velocity_ned_m_s=None)
-    limited = limit(command, situation, ENVELOPE, memory, dt, led=led)
+    limited = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led)
     assert_stand_off(situation, limited.setpoint.velocity_ned_m_s, ENVELOPE)
 
 
@@ -213,8 +213,8 @@ def test_no_command_leads_into_the_stand_off_of_an_evader_at_rest(command, situa
 @given(setpoints, situations, memories, steps, st.booleans())
 def test_the_acceleration_holds_wherever_no_wall_acts(command, situation, memory, dt, led):
     free = replace(ENVELOPE, fence_radius_m=None, fence_polygon=None, stand_off=None, floor_m=-1e4, ceiling_m=1e4)
-    first = limit(command, situation, free, memory, dt, led=led)
-    limited = limit(command, situation, free, first.memory, dt, led=led)
+    first = limit(command, situation, free, memory, dt, already_shaped=led)
+    limited = limit(command, situation, free, first.memory, dt, already_shaped=led)
     change = [
         new - old for new, old in zip(limited.memory.velocity_ned_m_s, first.memory.velocity_ned_m_s, strict=True)
     ]
@@ -226,7 +226,7 @@ def test_the_acceleration_holds_wherever_no_wall_acts(command, situation, memory
 @given(setpoints, situations, memories, steps, st.booleans())
 def test_standing_still_is_never_turned_into_motion(command, situation, memory, dt, led):
     still = LimitMemory((0.0, 0.0, 0.0))
-    limited = limit(Setpoint((0.0, 0.0, 0.0)), situation, ENVELOPE, still, dt, led=led)
+    limited = limit(Setpoint((0.0, 0.0, 0.0)), situation, ENVELOPE, still, dt, already_shaped=led)
     assert limited.setpoint.velocity_ned_m_s == (0.0, 0.0, 0.0)
     fed = limited.setpoint.acceleration_ned_m_s2
     assert limited.active == () or (limited.active == (Limiter.FEED_FORWARD,) and fed is not None)
@@ -239,8 +239,8 @@ def test_standing_still_is_never_turned_into_motion(command, situation, memory, 
 @given(setpoints, situations, memories, steps, st.booleans())
 def test_walls_never_add_speed(command, situation, memory, dt, led):
     free = replace(ENVELOPE, fence_radius_m=None, fence_polygon=None, stand_off=None, floor_m=-1e4, ceiling_m=1e4)
-    asked = limit(command, situation, free, memory, dt, led=led).setpoint.velocity_ned_m_s
-    got = limit(command, situation, ENVELOPE, memory, dt, led=led).setpoint.velocity_ned_m_s
+    asked = limit(command, situation, free, memory, dt, already_shaped=led).setpoint.velocity_ned_m_s
+    got = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led).setpoint.velocity_ned_m_s
     assert math.hypot(*got[:2]) <= math.hypot(*asked[:2]) + TOLERANCE
     assert abs(got[2]) <= abs(asked[2]) + TOLERANCE
     assert got[2] * asked[2] >= 0.0
@@ -249,7 +249,7 @@ def test_walls_never_add_speed(command, situation, memory, dt, led):
 @settings(deadline=None)
 @given(setpoints, situations, memories, steps, st.booleans())
 def test_a_limiter_is_named_whenever_the_velocity_is_not_the_one_asked_for(command, situation, memory, dt, led):
-    limited = limit(command, situation, ENVELOPE, memory, dt, led=led)
+    limited = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led)
     changed = math.dist(limited.setpoint.velocity_ned_m_s, command.velocity_ned_m_s) > 4.0 * NOTED
     assert bool(set(limited.active) - {Limiter.FEED_FORWARD, Limiter.YAW}) >= changed
     assert len(set(limited.active)) == len(limited.active)

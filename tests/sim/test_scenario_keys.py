@@ -176,4 +176,4 @@ def test_every_length_time_speed_and_angle_of_the_schema_says_its_unit():
     for section in [json_schema(), *json_schema()["$defs"].values()]:
         for key, value in section.get("properties", {}).items():
             if '"number"' in json.dumps(value) and "$ref" not in json.dumps(value) and key not in {"min", "max"}:
-                assert key in unitless or key.endswith(("_m", "_s", "_deg", "_hz")), key
+                assert key in unitless or key.endswith(("_m", "_s", "_s2", "_deg", "_hz")), key
