@@ -54,6 +54,14 @@ class CheckedExpectation(NamedTuple):
     held: bool
 
 
+RENAMED_COLUMNS: Final[Mapping[str, str]] = {
+    "final_distance_m": "evader_to_target_m (tad) or distance_to_disc_m (pe)",
+    "predicted": "predicted_capture_time_s (pe) or predicted_evader_to_target_m (tad)",
+    "achieved": "capture_time_s (pe) or evader_to_target_m (tad)",
+}
+"""Columns of older versions; a recorded scenario names them without an expectation."""
+
+
 class Expectations(Section):
     """Expected values of the outcome's columns with the same names."""
 
@@ -77,6 +85,16 @@ class Expectations(Section):
     min_altitude_m: Range | None = Field(None, description="least height of the pursuer")
     alarms: Range | None = Field(None, description="number of broken guarantees")
     events: tuple[str, ...] = Field((), description="events from engagement on")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_columns(cls, given: Any) -> Any:  # noqa: ANN401 - whatever a file holds
+        if not isinstance(given, dict):
+            return given
+        for column in RENAMED_COLUMNS.keys() & given.keys():
+            if given[column] is not None:
+                raise ValueError(f"expect.{column} is named {RENAMED_COLUMNS[column]} now")
+        return {name: value for name, value in given.items() if name not in RENAMED_COLUMNS}
 
     @field_validator("events")
     @classmethod

@@ -177,3 +177,9 @@ def test_every_length_time_speed_and_angle_of_the_schema_says_its_unit():
         for key, value in section.get("properties", {}).items():
             if '"number"' in json.dumps(value) and "$ref" not in json.dumps(value) and key not in {"min", "max"}:
                 assert key in unitless or key.endswith(("_m", "_s", "_s2", "_deg", "_hz")), key
+
+
+def test_a_column_of_an_older_version_is_ignored_if_empty_and_else_names_the_new_one():
+    assert built(expect={"maths": {"achieved": None}}).expect == built().expect
+    with pytest.raises(ConfigError, match="expect.achieved is named capture_time_s"):
+        built(expect={"maths": {"achieved": {"max": 1.0}}})
