@@ -181,5 +181,5 @@ def test_every_length_time_speed_and_angle_of_the_schema_says_its_unit():
 
 def test_a_column_of_an_older_version_is_ignored_if_empty_and_else_names_the_new_one():
     assert built(expect={"maths": {"achieved": None}}).expect == built().expect
-    with pytest.raises(ConfigError, match="expect.achieved is named capture_time_s"):
+    with pytest.raises(ConfigError, match="achieved is named capture_time_s"):
         built(expect={"maths": {"achieved": {"max": 1.0}}})
