@@ -39,7 +39,7 @@ def test_the_least_delay_seen_is_the_offset():
 
 @settings(deadline=None)
 @given(st.lists(st.floats(0.0, 0.9), min_size=1, max_size=40), st.floats(-1e6, 1e6))
-def test_no_report_is_ever_from_after_its_arrival_and_the_offset_is_at_least_the_truth(delays, offset):
+def test_no_report_is_later_than_its_arrival_and_the_offset_is_a_bound(delays, offset):
     clock = None
     for step, delay_s in enumerate(delays):
         clock = hear(clock, 0.1 * step, 0.1 * step + offset + delay_s)
@@ -175,7 +175,7 @@ def test_spreads_that_are_given_are_used_and_the_others_are_the_settings():
     )
 
 
-def test_nobody_is_believed_to_a_millimetre():
+def test_very_small_spreads_are_raised():
     boasting = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), position_sd_m=1e-9, velocity_sd_m_s=1e-9)
     evader = predict(observe(Observer(), boasting, FRAME, SETTINGS).track, 0.0, SETTINGS)
     assert (evader.position_sd_m, evader.velocity_sd_m_s) == pytest.approx((0.01, 0.01))

@@ -34,7 +34,7 @@ def test_age_is_since_it_was_true_and_silence_since_it_arrived():
     assert predict(tracked([measured(10.0, (1.0, 2.0, 3.0))]), 9.0, SETTINGS).age_s == 0.0
 
 
-def test_what_is_older_is_less_sure():
+def test_the_spread_grows_with_the_age():
     track = tracked(straight(50))
     spreads = [predict(track, 4.9 + age, SETTINGS) for age in (0.0, 0.5, 1.0, 3.0)]
     for before, after in pairwise(spreads):
@@ -75,7 +75,7 @@ def test_spreads_are_those_of_the_worst_direction():
 
 
 @pytest.mark.parametrize(("rate_hz", "known", "least_gain"), [(1.0, True, 2.0), (50.0, True, 4.0), (5.0, False, 2.0)])
-def test_a_circling_evader_half_a_second_late_is_predicted_far_better_than_its_last_report(rate_hz, known, least_gain):
+def test_a_circling_evader_is_predicted_better_than_its_last_report(rate_hz, known, least_gain):
     rng, track, ours, last = random.Random(4), Track(), [], []
     for step in range(round(60 * rate_hz)):
         time_s = step / rate_hz
@@ -94,7 +94,7 @@ def test_a_circling_evader_half_a_second_late_is_predicted_far_better_than_its_l
     assert math.sqrt(np.mean(np.square(last))) > least_gain * math.sqrt(np.mean(np.square(ours)))
 
 
-def test_a_turn_is_told_from_a_straight_course_and_its_rate_is_seen():
+def test_turns_are_distinguished_from_straight_courses_with_their_rate():
     rng, tracks = random.Random(5), {}
     for turn_rate in (0.5, 0.0):
         tracks[turn_rate] = Track()

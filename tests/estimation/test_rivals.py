@@ -51,7 +51,7 @@ ONE_SOURCE = {
 
 
 @pytest.mark.parametrize("reports", ONE_SOURCE.values(), ids=ONE_SOURCE)
-def test_one_source_is_one(reports):
+def test_one_source_is_not_taken_for_two(reports):
     assert heard(reports).seen_s == -math.inf
 
 
@@ -93,7 +93,7 @@ def test_a_second_source_is_detected_within_two_seconds(by):
     assert heard(soon).why == by.split(",")[0]
 
 
-def test_reports_of_another_address_between_those_of_the_pinned_one_are_a_second_source():
+def test_alternating_reports_of_another_address_are_a_second_source():
     steady = [own(number, impostors=1) for number in range(50)]
     assert heard(steady).why == "sender"
 

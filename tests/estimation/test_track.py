@@ -77,7 +77,7 @@ def test_reports_out_of_order_end_in_the_estimate_of_reports_in_order(seed, orde
 
 @settings(max_examples=drawn(25), deadline=None)
 @given(st.integers(0, 1000), st.integers(1, 29))
-def test_a_report_heard_twice_counts_once(seed, index):
+def test_a_duplicated_report_counts_once(seed, index):
     reports = straight(30, seed=seed)
     twice = [
         *reports[: index + 1],

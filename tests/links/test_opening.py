@@ -70,14 +70,14 @@ def test_a_url_says_where(url, parts):
     ],
 )
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
-def test_a_bad_url_is_named_with_what_is_allowed(kind, url):
+def test_the_error_of_a_bad_url_names_it_and_the_allowed_forms(kind, url):
     with pytest.raises(ConfigError) as caught:
         opened_link(kind, url, system_id=1, clock=clock)
     assert repr(url) in str(caught.value)
 
 
 @pytest.mark.parametrize("scheme", ["udp", "tcp"])
-def test_a_url_that_does_not_say_who_calls_is_told_the_two_that_do(scheme):
+def test_the_error_of_udp_and_tcp_urls_names_both_directions(scheme):
     with pytest.raises(ConfigError, match=f"{scheme}in://host:port waits for the vehicle, {scheme}out://"):
         parse(f"{scheme}://127.0.0.1:14540")
 
@@ -95,7 +95,7 @@ def test_an_unknown_kind_and_ids_out_of_range_are_refused():
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
 @pytest.mark.parametrize("scheme", ["udpin", "udpout"])
-def test_when_nobody_answers_the_caller_knows_after_its_own_ten_seconds(kind, scheme):
+def test_opening_a_silent_link_fails_after_the_callers_timeout(kind, scheme):
     now = FastClock()
     url = f"{scheme}://127.0.0.1:{free_port()}"
     with pytest.raises(LinkError, match="no HEARTBEAT") as caught:
@@ -139,7 +139,7 @@ def test_a_port_in_use_is_refused_and_named(kind):
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
-def test_the_first_vehicle_heard_is_not_taken_for_ours(kind):
+def test_a_vehicle_with_another_system_id_is_not_accepted(kind):
     port = free_port()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs:
         stranger = Peer(lambda data: theirs.sendto(data, ("127.0.0.1", port)), system_id=42)

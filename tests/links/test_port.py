@@ -114,7 +114,7 @@ def test_a_question_is_repeated_until_it_is_answered(rig):
     assert rig.counted("requests_unanswered") == 0
 
 
-def test_a_question_nobody_answers_is_given_up(rig):
+def test_an_unanswered_question_ends_after_its_repeats(rig):
     rig.peer.answers = False
     rig.link.request(STREAM)
     assert rig.hear(lambda got: rig.counted("requests_unanswered") == 1)
@@ -156,7 +156,7 @@ def test_parameters_are_set_as_px4_reads_them(rig):
     assert rig.hear(heard), rig.peer.of("PARAM_SET")
 
 
-def test_only_the_configured_system_and_component_is_heard(rig):
+def test_only_the_configured_system_and_component_is_accepted(rig):
     for n in range(20):
         rig.peer.local_position(1000 + n, system_id=2)
         rig.peer.heartbeat(system_id=2)
@@ -193,7 +193,7 @@ def test_mavlink_1_is_understood(rig):
     assert positions(rig) == [41, 42]
 
 
-def test_what_is_not_fetched_is_bounded(rig):
+def test_unread_messages_are_bounded(rig):
     for n in range(3000):
         rig.peer.local_position(n)
         if n % 100 == 0:

@@ -89,7 +89,7 @@ def test_the_streams_asked_for_arrive_at_their_rates(flavour, profile):
 
 
 @pytest.mark.parametrize(("flavour", "profile"), FLAVOURS)
-def test_a_vehicle_takes_off_and_flies_the_velocity_it_is_told(flavour, profile):
+def test_a_vehicle_takes_off_and_flies_the_commanded_velocity(flavour, profile):
     flight = Flight(flavour, profile)
     flight.take_off()
     flight.run(0.5, Setpoint((0.0, 0.0, 0.0)))
@@ -114,7 +114,7 @@ def test_silence_ends_offboard_on_px4():
     assert flight.mode() is Mode.RETURN
 
 
-def test_both_acknowledgements_of_a_px4_mode_change_are_heard():
+def test_both_acknowledgements_of_a_px4_mode_change_arrive():
     flight = Flight("px4", PX4)
     flight.take_off()
     flight.link.request(PX4.set_mode(Mode.GUIDED))  # without a stream: accepted first, refused then
@@ -150,7 +150,7 @@ def test_the_vehicles_clock_is_found_by_timesync():
     assert position.time_boot_s <= flight.now_s
 
 
-def test_a_signed_vehicle_is_flown_with_its_key_and_unheard_without():
+def test_a_signed_vehicle_needs_the_key_in_both_directions():
     key = bytes(range(32))
     ours, theirs = MemoryWire.pair(lambda: 5.0)
     signing = Signing(key)

@@ -16,7 +16,7 @@ def times(until_s: float, step_s: float = 0.1) -> list[float]:
     return [round(n * step_s, 3) for n in range(round(until_s / step_s) + 1)]
 
 
-def test_a_question_goes_out_four_times_half_a_second_apart_and_then_counts_as_unanswered():
+def test_a_question_is_sent_four_times_and_then_counts_as_unanswered():
     queue = RequestQueue()
     queue.add(STREAM)
     assert sends(queue, *times(5.0)) == [(0.0, STREAM, 0), (0.5, STREAM, 1), (1.0, STREAM, 2), (1.5, STREAM, 3)]
@@ -126,7 +126,7 @@ def test_the_fence_is_asked_for_one_step_at_a_time_until_it_is_answered():
     assert queue.unanswered == 0
 
 
-def test_that_the_fence_was_received_is_said_once_and_nobody_is_waited_for():
+def test_the_end_of_a_fence_transfer_is_sent_once_without_waiting():
     queue = RequestQueue()
     queue.add(FenceReceived())
     assert [request for _, request, _ in sends(queue, *times(3.0))] == [FenceReceived()]

@@ -32,7 +32,7 @@ class World:
         return sum(isinstance(message, LocalPosition) for message in self.link.receive())
 
 
-def test_frames_signed_with_our_key_are_heard():
+def test_frames_signed_with_our_key_are_accepted():
     world = World()
     world.peer.local_position(1)
     world.peer.local_position(2)
@@ -107,7 +107,7 @@ def test_everything_we_send_is_signed_with_a_time_that_rises():
     assert times[0] >= ticks(UNIX_S)
 
 
-def test_without_a_key_signed_frames_are_heard_all_the_same():
+def test_without_a_key_signed_frames_are_accepted_too():
     world = World(None)
     world.peer.local_position(1)
     assert world.heard() == 1

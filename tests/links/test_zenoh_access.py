@@ -84,7 +84,7 @@ def of(folder, name):
     return read_credentials(folder / f"{name}.toml")
 
 
-def test_the_rightful_are_heard_by_whom_they_mean(keys, port, joined):
+def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
     url = f"zenoh://127.0.0.1:{port}/uav1"
     mine = of(keys, "uav1-guidance")
     mock = ZenohEndpoint(
@@ -164,7 +164,7 @@ def certificate_of(keys, strangers, kind):
 @pytest.mark.parametrize(
     "kind", ["nothing", "no certificate", "another authority's", "the router is a stranger", "a password"]
 )
-def test_who_has_no_certificate_of_ours_is_not_let_in(keys, strangers, port, kind):
+def test_without_a_certificate_of_ours_no_client_connects(keys, strangers, port, kind):
     credentials = certificate_of(keys, strangers, kind)
     with pytest.raises(LinkError, match="no session within"):
         open_session(credentials.endpoint("127.0.0.1", port), timeout_s=0.7, credentials=credentials)
@@ -185,7 +185,7 @@ SAYS = {OUT: "uav1", IN: "uav1-guidance", REPORT: "evader1", LIVE: "uav1-guidanc
 HEARS = {OUT: ("uav1-guidance", "viewer"), IN: ("uav1",), REPORT: ("uav1-guidance",), LIVE: ("operator", "viewer")}
 
 
-def test_nobody_says_or_hears_what_is_not_its_own(joined):
+def test_no_party_uses_keys_that_are_not_its_own(joined):
     """Every party publishes on every key; exactly the messages that the table allows arrive."""
     sessions = {name: joined(name) for name in PARTIES}
     heard = {(name, key): set() for name in PARTIES for key in SAYS}
@@ -213,7 +213,7 @@ def test_nobody_says_or_hears_what_is_not_its_own(joined):
     assert {place: said for place, said in heard.items() if said} == allowed
 
 
-def test_nobody_else_answers_an_order_or_claims_the_vehicle(joined):
+def test_only_the_daemon_answers_orders_and_claims_the_vehicle(joined):
     mine, operator, forger = joined("uav1-guidance"), joined("operator"), joined("evader1")
     claimed = OwnerToken(forger, "uav1/guidance")
     OwnerToken(mine, "uav1/guidance").close()  # the claim of a stranger is none
@@ -249,7 +249,7 @@ def by_password(keys, folder):
     return path
 
 
-def test_a_user_is_who_the_password_says(keys, tmp_path):
+def test_the_password_identifies_the_user(keys, tmp_path):
     def user(name, password):
         auth = {"usrpwd": {"user": name, "password": password}}
         return Credentials(auth=auth, tls={"root_ca_certificate": str(keys / "ca.pem")})
@@ -300,7 +300,7 @@ def test_keys_are_made_for_their_owner_and_added_to_and_never_overwritten(tmp_pa
         make_keys(folder, ["more"], ["localhost"], CENTURY)
 
 
-def test_a_router_says_what_it_lacks(tmp_path, keys, port):
+def test_a_router_names_missing_files_and_used_ports(tmp_path, keys, port):
     with pytest.raises(ConfigError, match=r"ca\.pem is missing"):
         open_router(ROUTER, tmp_path)
     with pytest.raises(ConfigError, match="no such file"):
@@ -329,7 +329,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("changes", "said"), WRONG.values(), ids=WRONG)
-def test_what_is_wrong_in_a_section_is_named_with_its_file(keys, changes, said):
+def test_errors_in_a_section_name_the_key_and_the_file(keys, changes, said):
     (keys / "open").write_text("secret\n")
     (keys / "open").chmod(0o644)
     (keys / "long").write_text("two\nlines\n")

@@ -53,7 +53,7 @@ def test_the_page_shows_these_commands():
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_every_option_on_the_page_is_one(words):
+def test_every_option_on_the_page_exists(words):
     command = typer.main.get_command(app if words[0] == "guidance" else mock)
     rest = words[1:]
     while hasattr(command, "commands"):
@@ -77,7 +77,7 @@ def test_so_is_its_file_with_a_password(keys):
     assert credentials_of(section).auth == {"usrpwd": {"user": "uav1-guidance", "password": "right"}}
 
 
-def test_the_evader_of_the_page_is_heard(keys, monkeypatch):
+def test_reports_of_the_pages_evader_arrive(keys, monkeypatch):
     monkeypatch.chdir(keys.parent)
     endpoint = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     frame = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))

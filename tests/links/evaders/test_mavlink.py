@@ -272,7 +272,7 @@ def test_remote_id_time_goes_on_over_the_full_hour_and_may_be_unknown():
     assert sent[4] == 3601.5
 
 
-def test_accuracy_classes_nobody_knows_are_unknown():
+def test_undefined_accuracy_classes_are_unknown():
     report = World(OpenDroneIdLocation(FRAME)).report(drone_id(horizontal_accuracy=0, speed_accuracy=200))
     assert math.isnan(report.position_sd_m)
     assert math.isnan(report.velocity_sd_m_s)
@@ -304,7 +304,7 @@ def adsb(**changes):
     return dialect.MAVLink_adsb_vehicle_message(**(fields | changes))
 
 
-def test_adsb_altitude_is_what_its_type_says():
+def test_adsb_altitude_has_the_datum_of_its_type():
     assert World(AdsbVehicle(FRAME, 0xABCDEF)).report(adsb()).altitude_amsl_m == 600.0
     geometric = World(AdsbVehicle(FRAME, 0xABCDEF)).report(adsb(altitude_type=1))
     assert geometric.altitude_amsl_m == pytest.approx(600.0 - UNDULATION_M)

@@ -71,7 +71,7 @@ def test_every_datum_becomes_height_above_the_sea(datum, amsl_m):
 
 
 @pytest.mark.parametrize("absent", [None, "absent"])
-def test_what_is_not_known_is_nan(absent):
+def test_unknown_values_are_nan(absent):
     unknown = dict.fromkeys(("sent_s", "velocity_ned_m_s", "position_sd_m", "velocity_sd_m_s"), absent)
     report = read(as_bytes(**unknown), 0.0)
     assert math.isnan(report.sent_s)
@@ -103,7 +103,7 @@ def test_zero_velocity_in_json_is_zero():
         (as_bytes(latitude_deg=0.0, longitude_deg=0.0), "position"),
     ],
 )
-def test_what_does_not_keep_the_schema_is_refused(payload, reason):
+def test_payloads_that_violate_the_schema_are_refused(payload, reason):
     with pytest.raises(Refused) as caught:
         read(payload, 0.0)
     assert caught.value.reason == reason
@@ -222,7 +222,7 @@ def test_ros_messages_cut_anywhere_are_refused(length):
         ("ros_odometry", "evader/odom", "7/evader/odom/nav_msgs::msg::dds_::Odometry_/RIHS01_3cc97d", odometry()),
     ],
 )
-def test_an_evader_is_heard_from_its_zenoh_key_and_nobody_elses(router, kind, path, key, payload):
+def test_an_evader_is_received_from_its_zenoh_key_only(router, kind, path, key, payload):
     url = f"zenoh://127.0.0.1:{router.port}/{path}"
     source = open_source(kind, url, clock=clock, frame=FRAME, identity=EvaderIdentity())
     reports = []
@@ -259,7 +259,7 @@ def test_an_evader_is_heard_from_its_zenoh_key_and_nobody_elses(router, kind, pa
         ("follow_target", "nonsense", EvaderIdentity(9), "nonsense"),
     ],
 )
-def test_what_a_source_cannot_do_without_is_asked_for_by_name(kind, url, identity, message):
+def test_a_missing_setting_of_a_source_is_named(kind, url, identity, message):
     with pytest.raises(ConfigError) as caught:
         open_source(kind, url, clock=clock, frame=FRAME, identity=identity)
     assert message in str(caught.value)
