@@ -185,10 +185,7 @@ def _replayed(
 def _recent(history: tuple[Accepted, ...], settings: TrackSettings) -> tuple[Accepted, ...]:
     """Drop reports older than the history's time span, but never the newest."""
     oldest_s = history[-1].measurement.time_s - settings.history_s
-    first = 0
-    while history[first].measurement.time_s < oldest_s:
-        first += 1
-    return history[first:]
+    return tuple(one for one in history if one.measurement.time_s >= oldest_s)
 
 
 def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:

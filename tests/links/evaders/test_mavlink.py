@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import socket
+import time
 from dataclasses import replace
 
 import pytest
@@ -10,7 +12,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.errors import ConfigError
 from guidance.estimation import Observer, TrackSettings, observe, predict
 from guidance.frames import Amsl, LocalFrame
-from guidance.links import MemoryWire
+from guidance.links import MemoryWire, SigningKey
 from guidance.links.evaders import (
     AdsbVehicle,
     FollowTarget,
@@ -19,8 +21,11 @@ from guidance.links.evaders import (
     OdometryCarrier,
     OpenDroneIdLocation,
 )
+from guidance.links.frames import ticks
+from guidance.links.opening import EvaderIdentity, open_source
 from guidance.messages import AltitudeSaid, Datum, EvaderReport
-from tests.links.peer import Peer
+from tests.links.peer import Peer, until
+from tests.links.rigs import free_port
 
 UNDULATION_M = 47.3
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), undulation_m=UNDULATION_M)
@@ -417,3 +422,33 @@ def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_know
             observer = observe(observer, report, FRAME, settings)
         ages.append(predict(observer.track, world.now_s, settings).age_s)
     assert ages[-1] == pytest.approx(0.1, abs=0.03)  # the last report was true when it was sent, 0.1 s ago
+
+
+def test_unsigned_reports_sent_first_do_not_keep_a_signed_evader_out():
+    key, port = SigningKey(bytes(range(32))), free_port()
+    source = open_source(
+        "follow_target",
+        f"udpin://127.0.0.1:{port}",
+        clock=time.monotonic,
+        frame=FRAME,
+        identity=EvaderIdentity(system_id=9),
+        signing_key=key,
+    )
+    reports = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as forgers, socket.socket(type=socket.SOCK_DGRAM) as theirs:
+        forger = Peer(lambda data: forgers.sendto(data, ("127.0.0.1", port)), system_id=9)
+        evader = Peer(lambda data: theirs.sendto(data, ("127.0.0.1", port)), system_id=9)
+        signing = evader.mavlink.signing
+        signing.secret_key, signing.sign_outgoing, signing.timestamp = key.secret, True, ticks(time.time())
+
+        def arrived() -> bool:
+            forger.say(follow(alt=900.0))
+            evader.say(follow())
+            reports.extend(source.receive())
+            return len(reports) >= 3
+
+        assert until(arrived)
+    assert {report.altitude_amsl_m for report in reports} == {520.0}
+    assert source.counters()["wire_unsigned"] > 0
+    assert all(report.impostors is None for report in reports)
+    source.close()
