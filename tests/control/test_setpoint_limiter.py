@@ -78,7 +78,7 @@ def test_the_turn_rate_is_named_for_what_is_left_of_a_turn(turn, named):
     assert limit(Setpoint((0.0, 0.0, 0.0), yaw_rad=0.4 + turn), HOVER, OPEN, memory, DT_S).active == named
 
 
-def test_an_acceleration_that_is_no_number_is_none_and_one_that_is_counts_though_nothing_is_known_of_the_evader_s_way():
+def test_a_nan_acceleration_is_zero_and_a_known_one_needs_no_evader_velocity():
     fenced, velocity = replace(OPEN, fence_radius_m=6.0), (8.0, 1.0, 0.0)
 
     def allowed(acceleration, moving=None):

@@ -144,7 +144,7 @@ def test_speed_limits_are_the_tighter_of_both_files_too():
     assert merged(tight[1], tight[0]).limits.speed_m_s == 6.2
 
 
-def test_a_scenario_of_the_library_can_be_flown_with_the_vehicle_file_that_comes_along():
+def test_a_library_scenario_flies_with_the_supplied_vehicle_file():
     config = load(Config, find("px4", "vehicles"))
     assert plan_of(config, load_scenario("evader_turns")[1]).flight.cycle.declared_evader_speed_m_s == 3.0
 
