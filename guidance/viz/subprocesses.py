@@ -75,7 +75,6 @@ class PanelBeside(CommandBeside):
 
     def __init__(self, endpoint: str, *options: str) -> None:
         require("--panel", "panel")
-        self.endpoint = endpoint
         super().__init__("panel", "--endpoint", endpoint, *options)
 
 

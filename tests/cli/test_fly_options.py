@@ -57,7 +57,6 @@ def test_what_arms_a_vehicle_says_so_in_its_help():
         (("check", "px4", "--link", "mavsdk"), "--link: only with --vehicle"),
         (("check", "px4", "--autopilot", "px4"), "--autopilot: only with --vehicle"),
         (("solve", *PAPER, "--out", "a.csv"), "--out: only with --states, not with one state"),
-        (("solve", *PAPER, "--chunk", "7"), "--chunk: only with --states, not with one state"),
         (("solve", "--states", "s.csv", "--speed-ratio", "2", "--json"), "--json: only for one state"),
         (("solve", "--states", "s.csv", *PAPER), "--pursuer: only for one state, not with --states"),
         (("ctl", "engage", "--watch"), "--watch: only with status"),
