@@ -5,6 +5,7 @@ import json
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import zenoh
@@ -13,7 +14,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.session import control_bus as buses
 from guidance.session import control_socket
 from guidance.session.control_bus import ControlBus, OwnerToken, opened
-from guidance.session.control_client import ask, control_key
+from guidance.session.control_client import answers, ask, control_key
 from guidance.session.control_client import join_session as open_session
 from guidance.session.control_socket import ANSWER_LIMIT_S, TIMEOUT_S, ask_here
 from guidance.session.orders import Mailbox
@@ -163,3 +164,24 @@ def test_two_flights_at_once_both_take_orders_the_second_at_an_endpoint_of_its_o
 def test_a_flight_without_an_endpoint_lets_nobody_in():
     with opened("uav1", Mailbox(), None) as control:
         assert control is None
+
+
+def test_100_of_100_holds_are_accepted_over_zenoh_while_32_clients_poll(daemon, endpoint):
+    daemon()
+    polling, session = threading.Event(), open_session(endpoint)
+    polling.set()
+
+    def poll():
+        while polling.is_set():
+            answers(session, control_key("uav1", "status"), 4.0)
+
+    try:
+        with ThreadPoolExecutor(32) as pool:
+            for _ in range(32):
+                pool.submit(poll)
+            holds = [answers(session, control_key("uav1", "hold"), 4.0) for _ in range(100)]
+            polling.clear()
+        assert [hold["accepted"] for (hold,) in holds] == [True] * 100
+    finally:
+        polling.clear()
+        session.close()
