@@ -184,18 +184,24 @@ def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[
     )
     mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
     found: dict[int, list[dict[str, Any]]] = {}
-    for row in grouped.sort_by([(name, "ascending") for name in names]).to_pylist():
+    grouped = grouped.sort_by([(name, "ascending") for name in names])
+    regrets = grouped["regret_list"]
+    for number, row in enumerate(grouped.drop_columns(["regret_list"]).to_pylist()):
         at = {key.column: key.labels[row[_place(key)]] for key in keys}
         times = row["game_time_s_min_max"]
         drawn = any(axis.distribution is not None for axis in plan.axes) or times["min"] != times["max"]
         found.setdefault(row[PAIR], []).append(
-            ({"at": at} if keys else {}) | _summary(row, intervals=drawn and not mixed and not plan.teams)
+            ({"at": at} if keys else {})
+            | _summary(
+                row,
+                regrets[number].values.to_numpy(zero_copy_only=False),
+                intervals=drawn and not mixed and not plan.teams,
+            )
         )
     return found
 
 
-def _summary(row: Mapping[str, Any], *, intervals: bool) -> dict[str, Any]:
-    regrets = np.array(row["regret_list"], dtype=np.float64)
+def _summary(row: Mapping[str, Any], regrets: NDArray[np.float64], *, intervals: bool) -> dict[str, Any]:
     regrets = regrets[np.isfinite(regrets)]
     captured, regret = share(row["captured_sum"], row["game_sum"]), mean(regrets)
     if not intervals:

@@ -206,7 +206,7 @@ def finish(work: Work, workers: Workers, on_kept: OnKept) -> None:
     finally:
         for future in running:
             future.cancel()
-        executor.shutdown(wait=False)
+        executor.shutdown(wait=not running)
         for process in multiprocessing.active_children():
             process.terminate()
 
