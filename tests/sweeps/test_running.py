@@ -323,7 +323,7 @@ def test_a_chunk_takes_10_s_and_several_workers_have_four_each(plan_from, slowne
         assert size.lasts_s == pytest.approx(expected * slowness_s)
 
 
-@pytest.mark.parametrize(("steps_s", "game_s", "expected"), [(2.0, 0.05, 160), (20.0, 0.5, 40), (2.0, 0.0, 16384)])
+@pytest.mark.parametrize(("steps_s", "game_s", "expected"), [(2.0, 0.05, 160), (20.0, 0.5, 40), (2.0, 0.0, 8192)])
 def test_games_that_share_their_steps_share_a_chunk(plan_from, steps_s, game_s, expected, monkeypatch):
     """However long the shared steps take, a chunk still has many games."""
     plan, now = plan_from(LONG.replace("240", "24000")), [0.0]
