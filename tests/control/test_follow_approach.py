@@ -153,3 +153,10 @@ def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wan
         height_m -= flown * DT_S
         assert height_m * side >= -0.02
     assert abs(height_m) < 0.05
+
+
+@pytest.mark.parametrize("height_m", [0.0, 3.0])
+def test_an_evader_that_comes_is_waited_for_at_the_discs_height_and_fled_from_above_it(height_m):
+    evader, gaps = (-4.0, 0.0, 0.0), Gaps(3.0, height_m, 1.0, 0.0)
+    velocity, _ = approach(STILL, STILL, evader, gaps, SETTINGS)
+    assert velocity[0] == pytest.approx(0.0) if height_m == 0.0 else velocity[0] < -1.0

@@ -1,0 +1,18 @@
+"""The vehicle's verdict in flown TAD games: what was claimed comes true. `bench_verdict` flies a thousand."""
+
+import math
+
+import pytest
+
+from tests.harness.guarded import draw_game, fly
+
+pytestmark = pytest.mark.flight
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_an_evader_that_cannot_reach_its_target_does_not_arrive(number):
+    game = fly(draw_game(1, number))
+    assert game.end in {"captured", "arrived"}
+    if game.end == "arrived":
+        assert math.isnan(game.claimed_s)
+        assert math.isnan(game.reported_s)
