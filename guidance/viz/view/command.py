@@ -182,6 +182,6 @@ def _served(place: Destination, say: Callable[[str], None], closing: contextlib.
     sink = recording_server(port)
     page = WebPage(web_port, sink.uri, port)
     closing.callback(page.close)
-    say(f"view     {page.url}")
-    say(f"or       rerun --connect {sink.uri}")
+    say(f"look at  {page.url}")
+    say(f"or with  rerun --connect {sink.uri}")
     return sink
