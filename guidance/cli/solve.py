@@ -14,7 +14,6 @@ import typer
 from guidance.cli.arguments import refuse_others
 from guidance.errors import ConfigError
 from guidance.extras import require
-from guidance.screen import console, pairs
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -84,6 +83,8 @@ def solve(
     if as_json:
         sys.stdout.write(json.dumps(_as_record(answer)) + "\n")
     else:
+        from guidance.screen import console  # noqa: PLC0415 - slow import
+
         console().print(_grid(answer, with_target=target is not None))
 
 
@@ -125,6 +126,8 @@ def _grid(answer: "Solution", *, with_target: bool) -> "Table":
         ("evader's velocity, m/s", _vector(answer.evader_velocity_m_s)),
         ("reason", Reason(int(answer.reason)).word.replace("_", " ")),
     ]
+    from guidance.screen import pairs  # noqa: PLC0415 - slow import
+
     return pairs(rows)
 
 

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
-from guidance.control.follow import Approach, Gaps, approach, closing_allowed
+from guidance.control.follow import RETREAT_M, Approach, Gaps, approach, closing_allowed
 
 DT_S = 0.02
 SETTINGS = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.3, margin_m=0.15)
@@ -75,7 +75,8 @@ def test_far_away_nothing_is_touched(wanted, flown, evader):
 def test_at_rest_before_the_rim_the_velocity_is_the_evaders(evader):
     rim = Gaps(SETTINGS.margin_m, 0.0, 1.0, 0.0)
     velocity, braking = approach((6.0, 1.0, 0.0), evader, evader, rim, SETTINGS)
-    assert velocity == pytest.approx(evader)
+    waited_m_s = max(0.0, -evader[0]) * SETTINGS.margin_m / RETREAT_M  # it retreats more slowly than the evader comes
+    assert velocity == pytest.approx((evader[0] + waited_m_s, evader[1], 0.0))
     assert braking
 
 
@@ -102,7 +103,8 @@ def test_what_goes_across_the_line_of_sight_fades_as_the_closing_does(
     towards, ground_m, closing_m_s, allowed_m_s, kept
 ):
     def moving(along, across):
-        return (1.0 + along * towards[0] - across * towards[1], -2.0 + along * towards[1] + across * towards[0], 0.0)
+        along, across = along + 2.0, across - 1.0  # the evader flees
+        return (along * towards[0] - across * towards[1], along * towards[1] + across * towards[0], 0.0)
 
     evader, gaps = moving(0.0, 0.0), Gaps(ground_m, 0.0, *towards)
     velocity, braking = approach(moving(closing_m_s, 0.7), evader, evader, gaps, SETTINGS)
@@ -115,6 +117,15 @@ def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
         v = closing_allowed(left_m, 2.0, 0.3, 1.0)
         assert v * 0.3 + v * v / 4.0 == pytest.approx(left_m)
     assert closing_allowed(0.0, 2.0, 0.3, 1.0) == 0.0
+
+
+def _rest_m(settings, coming_m_s):
+    """Gap at which it backs off as fast as the evader comes: w = c·g/2 and margin − g = 2·w·(settle + w/b)."""
+    waited_s = coming_m_s / RETREAT_M
+    quadratic, linear = 2.0 * waited_s**2 / settings.braking_m_s2, 1.0 + 2.0 * waited_s * settings.settle_s
+    if quadratic == 0.0:
+        return settings.margin_m
+    return (math.sqrt(linear**2 + 4.0 * quadratic * settings.margin_m) - linear) / (2.0 * quadratic)
 
 
 @pytest.mark.parametrize("pace", [0.0, 3.0, -1.0])
@@ -131,7 +142,7 @@ def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, la
         assert gap_m >= 0.0
         if gap_m <= 0.5:
             reached_s = min(reached_s, cycle * DT_S)
-    assert gap_m == pytest.approx(settings.margin_m, abs=0.02)
+    assert gap_m == pytest.approx(_rest_m(settings, max(0.0, -pace)), abs=0.01 if pace < 0.0 else 0.02)
     assert flown == pytest.approx(pace, abs=0.02)
     # Beside full speed to the rim: braking costs half of its time, and what is planned with to answer and to settle.
     closing = 6.0 - pace

@@ -176,5 +176,5 @@ def test_the_battery_has_to_bring_it_home_from_the_edge_of_the_fence(left, verdi
     vehicle = observe(vehicle_at(), [SystemStatus(0.0, 0, 0, left)])
     found = rows(Facts(vehicle=vehicle, evader_amsl_m=488.0), PX4, wants_of(battery_needed=0.35))
     (row,) = [row for row in found if row.name == "battery reserve"]
-    assert (row.verdict, row.wanted) == (verdict, "35% at least, to come home from the edge of the fence")
+    assert (row.verdict, row.wanted) == (verdict, "at least 35%, to fly home from the edge of the fence")
     assert "battery reserve" not in verdicts(vehicle)
