@@ -187,7 +187,7 @@ def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
     flight.close()
     assert all(isinstance(item, Item) for item in items)
     said = [json.loads(item.data) for item in items]
-    assert {"Home", "LocalPosition"} <= {one["kind"] for one in said[0]["inputs"]["messages"]}
+    assert {"Heartbeat", "LocalPosition"} <= {one["kind"] for one in said[0]["inputs"]["messages"]}
     assert [one for one in said[1:] if "event" not in one] == list(map(CYCLE.plain, cycles[200:230]))
     assert [one["event"] for one in said if "event" in one] == ["armed"]
 
