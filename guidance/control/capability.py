@@ -32,6 +32,10 @@ _ALIGNED: Final = 0.9
 """Nothing is learned while the mean acceleration is larger, or less than this share of the velocity is along the one
 asked for: the vehicle is still gaining speed, or turning."""
 
+_FOLLOWING: Final = 0.3
+"""Nothing is learned below this share of the speed asked for: such a vehicle does not follow the setpoints at all, for
+example because a pilot has just taken it over."""
+
 _LEAST_ASKED_M_S: Final = 1.0
 _TAKEN_FOR_GRANTED: Final = 0.5
 """Share of the game's speeds that a vehicle is trusted with before it has shown them."""
@@ -141,7 +145,7 @@ def observe_speed(
         )
     along = (north * asked_ned_m_s[0] + east * asked_ned_m_s[1]) / asked
     steady = math.hypot(*acceleration) < _STEADY_M_S2 and along > _ALIGNED * math.hypot(north, east)
-    short = at_full_speed and steady and along < (1.0 - SHORT) * asked
+    short = at_full_speed and steady and _FOLLOWING * asked < along < (1.0 - SHORT) * asked
     short_s = memory.short_s + dt_s if short else 0.0
     reached = max(0.0, along) / asked
     learned = memory.share

@@ -33,7 +33,8 @@ def fleet(scenario: Scenario) -> dict[str, Any]:
     if parameters := autopilot.mock_speeds(pursuer.speeds):
         own["parameters"] = dict(parameters)
     rover = _vehicle(EVADER, "rover", EVADER_ID, (ey, ex, -evader.height_m))
-    rover["parameters"] = {"ATC_ACCEL_MAX": evader.acceleration_m_s2}
+    if evader.acceleration_m_s2 is not None:
+        rover["parameters"] = {"ATC_ACCEL_MAX": evader.acceleration_m_s2}
     return {
         "seed": scenario.seed,
         "home": {

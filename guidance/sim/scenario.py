@@ -99,7 +99,9 @@ class Evader(Player):
         None, gt=0.0, le=30.0, description="top speed that it declares to the pursuer; default: speed_m_s"
     )
 
-    acceleration_m_s2: float = Field(2.0, gt=0.0, le=10.0, description="how fast the simulated rover gains speed")
+    acceleration_m_s2: float | None = Field(
+        None, gt=0.0, le=10.0, description="acceleration of the mocked rover; default: the rover's own"
+    )
 
     @property
     def believed_speed_m_s(self) -> float:
