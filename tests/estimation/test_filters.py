@@ -1,7 +1,9 @@
 """Estimate: its filters against filterpy, an independent library, and its motion against its own definition."""
 
+import functools
 import math
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,14 +13,20 @@ from hypothesis import strategies as st
 from guidance.estimation import TrackSettings, filters
 from guidance.estimation.filters import step
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore", DeprecationWarning)  # filterpy's, on import
-    from filterpy.common import Q_continuous_white_noise
-    from filterpy.kalman import IMMEstimator, KalmanFilter
-
 SETTINGS = TrackSettings(declared_speed_m_s=3.0, turning_noise_m2_s3=0.7, turn_rate_sd_rad_s=0.5)
 STEPS_S = [0.02, 0.3, 1.0]
 states = st.tuples(*[st.floats(-200.0, 200.0)] * 2, *[st.floats(-10.0, 10.0)] * 2, st.floats(-1.5, 1.5))
+
+
+@functools.cache
+def filterpy():
+    """Imported when needed: it loads SciPy's statistics and matplotlib, and every worker collects this file."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # filterpy's, on import
+        from filterpy import common, kalman
+    return SimpleNamespace(
+        noise=common.Q_continuous_white_noise, filter=kalman.KalmanFilter, mixture=kalman.IMMEstimator
+    )
 
 
 def both(state):
@@ -27,7 +35,7 @@ def both(state):
 
 def filterpy_noise(dt_s, density, turn_rate_variance):
     noise = np.zeros((5, 5))
-    block = Q_continuous_white_noise(2, dt=dt_s, spectral_density=density)
+    block = filterpy().noise(2, dt=dt_s, spectral_density=density)
     for axis in (0, 1):
         noise[np.ix_([axis, axis + 2], [axis, axis + 2])] = block
     noise[4, 4] = turn_rate_variance
@@ -88,15 +96,16 @@ def test_two_half_steps_spread_as_much_as_one_whole_one():
     assert twice[:4, :4] == pytest.approx(whole.noise[0][:4, :4])
 
 
-class Moving(KalmanFilter):
+def moving_filter(model, dt_s, known):
     """filterpy's filter, with the state moved by our motion and everything else its own."""
 
-    model = 0
+    class Moving(filterpy().filter):
+        def predict(self, *_args, **_kwargs):
+            moved = step(both(self.x[:, 0]), dt_s, SETTINGS)
+            self.F, self.x = moved.jacobian[model], moved.mean[model][:, None]
+            self.P = self.F @ self.P @ self.F.T + self.Q
 
-    def predict(self, *_args, **_kwargs):
-        moved = step(both(self.x[:, 0]), self.dt_s, SETTINGS)
-        self.F, self.x = moved.jacobian[self.model], moved.mean[self.model][:, None]
-        self.P = self.F @ self.P @ self.F.T + self.Q
+    return Moving(dim_x=5, dim_z=known)
 
 
 def filterpy_imm(measured, noise, dt_s):
@@ -105,8 +114,7 @@ def filterpy_imm(measured, noise, dt_s):
     begun = filters.begin(measured, noise, SETTINGS)
     models = []
     for model in (0, 1):
-        one = Moving(dim_x=5, dim_z=known)
-        one.model, one.dt_s = model, dt_s
+        one = moving_filter(model, dt_s, known)
         one.x, one.P = begun.mean[model][:, None].copy(), begun.covariance[model].copy()
         one.H, one.R = np.eye(5)[:known], noise
         density = (SETTINGS.steady_noise_m2_s3, SETTINGS.turning_noise_m2_s3)[model]
@@ -120,7 +128,7 @@ def filterpy_imm(measured, noise, dt_s):
     for order in range(1, 30):
         term = term @ generator / order
         chain += term
-    return IMMEstimator(models, [1.0 - begun.turning, begun.turning], chain), begun
+    return filterpy().mixture(models, [1.0 - begun.turning, begun.turning], chain), begun
 
 
 @pytest.mark.parametrize("dt_s", STEPS_S)
@@ -180,10 +188,10 @@ def test_no_model_is_ever_ruled_out_for_good():
 
 @pytest.mark.parametrize("dt_s", STEPS_S)
 def test_the_height_is_filterpy_s_filter_of_two_numbers(dt_s):
-    reference = KalmanFilter(dim_x=2, dim_z=1)
+    reference = filterpy().filter(dim_x=2, dim_z=1)
     reference.x, reference.P = np.array([[4.0], [0.5]]), np.array([[2.0, 0.3], [0.3, 1.0]])
     reference.F = np.array([[1.0, dt_s], [0.0, 1.0]])
-    reference.Q = Q_continuous_white_noise(2, dt=dt_s, spectral_density=0.05)
+    reference.Q = filterpy().noise(2, dt=dt_s, spectral_density=0.05)
     ours = filters.Height(4.0, 0.5, 2.0, 0.3, 1.0)
     for count in range(20):
         reference.predict()
