@@ -7,7 +7,7 @@ flight. No step passes the end of a game, and a game has the same bits alone and
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,22 +25,17 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import PERFECT, TIMEOUT_S, Known, Received, begin, known, listen, next_event_s
 from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
 from guidance.strategies.catalogue import PROPORTIONAL
+from guidance.strategies.navigation import turning
 
 CYCLE_S = 0.02
 """A velocity is held for the cycle of a flight."""
 
-_SHARES = {4: 0.8, 1: 0.05}
-"""Length of a step, as a share of the least time until a change, by the order of the method.
+_SHARES = dict.fromkeys(("optimal", "pure_pursuit", "lead_pursuit", "hold", *COURSES), 0.8) | {PROPORTIONAL: 0.5}
+"""Length of a step, as a share of the least time until a change, by the pursuer's strategy.
 
-Times of capture of tests/bench/bench_sweep.py's games differ from those with cycles of 4 ms by 6 ms at most with order
-4, and by 40 ms at most with order 1 (proportional navigation); held velocities of 20 ms differ by 17 ms.
-"""
-
-_ORDERS = dict.fromkeys(("optimal", "pure_pursuit", "lead_pursuit", "hold", *COURSES), 4) | {PROPORTIONAL: 1}
-"""Order of the method by the pursuer's strategy. Other strategies may change abruptly: they keep the cycle.
-
-The four strategies are smooth functions of the positions until the pursuer is beside the evader. Proportional
-navigation depends on its last command too.
+These strategies are smooth functions of the state until the pursuer is beside the evader. Others may change abruptly:
+they keep the cycle. Times of capture of tests/bench/bench_sweep.py's games differ from those with cycles of 4 ms by
+6 ms at most, with proportional navigation by 22 ms; held velocities of 20 ms differ by 17 ms.
 """
 
 _SHARE_LEFT = 0.75
@@ -63,6 +58,8 @@ class Moment(NamedTuple):
         flown_m_s: Pursuer velocity at the begin of the last step.
         run_m_s: Evader velocity at the begin of the last step.
         step_s: Length of the last step.
+        turning_rad_s: Mean rate of turn of the last step, for proportional navigation of a pursuer that sees the
+            evader; else None.
         heard: Reports that the pursuer received; None if it sees the evader.
         lost_s: Waiting time for a report.
         standoff_m: Least horizontal distance so far.
@@ -80,6 +77,7 @@ class Moment(NamedTuple):
     flown_m_s: Array
     run_m_s: Array
     step_s: Array
+    turning_rad_s: Array | None
     heard: Received | None
     lost_s: Array
     standoff_m: Array
@@ -102,14 +100,9 @@ def play(scenarios: Sequence[Scenario]) -> list[Outcome]:
     return [outcomes[index] for index in range(len(scenarios))]
 
 
-def moments(scenarios: Sequence[Scenario], *, longest_s: float = np.inf) -> Iterator[Moment]:
-    """Play scenarios of one kind; yield every moment. Some finished games may still be among the rows.
-
-    Args:
-        scenarios: Of one kind; see `kind_of`.
-        longest_s: Limit of a step, for callers that draw the track.
-    """
-    batch, moment = stack(scenarios), _begin(scenarios)
+def moments(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Iterator[Moment]:
+    """Play scenarios of one kind, see `kind_of`; yield every moment, also of games that have just ended."""
+    batch, moment = batch or stack(scenarios), _begin(scenarios)
     with quiet(np):
         while len(moment.row):
             ahead = look_ahead(np, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
@@ -119,20 +112,21 @@ def moments(scenarios: Sequence[Scenario], *, longest_s: float = np.inf) -> Iter
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
                 batch, moment, ahead = (keep(part, running) for part in (batch, moment, ahead))
             if len(moment.row):
-                moment = _advance(batch, moment, ahead, longest_s)
+                moment = _advance(batch, moment, ahead)
 
 
-def opening(scenarios: Sequence[Scenario]) -> Solution:
+def opening(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Solution:
     """Solve the games of scenarios of one kind at engagement, with the evader speed that the pursuer assumes."""
-    batch = stack(scenarios)
+    batch = batch or stack(scenarios)
     P, E = starts(scenarios)
     return solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
 
 
 def _play_kind(scenarios: Sequence[Scenario]) -> Iterator[tuple[int, Outcome]]:
-    first = opening(scenarios)
+    batch = stack(scenarios)
+    first = opening(scenarios, batch)
     done = np.zeros(len(scenarios), dtype=bool)
-    for moment in moments(scenarios):
+    for moment in moments(scenarios, batch):
         for place in np.flatnonzero((moment.end != _RUNNING) & ~done[moment.row]):
             row = int(moment.row[place])
             done[row] = True
@@ -144,7 +138,7 @@ def _begin(scenarios: Sequence[Scenario]) -> Moment:
     count = len(scenarios)
     zeros = np.zeros(count)
     no = np.zeros(count, dtype=bool)
-    sensor = scenarios[0].sensor
+    sensor, navigates = scenarios[0].sensor, scenarios[0].pursuer.policy == PROPORTIONAL
     return Moment(
         row=np.arange(count),
         now_s=zeros,
@@ -153,6 +147,7 @@ def _begin(scenarios: Sequence[Scenario]) -> Moment:
         flown_m_s=np.zeros_like(P),
         run_m_s=np.zeros_like(E),
         step_s=zeros,
+        turning_rad_s=np.zeros_like(P) if navigates and sensor == PERFECT else None,
         heard=None if sensor == PERFECT else begin(sensor, E),
         lost_s=zeros,
         standoff_m=_beside(P, E),
@@ -173,7 +168,7 @@ def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     return np.where(moment.end == _RUNNING, now, moment.end).astype(np.int8)
 
 
-def _advance(batch: Batch, moment: Moment, ahead: Ahead, longest_s: float) -> Moment:
+def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     """Ask both players for velocities and move both by one step; finished games stay where they are."""
     heard = moment.heard
     P, E = moment.pursuer_m, moment.evader_m
@@ -187,7 +182,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead, longest_s: float) -> Mo
         waiting = seen.age_s > TIMEOUT_S
     no_game = ~np.isfinite(v[:, 0])
     v[no_game | waiting] = 0.0
-    h = np.maximum(CYCLE_S, np.minimum(_smooth_s(batch, moment, ahead), longest_s))
+    h = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead))
     for limit in (
         batch.limit_s - moment.now_s,
         _captured_s(batch, moment, v - w),
@@ -197,12 +192,13 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead, longest_s: float) -> Mo
     ):
         h = np.minimum(h, limit)
     h = np.where(moment.end == _RUNNING, h, 0.0)
-    mean_v, mean_w = v, w
-    if _order(batch) == 4 and (long := h > CYCLE_S).any():
-        later_v, later_w = _averages(batch, moment, h, (v, w))
-        mean_v, mean_w = np.where(long[:, None], later_v, v), np.where(long[:, None], later_w, w)
-    P, met = _held_back(batch, P + h[:, None] * mean_v)
-    E = E + h[:, None] * mean_w
+    slope = first = _slope(batch, moment, P, E, (v, w))
+    long = h > CYCLE_S
+    if long.any():
+        mean = _mean_slope(batch, moment, h, first)
+        slope = tuple(np.where(long[:, None], over, held) for over, held in zip(mean, first, strict=True))
+    P, met = _held_back(batch, P + h[:, None] * slope[0])
+    E = E + h[:, None] * slope[1]
     return moment._replace(
         now_s=moment.now_s + h,
         pursuer_m=P,
@@ -210,6 +206,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead, longest_s: float) -> Mo
         flown_m_s=v,
         run_m_s=w,
         step_s=h,
+        turning_rad_s=slope[2] if len(slope) > 2 else None,
         heard=heard,
         lost_s=np.where(waiting, moment.lost_s + h, 0.0),
         standoff_m=np.minimum(moment.standoff_m, _beside(P, E)),
@@ -220,17 +217,12 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead, longest_s: float) -> Mo
     )
 
 
-def _order(batch: Batch) -> int | None:
-    """Return the order of the method for steps longer than a cycle; None where there are no such steps."""
-    return _ORDERS.get(batch.pursuer.name) if batch.kind.sensor == PERFECT else None
-
-
 def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead) -> Real:
     """Return how long a step may be, (n,): a share of the least time until the pursuer is beside the evader or at a
     limit, or the evader at its target.
     """  # noqa: D205 - one sentence needs two lines
-    order = _order(batch)
-    if order is None:
+    share = _SHARES.get(batch.pursuer.name)
+    if share is None or batch.kind.sensor != PERFECT:
         return 0.0
     P, game = moment.pursuer_m, batch.game
     speeds, level_m_s = game.pursuer, game.pursuer.horizontal_m_s + wind_speed(game)
@@ -241,9 +233,7 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead) -> Real:
     inside = batch.fence_m - _from_home(batch, P)[2]
     room = np.minimum(inside, np.minimum(P[:, 2] - batch.lowest_m, batch.highest_m - P[:, 2]))
     beside_s, limit_s = apart / (level_m_s + game.evader_speed_m_s), room / np.sqrt(level_m_s**2 + vertical_m_s**2)
-    return np.asarray(
-        _SHARES[order] * np.minimum(np.minimum(beside_s, limit_s), np.minimum(ahead.capture_s, ahead.arrival_s))
-    )
+    return np.asarray(share * np.minimum(np.minimum(beside_s, limit_s), np.minimum(ahead.capture_s, ahead.arrival_s)))
 
 
 def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
@@ -272,16 +262,25 @@ def _zero_s(distance_m: Array, rate_m_s: Array) -> Array:
     return np.where(distance_m <= 0.0, 0.0, np.where(rate_m_s < 0.0, distance_m / -rate_m_s, np.inf))
 
 
-def _averages(batch: Batch, moment: Moment, step_s: Array, first: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return both players' mean velocities over a step by Runge-Kutta; a player on a course keeps its velocity."""
+Slope: TypeAlias = tuple[Array, ...]
+"""Rates of change, (n, 3) each: velocities of both players, and the rate of turn of a pursuer that navigates."""
+
+
+def _slope(batch: Batch, moment: Moment, P: Array, E: Array, velocities: tuple[Array, Array]) -> Slope:
+    v, w = velocities
+    return velocities if moment.turning_rad_s is None else (v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain))
+
+
+def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Slope:
+    """Return the mean slope over a step by Runge-Kutta; a player on a course keeps its velocity."""
     slopes = [first]
     for share in (0.5, 0.5, 1.0):
-        v, w = slopes[-1]
-        later = (share * step_s)[:, None]
-        v, w = _velocities(batch, moment, moment.pursuer_m + later * v, moment.evader_m + later * w, first)
-        slopes.append((v, w))
-    pursuer, evader = ((a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
-    return pursuer, evader
+        v, w, *turn = slopes[-1]
+        passed = share * step_s
+        P, E = moment.pursuer_m + passed[:, None] * v, moment.evader_m + passed[:, None] * w
+        then = moment._replace(flown_m_s=first[0], turning_rad_s=turn[0] if turn else None, step_s=passed)
+        slopes.append(_slope(batch, then, P, E, _velocities(batch, then, P, E, first)))
+    return tuple((a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
 
 
 def game_of(batch: Batch, evader_speed_m_s: Real, age_s: Real = 0.0) -> Game:
@@ -289,9 +288,7 @@ def game_of(batch: Batch, evader_speed_m_s: Real, age_s: Real = 0.0) -> Game:
     return replace(batch.game, evader_speed_m_s=evader_speed_m_s, information_age_s=age_s)
 
 
-def _velocities(
-    batch: Batch, moment: Moment, P: Array, E: Array, first: tuple[Array, Array] | None = None
-) -> tuple[Array, Array]:
+def _velocities(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None = None) -> tuple[Array, Array]:
     """Return the velocities of players that see each other, (n, 3) each.
 
     Args:
@@ -305,7 +302,7 @@ def _velocities(
     if batch.agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
         solution = solve(game, P, E, T, evader_velocity_m_s=moment.run_m_s)
         return solution.pursuer_velocity_m_s, solution.evader_velocity_m_s
-    memory = StrategyMemory(moment.flown_m_s, moment.now_s)
+    memory = StrategyMemory(moment.flown_m_s, moment.now_s, moment.turning_rad_s)
     w = evade(batch.evader, game, P, E, T, memory) if first is None or batch.evader.course is None else first[1]
     if first is not None and batch.pursuer.course is not None:
         return first[0], w

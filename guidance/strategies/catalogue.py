@@ -46,10 +46,15 @@ class Strategy:
 
 
 class StrategyMemory(NamedTuple):
-    """A strategy's last command (..., 3), None at the start, and the time since its start (...)."""
+    """A strategy's last command (..., 3), None at the start, and the time since its start (...).
+
+    `turning_rad_s` is the mean rate of turn since the last command, (..., 3), where a simulation knows it; only
+    proportional navigation uses it.
+    """
 
     velocity_m_s: Array | None = None
     played_s: Real = 0.0
+    turning_rad_s: Array | None = None
 
 
 def pursue(
@@ -79,7 +84,14 @@ def pursue(
         return _flyable(game.pursuer, strategy.course.velocity_m_s(memory.played_s, pursuer))
     if strategy.name == PROPORTIONAL:
         return proportional_navigation(
-            game, pursuer, evader, seen_m_s, memory.velocity_m_s, dt_s=dt_s, gain=strategy.gain
+            game,
+            pursuer,
+            evader,
+            seen_m_s,
+            memory.velocity_m_s,
+            dt_s=dt_s,
+            gain=strategy.gain,
+            turning_rad_s=memory.turning_rad_s,
         )
     return PURSUER_POLICIES[strategy.name](game, pursuer, evader, target, seen_m_s)
 

@@ -15,7 +15,6 @@ turns at once and runs straight between its turns.
 from guidance.game.arrays import (
     Array,
     Library,
-    Plane,
     Real,
     Space,
     component,
@@ -43,6 +42,7 @@ def proportional_navigation(
     *,
     dt_s: Real,
     gain: float,
+    turning_rad_s: Array | None = None,
 ) -> Array:
     """Turn `gain` times as fast as the line of sight does: (..., 3), m/s.
 
@@ -56,6 +56,7 @@ def proportional_navigation(
         previous_m_s: The last command, (..., 3); None at the start.
         dt_s: Time since then, (...).
         gain: The navigation constant N, 3 to 5 as a rule; 1 is pure pursuit.
+        turning_rad_s: The mean rate of turn since the last command, (..., 3); that of this state by default.
     """
     xp, given = vectors({"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s})
     shape, pursuer = leading_shape(game, given), given["pursuer"]
@@ -63,18 +64,46 @@ def proportional_navigation(
         state = take_apart(xp, game, *map(components, given.values()))
         x, y, z = (0.0 if previous_m_s is None else component(previous_m_s, index) for index in range(3))
         previous = (x, y, z)
+        rate = _rate(xp, game, state, previous, gain) if turning_rad_s is None else components(turning_rad_s)
+        turn = _scaled(dt_s, rate)
         if isinstance(game.pursuer, Ball):
-            flown = _in_space(xp, game, game.pursuer, state, previous, dt_s * gain)
+            flown = _in_space(xp, game, game.pursuer, state, previous, turn)
         else:
-            flown = _in_the_plane(xp, game, state, previous, dt_s * gain)
+            flown = _in_the_plane(xp, game, state, previous, turn)
         return pack(xp, shape, pursuer, flown)
 
 
-def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous: Space, gained_s: Real) -> Space:
-    """Turn a Ball's velocity towards the nearest point of the disc."""
+def turning(
+    game: Game, pursuer: Array, evader: Array, evader_velocity_m_s: Array, velocity_m_s: Array, gain: float
+) -> Array:
+    """Return the rate of turn that the law asks for, (..., 3), rad/s; arguments as of `proportional_navigation`."""
+    xp, given = vectors({"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s})
+    with quiet(xp):
+        state = take_apart(xp, game, *map(components, given.values()))
+        rate = _rate(xp, game, state, components(velocity_m_s), gain)
+        return pack(xp, leading_shape(game, given), given["pursuer"], rate)
+
+
+def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float) -> Space:
+    """Return N r × (v_E − v_P) / ‖r‖², of a Cylinder in the plane."""
+    (x, y, z), (run, rise) = velocity, state.hold
+    sight, climb = (*state.to_evader, 0.0 * state.z), 0.0
+    if isinstance(game.pursuer, Ball):
+        sight, climb = _sight(xp, game, state), z
+    square = _dot(sight, sight)
+    return _scaled(gain / (square + (square == 0)), _cross(sight, (run - x, rise - y, 0.0 - climb)))
+
+
+def _sight(xp: Library, game: Game, state: Geometry) -> Space:
+    """Return the vector from a Ball to the nearest point of the disc."""
     e, reach = unit2(xp, state.to_evader, state.distance), xp.maximum(state.distance - game.standoff.radius_m, 0.0)
-    sight = (reach * e[0], reach * e[1], -state.z)
-    course = _turned(xp, sight, previous, state.hold, gained_s)
+    return reach * e[0], reach * e[1], -state.z
+
+
+def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous: Space, turn: Space) -> Space:
+    """Turn a Ball's velocity."""
+    sight = _sight(xp, game, state)
+    course = _turned(xp, sight, previous, turn)
     headwind = course[0] * game.wind_m_s[0] + course[1] * game.wind_m_s[1]
     wind = dot2(game.wind_m_s, game.wind_m_s)
     pace = headwind + xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - wind + headwind * headwind)
@@ -83,27 +112,24 @@ def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous:
     return *level, select(xp, met, 0.0, pace * course[2])
 
 
-def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, gained_s: Real) -> Space:
-    """Turn a Cylinder's horizontal velocity towards the evader, and fly to the disc's height."""
+def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, turn: Space) -> Space:
+    """Turn a Cylinder's horizontal velocity, and fly to the disc's height."""
     zero = 0.0 * state.z
-    course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), state.hold, gained_s)
+    course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), turn)
     to = (course[0] * state.distance, course[1] * state.distance)
     gap = state.distance - game.standoff.radius_m - game.capture_radius_m
     t = guard_time(xp, game, state, (to[0] - state.to_evader[0], to[1] - state.to_evader[1]))
     return steer(xp, game, to, gap, t, state.z, state.hold)
 
 
-def _turned(xp: Library, sight: Space, previous: Space, run: Plane, gained_s: Real) -> Space:
-    """Return the direction of the last course turned by the line of sight's rate times `gained_s`.
+def _turned(xp: Library, sight: Space, previous: Space, turn: Space) -> Space:
+    """Return the direction of the last course turned by a rotation vector, rad; the line of sight if that led away.
 
     The turn is Rodrigues' by the tangent of its half angle, which is exact for small angles and keeps the length.
     """
     far = _length(xp, sight)
     ahead = _scaled(1.0 / select(xp, far > 0, far, 1.0), sight)
-    w = (run[0] - previous[0], run[1] - previous[1], -previous[2])
-    square = far * far
-    half = _scaled(0.5 * gained_s / (square + (square == 0)), _cross(sight, w))
-    speed = _length(xp, previous)
+    half, speed = _scaled(0.5, turn), _length(xp, previous)
     course = _scaled(1.0 / select(xp, speed > 0, speed, 1.0), previous)
     once = _cross(half, course)
     twice = _cross(half, (course[0] + once[0], course[1] + once[1], course[2] + once[2]))

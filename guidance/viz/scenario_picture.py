@@ -39,6 +39,8 @@ from guidance.viz.figures import (
 )
 from guidance.viz.shapes import Array, circle, isochron, isochron_at
 
+_POINTS_A_STEP = 8
+
 
 def draw_scenario(scenario: Scenario, path: Path) -> None:
     """Draw a scenario into a PNG.
@@ -63,10 +65,27 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
 
 
 def played(scenario: Scenario) -> tuple[float, Array, Array]:
-    """Play a scenario as mathematics; return the duration (s) and both tracks, (n, 3), m."""
-    played = moments([scenario], longest_s=0.1)
-    points = [(moment.now_s[0], moment.pursuer_m[0], moment.evader_m[0]) for moment in played]
-    return float(points[-1][0]), np.array([point[1] for point in points]), np.array([point[2] for point in points])
+    """Play a scenario as mathematics; return the duration (s) and both tracks, (n, 3), m.
+
+    A step may be long. Hermite's cubic draws it from the positions and velocities at both ends.
+    """
+    steps = list(moments([scenario]))
+    after = [*steps[1:], steps[-1]]
+    now_s = np.array([step.now_s[0] for step in steps])
+    pursuer = _curved(now_s, [step.pursuer_m[0] for step in steps], [step.flown_m_s[0] for step in after])
+    evader = _curved(now_s, [step.evader_m[0] for step in steps], [step.run_m_s[0] for step in after])
+    return float(now_s[-1]), pursuer, evader
+
+
+def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Array:
+    """Return a track through places (m), with more points between them; the rates (m/s) are those of the steps."""
+    places_m, rates_m_s = np.array(places), np.array(rates)
+    s = np.arange(_POINTS_A_STEP)[None, :, None] / _POINTS_A_STEP
+    run = np.diff(now_s)[:, None, None] * rates_m_s[:, None][:-1]
+    later = np.diff(now_s)[:, None, None] * rates_m_s[:, None][1:]
+    begin, way = places_m[:-1, None], np.diff(places_m, axis=0)[:, None]
+    curved = begin + s * way + s * (1.0 - s) * ((1.0 - s) * (run - way) - s * (later - way))
+    return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
 
 
 def _players(axes: Any, scenario: Scenario, tracks: Sequence[Array], dimensions: int) -> None:  # noqa: ANN401
