@@ -14,7 +14,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 from guidance.cli import app as guidance_app
-from guidance.cli.configuration import KINDS
+from guidance.cli.vehicle_setup import KINDS
 from guidance.control import Limiter
 from guidance.flight import ORDERS, Event, State
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS

@@ -140,9 +140,22 @@ def read_toml(text: str, path: Path) -> dict[str, Any]:
         ConfigError: If it is not TOML; the message gives the line.
     """
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        document = tomllib.loads(text)
+        if not _within_64_bits(document):
+            raise ConfigError(f"{path}: not valid TOML: an integer has more than 64 bits")
+    except RecursionError:
+        raise ConfigError(f"{path}: not valid TOML here: arrays or tables are nested too deeply") from None
+    except ValueError as error:  # TOMLDecodeError, or an integer with thousands of digits
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
+    return document
+
+
+def _within_64_bits(value: Any) -> bool:  # noqa: ANN401 - any value of a document
+    if isinstance(value, dict):
+        return all(map(_within_64_bits, value.values()))
+    if isinstance(value, list):
+        return all(map(_within_64_bits, value))
+    return not isinstance(value, int) or -(2**63) <= value < 2**63
 
 
 def parse(model: type[Model], document: dict[str, Any], *, source: str, text: str = "") -> Model:

@@ -61,6 +61,22 @@ def test_every_fault_of_a_file_is_listed():
     assert "inner.speed_m_s = -1.0" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = " + "[" * 100_000 + "]" * 100_000, "arrays or tables are nested too deeply"),
+        ("x = " + "{a = " * 100_000 + "1" + "}" * 100_000, "arrays or tables are nested too deeply"),
+        ("x = " + "9" * 100_000, "has 100000 digits"),
+        ("x = [{ a = 0x" + "f" * 17 + " }]", "an integer has more than 64 bits"),
+    ],
+)
+def test_a_file_that_no_parser_can_hold_is_refused(text, said, tmp_path):
+    path = tmp_path / "huge.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=rf"huge\.toml: not valid TOML.*{said}"):
+        load(Outer, path)
+
+
 def test_a_file_that_is_no_toml_or_not_there_is_named(tmp_path):
     bad = tmp_path / "bad.toml"
     bad.write_text("a = = 1")

@@ -19,9 +19,6 @@ ZenohFile = Annotated[
     Path | None, typer.Option(help="For a router's endpoint (tls/…): our file from `guidance zenoh keys`.")
 ]
 
-_LONGEST = 200
-"""Longest first sentence of a command, characters."""
-
 
 class CommandGroup(TyperGroup):
     """A command with sub-commands."""
@@ -29,20 +26,6 @@ class CommandGroup(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - click's context
         """Show the help if there are no arguments."""
         return super().parse_args(ctx, args or ["--help"])
-
-
-class Program(CommandGroup):
-    """The root command. Its help is printed without Rich, whose import is slow."""
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - click's
-        """Write the help as click does."""
-        super(TyperGroup, self).format_help(ctx, formatter)
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - click's
-        """Write every command with the first sentence of its help."""
-        said = ((name, self.commands[name].get_short_help_str(_LONGEST)) for name in self.list_commands(ctx))
-        with formatter.section("Commands"):
-            formatter.write_dl(list(said))
 
 
 def refuse_others(way: str, given: Mapping[str, Any], belonging: Mapping[str, str]) -> None:

@@ -1,46 +1,78 @@
-"""The `guidance` command: its sub-commands, registered here by name."""
+"""The `guidance` command: its sub-commands, each imported only when it is used."""
 
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
 
-from guidance.cli.arguments import Program
-from guidance.cli.check import check, doctor
-from guidance.cli.configuration import init, schema
-from guidance.cli.daemon import ctl, run
-from guidance.cli.fly import fly
-from guidance.cli.paper import paper
-from guidance.cli.records import log, replay, report
-from guidance.cli.scenario import scenario
-from guidance.cli.solve import solve
-from guidance.cli.sweep import compare, sweep
-from guidance.cli.viewers import panel, view
-from guidance.cli.zenoh import zenoh
+from guidance.cli.arguments import CommandGroup
 
-app = typer.Typer(
-    cls=Program,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    help="Closed-form pursuit guidance: fly it, solve it, check it against the paper.",
-)
-app.command()(fly)
-app.command()(paper)
-app.command()(replay)
-app.command()(report)
-app.command()(view)
-app.add_typer(log, name="log")
-app.add_typer(scenario, name="scenario")
-app.add_typer(sweep, name="sweep")
-app.command()(compare)
-app.command()(solve)
-app.command()(init)
-app.command()(doctor)
-app.command()(schema)
-app.command()(run)
-app.command()(check)
-app.command()(ctl)
-app.command()(panel)
-app.add_typer(zenoh, name="zenoh")
+COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
+    "fly": ("fly", "Fly a pursuit, with the mock or a running autopilot, and show the outcome."),
+    "paper": ("paper", "Recompute the paper's tables and figures."),
+    "solve": ("solve", "Solve one state of a game, or every row of a file."),
+    "scenario": ("scenario", "Run, list and explain scenario files."),
+    "sweep": ("sweep", "Play a scenario with many values of its keys, and report the results."),
+    "compare": ("sweep", "Compare two outcomes or two sweeps."),
+    "init": ("vehicle_setup", "Write a vehicle file for the autopilot at a URL."),
+    "doctor": ("vehicle_setup", "Check this computer: clocks, timing, ports, folders, disk, extras."),
+    "check": ("vehicle_setup", "Check the autopilot's parameters, frames and stream rates."),
+    "schema": ("vehicle_setup", "Print the JSON Schema of a file, for editors."),
+    "run": ("daemon", "Run the guidance daemon of one vehicle."),
+    "ctl": ("daemon", "Give a running daemon an order, or show its state."),
+    "panel": ("viewers", "Serve the operator's page: map, state, checks and orders."),
+    "view": ("viewers", "Show a flight in Rerun."),
+    "log": ("records", "Inspect a flight record, and export it for other tools."),
+    "replay": ("records", "Run the present code on a record's inputs and compare the setpoints."),
+    "report": ("records", "Draw a record: an HTML page and pictures."),
+    "zenoh": ("zenoh", "Certificates and a router for Zenoh between machines."),
+}
+"""Every command: its module, and its line in the help. The function or `typer.Typer` has the command's name."""
+
+
+class _LazyCommands(Mapping[str, Any]):
+    """The commands by name."""
+
+    def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - click's own classes
+        command = getattr(import_module(f"guidance.cli.{COMMANDS[name][0]}"), name)
+        if isinstance(command, typer.Typer):
+            group = typer.main.get_group(command)
+            group.name = name
+            return group
+        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+        alone.command(name)(command)
+        return typer.main.get_command(alone)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+class Program(CommandGroup):
+    """The root command. Its help is printed without Rich, whose import is slow."""
+
+    def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - click's
+        super().__init__(**settings | {"commands": _LazyCommands()})
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401, ARG002 - click's context
+        """Return the names, without importing the commands."""
+        return list(COMMANDS)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - click's
+        """Write the help as click does."""
+        super(TyperGroup, self).format_help(ctx, formatter)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401, ARG002 - click's
+        """Write every command with its line."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
+
+
+app = typer.Typer(cls=Program, pretty_exceptions_enable=False, rich_markup_mode="markdown")
 
 
 def _version(asked: bool) -> None:

@@ -1,24 +1,20 @@
-"""`guidance solve`: who wins a game from one state, where, when and how; or from every row of a file.
-
-`guidance.cli.solve_file` reads the files. It is separate because pyarrow would slow down the start of every command.
-"""
+"""`guidance solve`: who wins a game from one state, where, when and how; or from every row of a file."""
 
 import json
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+from rich.table import Table
 
 from guidance.cli.arguments import refuse_others
 from guidance.errors import ConfigError
 from guidance.extras import require
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from guidance.game import Solution
+from guidance.game import Ball, Cylinder, Game, Reason, Solution, StandOff, Winner
+from guidance.game import solve as solve_game
+from guidance.screen import console, pairs
 
 
 def solve(
@@ -50,9 +46,6 @@ def solve(
       a multicopter that keeps an evader from a target
     - `guidance solve --states states.csv --out answers.parquet --speed-ratio 2`: a file of states
     """
-    from guidance.game import Ball, Cylinder, Game, StandOff  # noqa: PLC0415 - NumPy takes a third of a second
-    from guidance.game import solve as solve_game  # noqa: PLC0415
-
     if (speed_ratio is None) == (cylinder is None) and (states is None or cylinder is not None):
         raise ConfigError("--speed-ratio, --cylinder: exactly one of them must be given")
     if not (math.isfinite(evader_speed) and evader_speed > 0):
@@ -69,7 +62,7 @@ def solve(
     if states is not None:
         refuse_others("--states", single, dict.fromkeys(single, "for one state"))
         require("--states", "sim")
-        from guidance.cli.solve_file import solve_file  # noqa: PLC0415 - see the module
+        from guidance.sweeps.states import solve_file  # noqa: PLC0415 - pyarrow is optional
 
         solve_file(game, states, out, ratio_given=speed_ratio is not None)
         return
@@ -83,8 +76,6 @@ def solve(
     if as_json:
         sys.stdout.write(json.dumps(_as_record(answer)) + "\n")
     else:
-        from guidance.screen import console  # noqa: PLC0415 - slow import
-
         console().print(_grid(answer, with_target=target is not None))
 
 
@@ -99,10 +90,8 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
     return numbers
 
 
-def _as_record(answer: "Solution") -> dict[str, Any]:
+def _as_record(answer: Solution) -> dict[str, Any]:
     """Return a single answer as plain values; infinity and NaN become null for JSON."""
-    from guidance.game import Reason, Winner  # noqa: PLC0415 - as above
-
     record: dict[str, Any] = {}
     for name, field in answer._asdict().items():
         values = [float(part) if math.isfinite(part) else None for part in field.ravel()]
@@ -110,10 +99,8 @@ def _as_record(answer: "Solution") -> dict[str, Any]:
     return record | {"winner": Winner(int(answer.winner)).word, "reason": Reason(int(answer.reason)).word}
 
 
-def _grid(answer: "Solution", *, with_target: bool) -> "Table":
+def _grid(answer: Solution, *, with_target: bool) -> Table:
     """Return an answer as a table for people."""
-    from guidance.game import Reason, Winner  # noqa: PLC0415 - as above
-
     escapes = int(answer.winner) < 0
     meaning = ("pursuer short of a capture by" if escapes else "final distance to the target") + ", m"
     rows = [
@@ -126,8 +113,6 @@ def _grid(answer: "Solution", *, with_target: bool) -> "Table":
         ("evader's velocity, m/s", _vector(answer.evader_velocity_m_s)),
         ("reason", Reason(int(answer.reason)).word.replace("_", " ")),
     ]
-    from guidance.screen import pairs  # noqa: PLC0415 - slow import
-
     return pairs(rows)
 
 

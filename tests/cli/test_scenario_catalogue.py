@@ -7,11 +7,11 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.cli.scenario_catalogue import expected, facts, listing, names, team_expected
+from guidance.cli.scenario import expected, facts_of, listing, names
+from guidance.config import find
 from guidance.errors import OutputError
 from guidance.sim.maths import opening, play
 from guidance.sim.scenario_file import load_any, load_scenario
-from guidance.sim.teams import TeamScenario
 from guidance.viz.scenario_picture import draw_scenario, played
 
 
@@ -27,8 +27,7 @@ def test_the_list_names_every_scenario_with_its_title_its_game_and_what_it_expec
         row = next(line for line in done.output.splitlines() if line.split()[0] == name)
         assert scenario.title in row
         assert re.search(rf" {scenario.game} ", row)
-        said = team_expected if isinstance(scenario, TeamScenario) else expected
-        assert said(scenario).split(";")[0] in row
+        assert expected(scenario).split(";")[0] in row
 
 
 def test_show_explains_a_scenario_and_writes_its_picture(tmp_path):
@@ -63,13 +62,13 @@ def test_the_tracks_in_the_picture_are_those_that_are_played():
 
 
 def test_what_is_told_of_a_scenario_names_its_faults_its_sensor_and_who_wins():
-    takeover = dict(facts(load_scenario("pilot_takeover")[1]))
+    takeover = dict(facts_of(load_scenario("pilot_takeover")[1]))
     assert takeover["fault"] == "pilot_mode of the pursuer 3 s after engagement, mode = POSCTL"
-    assert "rate_hz = 1.0" in dict(facts(load_scenario("slow_reports")[1]))["sensor"]
-    assert dict(facts(load_scenario("barrier_evader")[1]))["value"].startswith(
+    assert "rate_hz = 1.0" in dict(facts_of(load_scenario("slow_reports")[1]))["sensor"]
+    assert dict(facts_of(load_scenario("barrier_evader")[1]))["value"].startswith(
         "the evader wins: the pursuer misses by 1.6"
     )
-    assert "declares 1)" in dict(facts(load_scenario("faster_than_declared")[1]))["evader"]
+    assert "declares 1)" in dict(facts_of(load_scenario("faster_than_declared")[1]))["evader"]
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
@@ -79,3 +78,12 @@ def test_the_list_has_one_line_per_scenario_at_every_width(width):
     lines = written.getvalue().splitlines()
     assert len(lines) == 1 + len(names())
     assert all(len(line) <= width for line in lines)
+
+
+def test_text_of_a_strangers_file_cannot_command_the_terminal(tmp_path):
+    path = tmp_path / "a.toml"
+    text = find("pe", "scenarios").read_text()
+    path.write_text(re.sub("title = .*", r'title = "[red]\\u001b]0;owned\\u0007"', text, count=1))
+    said = guidance("show", path).output
+    assert "\x1b" not in said
+    assert r"[red]\x1b]0;owned\x07" in said

@@ -8,9 +8,10 @@ import pytest
 from pyarrow import csv, parquet
 from typer.testing import CliRunner
 
-from guidance.cli import app, solve_file
+from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
+from guidance.sweeps import states as state_files
 
 PAPER = ["--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2"]
 PLACES = ["pursuer_x_m", "pursuer_y_m", "pursuer_z_m", "evader_x_m", "evader_y_m"]
@@ -69,7 +70,7 @@ def test_every_option_reaches_the_game():
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 @pytest.mark.parametrize("chunk", [7, 65536])
 def test_a_file_of_states_is_answered_row_by_row(tmp_path, kind, chunk, monkeypatch):
-    monkeypatch.setattr(solve_file, "ROWS", chunk)
+    monkeypatch.setattr(state_files, "ROWS", chunk)
     states, out = tmp_path / f"states.{kind}", tmp_path / "deep" / f"answers.{kind}"
     given = table(50)
     csv.write_csv(given, states) if kind == "csv" else parquet.write_table(given, states)
@@ -105,7 +106,7 @@ def test_a_row_may_have_its_own_speed_ratio_and_its_own_fault(tmp_path):
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 @pytest.mark.parametrize("chunk", [2, 65536])
 def test_a_cell_without_a_number_costs_its_own_row_and_is_named(tmp_path, kind, chunk, monkeypatch):
-    monkeypatch.setattr(solve_file, "ROWS", chunk)
+    monkeypatch.setattr(state_files, "ROWS", chunk)
     states, out = tmp_path / f"states.{kind}", tmp_path / f"answers.{kind}"
     rows = [
         ["8", "1", "9", "7", "9", "a"],

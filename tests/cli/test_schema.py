@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.cli.configuration import KINDS
+from guidance.cli.vehicle_setup import KINDS
 from guidance.config import config_folder
 from guidance.errors import ConfigError
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES

@@ -1,0 +1,282 @@
+"""`guidance init`, `doctor`, `check` and `schema`: from a new vehicle file to an autopilot that may fly."""
+
+import contextlib
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+from rich.text import Text
+
+from guidance.cli.arguments import agree, refuse_others
+from guidance.config import find
+from guidance.errors import ConfigError, FlightError
+from guidance.extras import require
+from guidance.screen import console, sheet, waiting
+
+if TYPE_CHECKING:
+    from guidance.preflight import Finding
+    from guidance.session.checkup import Applied, Checkup
+
+_STYLE: Final = {"refuse": "bold red", "warn": "yellow", "pass": "green"}
+_NEXT: Final = """next
+  1. edit {out}: the source of evader reports ([evader]) and the size of your field ([limits])
+  2. guidance doctor {out}      checks this computer: clock, ports, rights, disk
+  3. guidance check {out}       checks the autopilot; --apply sets refused parameters, after asking
+  4. guidance run {out}         the daemon; it waits for orders
+  5. guidance ctl start         in another terminal, then: guidance ctl engage"""
+
+
+def init(
+    url: Annotated[
+        str | None, typer.Argument(help="URL of the autopilot, which is only read; asked for if missing.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The file to write; existing files are not overwritten.")] = Path(
+        "vehicle.toml"
+    ),
+    name: Annotated[
+        str | None, typer.Option(help="Name of the vehicle in orders and records; default: the file's name.")
+    ] = None,
+    autopilot: Annotated[
+        str | None,
+        typer.Option(help="px4 or arducopter; default: from HEARTBEAT. Needed without a URL."),
+    ] = None,
+) -> None:
+    """Write a commented vehicle file for the autopilot at a URL, and print the next steps.
+
+    Reads the autopilot's limits of speed, height and distance; sets and orders nothing. The file's limits are never
+    looser than the autopilot's.
+
+    - `guidance init udpin://127.0.0.1:14540`: PX4's SITL, or `sitl-mock run --udp 14540`
+    - `guidance init serial:///dev/ttyACM0:921600 --out uav1.toml`: an autopilot on a serial port
+    - `guidance init --autopilot px4`: without a vehicle
+    """
+    from guidance.autopilots import autopilot_named  # noqa: PLC0415 - slow import
+    from guidance.links.endpoint import parse  # noqa: PLC0415
+    from guidance.session.fly_vehicle import FOUND_WITHIN_S  # noqa: PLC0415
+    from guidance.session.new_vehicle_file import READ_WITHIN_S, survey, vehicle_file, write_new  # noqa: PLC0415
+
+    if out.exists():
+        raise ConfigError(f"--out {out}: exists and is not overwritten; choose another name")
+    if url is None and autopilot is None:
+        url, autopilot = _asked()
+    surveyed = None
+    if url is not None:
+        parse(url)  # report a wrong URL before waiting
+        with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", FOUND_WITHIN_S + READ_WITHIN_S):
+            surveyed = survey(url, autopilot)
+        autopilot = surveyed.autopilot
+        read = f"{len(surveyed.parameters)} of {len(autopilot_named(autopilot).bounds)} limits read"
+        typer.echo(f"found    {autopilot}, system {surveyed.found.system_id}: {read}")
+    write_new(out, vehicle_file(str(autopilot), name=name or out.stem, url=url, surveyed=surveyed))
+    typer.echo(f"written  {out}\n{_NEXT.format(out=out)}")
+
+
+def _asked() -> tuple[str | None, str | None]:
+    """Ask for a URL, or for an autopilot if there is none yet."""
+    if not sys.stdin.isatty():
+        raise ConfigError("no autopilot given: give its URL, or --autopilot px4 or arducopter")
+    url = typer.prompt("URL of the autopilot (empty if there is none yet)", default="", show_default=False)
+    return (url, None) if url else (None, typer.prompt("Autopilot (px4 or arducopter)", default="px4"))
+
+
+def doctor(
+    config: Annotated[
+        str | None, typer.Argument(help="A vehicle file with ports and folders; default: the usual ones.")
+    ] = None,
+    all_rows: Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+) -> None:
+    """Check this computer: clocks, timing, real-time scheduling, ports, serial rights, folders, disk and extras.
+
+    Changes nothing and needs no vehicle; `guidance check` checks the vehicle. The exit code is 0, or 4 if the daemon
+    could not start.
+
+    - `guidance doctor`: the usual ports and this folder
+    - `guidance doctor vehicle.toml`: what this file needs
+    """
+    from guidance.session.host import examine  # noqa: PLC0415 - slow import
+    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
+
+    rows = examine(None if config is None else load_vehicle(find(config, "vehicles")))
+    raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
+
+
+def check(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="A vehicle file, or the name of a bundled one: px4, arducopter. With --vehicle: the scenario "
+            "to fly; default: pe."
+        ),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="URL of a running autopilot; no vehicle file is needed.", metavar="URL"),
+    ] = None,
+    autopilot: Annotated[
+        str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT (with --vehicle).")
+    ] = None,
+    link: Annotated[
+        str | None, typer.Option(help="mavsdk or pymavlink (with --vehicle).", show_default="mavsdk")
+    ] = None,
+    apply: Annotated[
+        bool, typer.Option("--apply", help="Set refused parameters, after asking, and check again.")
+    ] = False,
+    advised: Annotated[
+        bool, typer.Option("--advised", help="With --apply: also set parameters with a warning.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --apply: do not ask.")] = False,
+    all_rows: Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+) -> None:
+    """Check the autopilot's parameters, frames and stream rates. Sets nothing without `--apply`.
+
+    `--apply` shows the parameters to set, with present value, new value and reason. It sets them only on the ground and
+    disarmed, reads each one back, and checks again.
+
+    The exit code is 0 if the vehicle may fly, 4 if something is refused.
+
+    - `guidance check config/vehicles/px4.toml`: the vehicle of a file
+    - `guidance check --vehicle udpin://127.0.0.1:14540 --apply`: prepare PX4's SITL for `guidance fly --vehicle`
+    - `guidance check hover_chase --vehicle tcpout://127.0.0.1:5760 --apply --yes`: no questions
+    """
+    if (yes or advised) and not apply:
+        raise typer.BadParameter("only with --apply", param_hint="--yes" if yes else "--advised")
+    if as_json and apply and not yes:
+        raise typer.BadParameter("asks a question with --apply; add --yes", param_hint="--json")
+    if vehicle is None:
+        given = {"--autopilot": autopilot, "--link": link}
+        refuse_others("a vehicle file, which has this key", given, dict.fromkeys(given, "with --vehicle"))
+    with _opened(name, vehicle, autopilot, link) as checkup:
+        rows = _judged(checkup)
+        if apply:
+            rows = _apply(checkup, rows, advised=advised, yes=yes, quiet=as_json)
+    raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
+
+
+@contextlib.contextmanager
+def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: str | None) -> "Iterator[Checkup]":
+    """Open the vehicle and show a waiting line."""
+    from guidance.links.endpoint import parse  # noqa: PLC0415 - slow import
+    from guidance.session.checkup import checkup_of  # noqa: PLC0415
+    from guidance.session.fly_vehicle import FOUND_WITHIN_S, Asked, checkup_at  # noqa: PLC0415
+    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
+    from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
+
+    if vehicle is not None:
+        parse(vehicle)  # report a wrong URL before waiting
+        awaited, limit_s = f"a HEARTBEAT at {vehicle}", FOUND_WITHIN_S
+        opening = checkup_at(load_scenario(name or "pe")[1], Asked(vehicle, autopilot, link or "mavsdk"))
+    elif name is None:
+        raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
+    else:
+        own = load_vehicle(find(name, "vehicles")).vehicle
+        awaited = f"a HEARTBEAT of system {own.system_id}, component {own.component_id} at {own.url}"
+        limit_s, opening = own.connect_timeout_s, checkup_of(name)
+    with contextlib.ExitStack() as closing:
+        with waiting(console(stderr=True), awaited, limit_s):
+            checkup = closing.enter_context(opening)
+        yield checkup
+
+
+def _judged(checkup: "Checkup") -> "Sequence[Finding]":
+    """Read and judge; the waiting line names the missing data."""
+    from guidance.session.checkup import SURVEY_LIMIT_S  # noqa: PLC0415 - slow import
+
+    with waiting(console(stderr=True), "parameters, positions and rates", SURVEY_LIMIT_S) as wait:
+
+        def told(lacking: str) -> None:
+            wait.what = lacking or "rates to be counted"
+
+        return checkup.rows(told=told)
+
+
+def _apply(
+    checkup: "Checkup", rows: "Sequence[Finding]", *, advised: bool, yes: bool, quiet: bool
+) -> "Sequence[Finding]":
+    def say(words: str) -> None:
+        if not quiet:
+            typer.echo(words)
+
+    wanted = checkup.changes(advised=advised)
+    if not wanted:
+        say("no parameter needs to be set")
+        return rows
+    if not quiet:
+        lines = [(one.name, one.now, one.then, str(one.verdict), one.why) for one in wanted]
+        _print_table(("name", "now", "new", "verdict", "reason"), lines)
+    if not yes:
+        agree(f"Set these {len(wanted)} parameters?")
+    done: list[Applied] = []
+    checkup.apply(wanted, done.append)
+    for one in done:
+        read = "not read back" if one.read_back is None else f"reads {one.read_back:g}"
+        say(f"{'set ' if one.done else 'NOT SET'} {one.name}: {read}")
+    return _judged(checkup)
+
+
+def _show(rows: "Sequence[Finding]", *, as_json: bool, all_rows: bool) -> int:
+    """Print refusals, then warnings, then the passed rows or only their number; return the exit code."""
+    refused = [row.name for row in rows if row.verdict == "refuse"]
+    if as_json:
+        typer.echo(json.dumps([row._asdict() for row in rows], indent=2))
+    else:
+        order = list(_STYLE)[: 3 if all_rows else 2]
+        shown = [row for verdict in order for row in rows if row.verdict == verdict]
+        lines = [(row.name, row.value, row.wanted, str(row.verdict), row.advice) for row in shown]
+        if lines:
+            _print_table(("name", "value", "expected", "verdict", "how to fix it"), lines)
+        if len(shown) < len(rows):
+            typer.echo(f"{len(rows) - len(shown)} more rows pass; --all shows them")
+        words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
+        console().print(words, style=_STYLE["refuse" if refused else "pass"])
+    return FlightError.exit_code if refused else 0
+
+
+def _print_table(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
+    """Print rows whose fourth cell is a verdict."""
+    rows = [[Text(cell, style=_STYLE[cell] if n == 3 else "") for n, cell in enumerate(line)] for line in lines]
+    console().print(sheet(headings, rows, left=range(len(headings))))
+
+
+def schema(
+    kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.")],
+) -> None:
+    """Print the JSON Schema of a file, for editors that complete and check TOML (Even Better TOML, Taplo).
+
+    It gives the meaning, range and allowed names of every key. The end of a key's name is its unit.
+
+    - `guidance schema vehicle > vehicle.schema.json`
+    """
+    if kind not in KINDS:
+        raise ConfigError(f"{kind}: allowed are {', '.join(KINDS)}")
+    typer.echo(json.dumps(KINDS[kind](), indent=2))
+
+
+def _vehicle() -> dict[str, Any]:
+    from guidance.session.vehicle_file import Config  # noqa: PLC0415 - slow import
+
+    return _titled("Vehicle", Config.model_json_schema())
+
+
+def _scenario() -> dict[str, Any]:
+    from guidance.sim.scenario_file import json_schema  # noqa: PLC0415 - slow import
+
+    return json_schema()
+
+
+def _sweep() -> dict[str, Any]:
+    require("schema sweep", "sim")
+    from guidance.sweeps.plan import Sweep  # noqa: PLC0415 - pyarrow is optional
+
+    return _titled("Sweep", Sweep.model_json_schema())
+
+
+def _titled(title: str, content: dict[str, Any]) -> dict[str, Any]:
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **content, "title": title}
+
+
+KINDS: dict[str, Callable[[], dict[str, Any]]] = {"vehicle": _vehicle, "scenario": _scenario, "sweep": _sweep}

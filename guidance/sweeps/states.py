@@ -1,0 +1,335 @@
+"""A CSV or Parquet file of states or teams, solved and written chunk by chunk, so that memory holds one chunk.
+
+A cell with text where a number is needed makes its row invalid (reason "not_a_number"); such cells are listed at the
+end. A terminal shows a progress bar.
+
+In a file of teams every row is a game of many pursuers and many evaders. Players are numbered from 0. A player whose
+cells are empty is absent in that row, so teams can have different sizes.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+from pyarrow import csv, parquet
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from guidance.errors import ConfigError
+from guidance.files import writing
+from guidance.game import Ball, Game, Reason, Winner, solve
+from guidance.game.team import match_teams
+from guidance.screen import console, redraws
+
+ROWS = 65536
+"""Rows that are solved and written at a time."""
+
+MAX_PLAYERS: Final = 50
+"""Largest number of players on a side."""
+
+_AXES: Final = {"pursuer": "xyz", "evader": "xy", "target": "xy"}
+_PLAYER: Final = re.compile(r"(pursuer|evader)_(\d+)_[xyz]_m")
+_RATIO: Final = "speed_ratio"
+_NUMBERS: Final = (
+    _RATIO,
+    *(f"{player}_{axis}_m" for player, axes in _AXES.items() for axis in axes),
+    *(
+        f"{player}_{i}_{axis}_m"
+        for player in ("pursuer", "evader")
+        for i in range(MAX_PLAYERS)
+        for axis in _AXES[player]
+    ),
+)
+"""Columns that must hold numbers."""
+
+_KINDS: Final = (".csv", ".parquet")
+_NOT_A_NUMBER: Final = "not_a_number"
+_SHOWN: Final = 5
+"""How many cells without a number are listed."""
+
+_WORDS: Final[dict[str, type[Winner | Reason]]] = {"winner": Winner, "reason": Reason}
+_TEAM_COLUMNS: Final = {
+    "guaranteed": ("guaranteed", 0),
+    "total": ("total", np.nan),
+    "evader_of": ("pursuer_{}_evader", -1),
+    "pursuer_velocity_m_s": ("pursuer_{}_velocity_{}_m_s", np.nan),
+    "winner": ("evader_{}_winner", Winner.UNDECIDED),
+    "first": ("evader_{}_first", -1),
+    "second": ("evader_{}_second", -1),
+    "value": ("evader_{}_value", np.nan),
+    "lower_bound": ("evader_{}_lower_bound", np.nan),
+    "meeting_point_m": ("evader_{}_meeting_point_{}_m", np.nan),
+    "evader_velocity_m_s": ("evader_{}_velocity_{}_m_s", np.nan),
+    "reason": ("evader_{}_reason", Reason.NOT_FINITE),
+}
+"""Fields of `Matching`: their columns, by player and axis, and the value of a row or player without an answer."""
+
+Array = NDArray[Any]
+Column = Callable[[str], Array]
+"""Reads a column of numbers, NaN where a cell is empty."""
+
+
+class Cell(NamedTuple):
+    """A cell that should hold a number: its row, counted from 1, its column and its text."""
+
+    row: int
+    column: str
+    text: str
+
+
+def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool) -> None:
+    """Solve every row of a file and write the rows with their answers to another.
+
+    Args:
+        game: the game; a column speed_ratio replaces its pursuer's speed, row by row.
+        states: CSV or Parquet file of states.
+        out: CSV or Parquet file to write.
+        ratio_given: whether the user gave a speed ratio; if not, the file must have the column.
+
+    Raises:
+        ConfigError: a file is missing or neither CSV nor Parquet, a column is missing, can hold no numbers or has the
+            name of an answer, or the speed ratio is given twice or not at all.
+        OutputError: the answers cannot be written.
+    """
+    out = _checked_out(states, out)
+    writer: Any = None
+    strange: list[Cell] = []
+    done, there = 0, console(stderr=True)
+    try:
+        columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
+        bar = Progress(*columns, console=there, transient=True, disable=not redraws(there))
+        with states.open("rb") as source, bar:
+            task = bar.add_task("", total=_rows_of(states))
+            for chunk in _chunks(source, states):
+                numbers, cells = _with_numbers(chunk, first_row=done + 1)
+                strange += cells
+                answered = _answered(game, numbers, {cell.row - done - 1 for cell in cells}, ratio_given=ratio_given)
+                done += chunk.num_rows
+                with writing(out):
+                    writer = writer or _writer(out, answered.schema)
+                    writer.write_table(answered)
+                bar.update(task, completed=done)
+    except pa.ArrowInvalid as error:
+        raise ConfigError(f"--states {states}: cannot be read: {error}") from None
+    finally:
+        if writer is not None:
+            with writing(out):
+                writer.close()
+    there.print(f"{out}: {done} rows", soft_wrap=True)
+    if strange:
+        rows_lost = len({cell.row for cell in strange})
+        lost = f"{rows_lost} of {done} rows have no answer, because a cell is not a number: {_listed(strange)}"
+        there.print(f"{states}: {lost}", soft_wrap=True, markup=False)
+
+
+def _checked_out(states: Path, out: Path | None) -> Path:
+    """Return the file for the answers, if both files can be used."""
+    kinds = " or ".join(_KINDS)
+    if out is None:
+        raise ConfigError(f"--out: missing; it names the file for the answers, which ends in {kinds}")
+    if out.suffix not in _KINDS:
+        raise ConfigError(f"--out {out}: must end in {kinds}")
+    if states.suffix not in _KINDS or not states.is_file():
+        raise ConfigError(f"--states {states}: must be an existing file that ends in {kinds}")
+    if states.resolve() == out.resolve():
+        raise ConfigError(f"--out {out}: must not be the file of the states")
+    return out
+
+
+def _listed(cells: list[Cell]) -> str:
+    more = f"; and {len(cells) - _SHOWN} more" if len(cells) > _SHOWN else ""
+    return "; ".join(f"row {cell.row}, {cell.column} = {cell.text!r}" for cell in cells[:_SHOWN]) + more
+
+
+def _rows_of(path: Path) -> int:
+    """Return the number of rows; of a CSV file the number of its lines, for the progress bar."""
+    if path.suffix == ".parquet":
+        return int(parquet.ParquetFile(path).metadata.num_rows)
+    with path.open("rb") as file:
+        return max(0, sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b"")) - 1)
+
+
+def _chunks(source: Any, path: Path) -> Iterator[pa.Table]:  # noqa: ANN401 - a binary file
+    """Read a file in pieces of at most `ROWS` rows; a file without rows gives one empty piece."""
+    if path.suffix == ".csv":
+        words = dict.fromkeys(_NUMBERS, pa.string())
+        options = csv.ConvertOptions(column_types=words, strings_can_be_null=True)
+        reader: Any = csv.open_csv(source, convert_options=options)
+        schema = reader.schema
+    else:
+        file = parquet.ParquetFile(source)
+        schema, reader = file.schema_arrow, file.iter_batches(batch_size=ROWS)
+    empty = True
+    for batch in reader:
+        for start in range(0, batch.num_rows, ROWS):
+            empty = False
+            yield pa.Table.from_batches([batch.slice(start, ROWS)])
+    if empty:
+        yield schema.empty_table()
+
+
+def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWriter:
+    out.parent.mkdir(parents=True, exist_ok=True)
+    return csv.CSVWriter(out, schema) if out.suffix == ".csv" else parquet.ParquetWriter(out, schema)
+
+
+def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:
+    """Convert the text in columns of numbers; a cell that holds no number becomes empty and is returned."""
+    strange = []
+    for place, name in enumerate(chunk.column_names):
+        kind = chunk.schema.field(name).type
+        if name not in _NUMBERS or not (pa.types.is_string(kind) or pa.types.is_null(kind)):
+            continue
+        words = pc.utf8_trim_whitespace(chunk.column(place).cast(pa.string()))
+        try:
+            numbers = words.cast(pa.float64())
+        except pa.ArrowInvalid:
+            texts = words.to_pylist()
+            cells = [_number(text) for text in texts]
+            wrong = [row for row, text in enumerate(texts) if text is not None and cells[row] is None]
+            strange += [Cell(first_row + row, name, texts[row]) for row in wrong]
+            numbers = pa.array(cells, pa.float64())
+        chunk = chunk.set_column(place, name, numbers)
+    return chunk, sorted(strange)
+
+
+def _number(word: str | None) -> float | None:
+    try:
+        return None if word is None else float(word)
+    except ValueError:
+        return None
+
+
+def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool) -> pa.Table:
+    """Append the answers to a chunk of states; the rows in `lost` have a cell without a number."""
+    names = set(chunk.column_names)
+
+    def column(name: str) -> Array:
+        return _column(chunk, name)
+
+    def places(player: str) -> Array:
+        return _padded(np.stack([column(f"{player}_{axis}_m") for axis in _AXES[player]], axis=-1), 0.0)
+
+    game = _with_ratios(game, chunk, ratio_given=ratio_given)
+    target = places("target") if names & {"target_x_m", "target_y_m"} else None
+    if any(map(_PLAYER.fullmatch, names)):
+        columns = _team_answers(game, names, column, target, lost)
+    else:
+        answer = solve(game, places("pursuer"), places("evader"), target)
+        columns = {}
+        for name, field in answer._asdict().items():
+            parted = re.sub(r"(_m_s|_m)$", r"_{}\1", name)
+            columns |= dict(_flat(name, parted if field.ndim > 1 else name, field))
+    taken = names & set(columns)
+    if taken and taken != set(columns):
+        raise ConfigError(
+            f"--states: the column {min(taken)} has the name of an answer and would be overwritten: rename it (only a "
+            "complete earlier answer is replaced)"
+        )
+    for name, values in columns.items():
+        if name.endswith("reason"):
+            values = [_NOT_A_NUMBER if row in lost else word for row, word in enumerate(values)]  # noqa: PLW2901
+        chunk = (chunk.drop_columns([name]) if name in names else chunk).append_column(name, pa.array(values))
+    return chunk
+
+
+def _with_ratios(game: Game, chunk: pa.Table, *, ratio_given: bool) -> Game:
+    """Return the game with the speed ratios of the file, if there is such a column."""
+    there = _RATIO in chunk.column_names
+    if there and (ratio_given or not isinstance(game.pursuer, Ball)):
+        raise ConfigError(f"--speed-ratio, --cylinder: must not be given, since the file has the column {_RATIO}")
+    if not there and isinstance(game.pursuer, Ball) and not ratio_given:
+        raise ConfigError(f"--speed-ratio, --cylinder: one must be given, since the file has no column {_RATIO}")
+    return replace(game, pursuer=Ball(_column(chunk, _RATIO) * game.evader_speed_m_s)) if there else game
+
+
+def _padded(places: Array, height_m: Array | float) -> Array:
+    """Return positions (..., 3); those of (..., 2) get a height."""
+    if places.shape[-1] == 3:
+        return places
+    return np.concatenate([places, np.broadcast_to(height_m, (*places.shape[:-1], 1))], axis=-1)
+
+
+def _column(chunk: pa.Table, name: str) -> Array:
+    """Return a column of numbers, NaN where a cell is empty."""
+    if name not in chunk.column_names:
+        raise ConfigError(f"--states: the column {name} is missing; it has {', '.join(chunk.column_names)}")
+    column = chunk.column(name)
+    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+        raise ConfigError(f"--states: the column {name} holds {column.type}; it must hold numbers")
+    numbers: Array = column.cast(pa.float64()).to_numpy()
+    return numbers
+
+
+def _flat(name: str, column: str, field: Array) -> Iterator[tuple[str, Any]]:
+    """Yield the columns of an answer's field (rows, ...): one for each player and axis; codes as words."""
+    words = _WORDS.get(name)
+    for place in np.ndindex(field.shape[1:]):
+        values = field[:, *place]
+        labels = (*place[:-1], "xyz"[place[-1]]) if name.endswith(("_m", "_m_s")) else place
+        yield column.format(*labels), values if words is None else [words(code).word for code in values.tolist()]
+
+
+def _team_answers(game: Game, names: set[str], column: Column, target: Array | None, lost: set[int]) -> dict[str, Any]:
+    """Return the columns of answers to the rows of a file of teams.
+
+    Args:
+        game: the game.
+        names: of the file's columns.
+        column: reads one column.
+        target: (n, 3), m, or None for PE.
+        lost: rows with a cell that holds no number; they have no answer.
+
+    Raises:
+        ConfigError: Players are not numbered from 0 on, there are too many, or a side has none; or as `match_teams`.
+    """
+    P, E = (_players(player, names, column) for player in ("pursuer", "evader"))
+    rows, n, m = len(P), P.shape[1], E.shape[1]
+    shapes = {"guaranteed": (), "total": (), "evader_of": (n,), "pursuer_velocity_m_s": (n, 3)}
+    shapes |= {"meeting_point_m": (m, 2), "evader_velocity_m_s": (m, 2)}
+    answers = {name: np.full((rows, *shapes.get(name, (m,))), blank) for name, (_, blank) in _TEAM_COLUMNS.items()}
+    there = np.concatenate([np.isfinite(places).any(axis=-1) for places in (P, E)], axis=1)
+    patterns, kinds = np.unique(there, axis=0, return_inverse=True)
+    for number, pattern in enumerate(patterns):
+        row = np.array([one for one in np.flatnonzero(kinds.reshape(-1) == number) if one not in lost], dtype=np.intp)
+        pursuers, evaders = np.flatnonzero(pattern[:n]), np.flatnonzero(pattern[n:])
+        if not (len(row) and len(pursuers) and len(evaders)):
+            continue
+        goal = None if target is None else target[row][:, None]
+        found = match_teams(_of_rows(game, row), P[np.ix_(row, pursuers)], E[np.ix_(row, evaders)], goal)
+        numbered = {"first": pursuers, "second": pursuers, "evader_of": evaders}  # by the players of the file
+        for name, whole in answers.items():
+            part = getattr(found, name)
+            part = np.append(numbered[name], -1)[part] if name in numbered else part
+            if whole.ndim == 1:
+                whole[row] = part
+            else:
+                of = pursuers if "pursuer" in _TEAM_COLUMNS[name][0] else evaders
+                whole[np.ix_(row, of)] = part[..., : whole.shape[-1]] if whole.ndim == 3 else part
+    flat = (_flat(name, _TEAM_COLUMNS[name][0], field) for name, field in answers.items())
+    return {name: values for columns in flat for name, values in columns}
+
+
+def _of_rows(game: Game, row: NDArray[np.intp]) -> Game:
+    """Return the game of some rows, whose speed ratio holds for all pursuers of a row."""
+    if not isinstance(game.pursuer, Ball) or not np.ndim(game.pursuer.speed_m_s):
+        return game
+    return replace(game, pursuer=Ball(np.asarray(game.pursuer.speed_m_s)[row][:, None, None]))
+
+
+def _players(player: str, names: set[str], column: Column) -> Array:
+    """Return the positions of a side, (n, players, 3); evaders are at z = 0."""
+    numbers = {int(found[2]) for found in map(_PLAYER.fullmatch, names) if found and found[1] == player}
+    if not numbers or numbers != set(range(len(numbers))) or len(numbers) > MAX_PLAYERS:
+        raise ConfigError(
+            f"--states: the columns number the {player}s {sorted(numbers)}; they must be 0, 1, 2 and so on, "
+            f"at most {MAX_PLAYERS}: {', '.join(f'{player}_0_{axis}_m' for axis in _AXES[player])}, {player}_1_x_m …"
+        )
+    places = [[column(f"{player}_{number}_{axis}_m") for axis in _AXES[player]] for number in sorted(numbers)]
+    level = np.moveaxis(np.array(places), -1, 0)
+    return _padded(level, np.where(np.isfinite(level[..., :1]), 0.0, np.nan))
