@@ -3,7 +3,7 @@
 import contextlib
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -36,9 +36,6 @@ def init(
     out: Annotated[Path, typer.Option(help="The file to write; existing files are not overwritten.")] = Path(
         "vehicle.toml"
     ),
-    name: Annotated[
-        str | None, typer.Option(help="Name of the vehicle in orders and records; default: the file's name.")
-    ] = None,
     autopilot: Annotated[
         str | None,
         typer.Option(help="px4 or arducopter; default: from HEARTBEAT. Needed without a URL."),
@@ -47,7 +44,7 @@ def init(
     """Write a commented vehicle file for the autopilot at a URL, and print the next steps.
 
     Reads the autopilot's limits of speed, height and distance; sets and orders nothing. The file's limits are never
-    looser than the autopilot's.
+    looser than the autopilot's. The vehicle is called like the file.
 
     - `guidance init udpin://127.0.0.1:14540`: PX4's SITL, or `sitl-mock run --udp 14540`
     - `guidance init serial:///dev/ttyACM0:921600 --out uav1.toml`: an autopilot on a serial port
@@ -70,7 +67,7 @@ def init(
         autopilot = surveyed.autopilot
         read = f"{len(surveyed.parameters)} of {len(autopilot_named(autopilot).bounds)} limits read"
         typer.echo(f"found    {autopilot}, system {surveyed.found.system_id}: {read}")
-    write_new(out, vehicle_file(str(autopilot), name=name or out.stem, url=url, surveyed=surveyed))
+    write_new(out, vehicle_file(str(autopilot), name=out.stem, url=url, surveyed=surveyed))
     typer.echo(f"written  {out}\n{_NEXT.format(out=out)}")
 
 
@@ -206,8 +203,7 @@ def _apply(
         say("no parameter needs to be set")
         return rows
     if not quiet:
-        lines = [(one.name, one.now, one.then, str(one.verdict), one.why) for one in wanted]
-        _print_table(("name", "now", "new", "verdict", "reason"), lines)
+        _print_table((str(one.verdict), one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted)
     if not yes:
         agree(f"Set these {len(wanted)} parameters?")
     done: list[Applied] = []
@@ -226,9 +222,7 @@ def _show(rows: "Sequence[Finding]", *, as_json: bool, all_rows: bool) -> int:
     else:
         order = list(_STYLE)[: 3 if all_rows else 2]
         shown = [row for verdict in order for row in rows if row.verdict == verdict]
-        lines = [(row.name, row.value, row.wanted, str(row.verdict), row.advice) for row in shown]
-        if lines:
-            _print_table(("name", "value", "expected", "verdict", "how to fix it"), lines)
+        _print_table((str(row.verdict), row.name, _explained(row)) for row in shown)
         if len(shown) < len(rows):
             typer.echo(f"{len(rows) - len(shown)} more rows pass; --all shows them")
         words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
@@ -236,10 +230,16 @@ def _show(rows: "Sequence[Finding]", *, as_json: bool, all_rows: bool) -> int:
     return FlightError.exit_code if refused else 0
 
 
-def _print_table(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
-    """Print rows whose fourth cell is a verdict."""
-    rows = [[Text(cell, style=_STYLE[cell] if n == 3 else "") for n, cell in enumerate(line)] for line in lines]
-    console().print(sheet(headings, rows, left=range(len(headings))))
+def _explained(row: "Finding") -> str:
+    """Return the value, the expected value and how to fix it."""
+    return f"{row.value}; expected: {row.wanted}" + (f". Fix: {row.advice}" if row.advice else "")
+
+
+def _print_table(lines: Iterable[tuple[str, str, str]]) -> None:
+    """Print verdicts, names and explanations, which wrap in their column."""
+    rows = [(Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines]
+    if rows:
+        console().print(sheet(("verdict", "name", "value"), rows, left=range(3)))
 
 
 def schema(

@@ -5,11 +5,13 @@ import signal
 import threading
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
 from guidance.cli.arguments import CommandGroup
+
+_VALID: Final = datetime.timedelta(days=365)
 
 zenoh = typer.Typer(cls=CommandGroup, help="Certificates and a router for Zenoh between machines.")
 
@@ -19,13 +21,13 @@ def keys(
     names: Annotated[list[str], typer.Argument(help="Names of the parties: uav1, uav1-guidance, evader1, operator.")],
     out: Annotated[Path, typer.Option(help="Folder of the certificates.")] = Path("keys"),
     host: Annotated[list[str] | None, typer.Option(help="A name or address of the router.")] = None,
-    days: Annotated[int, typer.Option(help="How long they are valid.", min=1, max=3650)] = 365,
 ) -> None:
     """Create a test authority, a certificate for the router and one for each name, for mutual TLS.
 
-    Run it again to add names to the same authority. NAME.toml holds the settings of a party: pass it as
-    `--zenoh keys/NAME.toml` to `guidance ctl`, `guidance view` and `sitl-mock run`, or copy it to the section `[zenoh]`
-    of a vehicle file. Only you can read the keys. Keep ca.key off the computers that fly: it can sign any certificate.
+    They are valid for a year. Run it again to add names to the same authority. NAME.toml holds the settings of a
+    party: pass it as `--zenoh keys/NAME.toml` to `guidance ctl`, `guidance view` and `sitl-mock run`, or copy it to the
+    section `[zenoh]` of a vehicle file. Only you can read the keys. Keep ca.key off the computers that fly: it can sign
+    any certificate.
 
     - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
     """
@@ -36,7 +38,7 @@ def keys(
     from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
 
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
-    validity = Validity(begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=days))
+    validity = Validity(begin - datetime.timedelta(hours=1), begin + _VALID)
     with writing(out):
         written = make_keys(out, names, ["localhost", "127.0.0.1", *(host or ())], validity)
     for path in written:

@@ -331,5 +331,5 @@ def _players(player: str, names: set[str], column: Column) -> Array:
             f"at most {MAX_PLAYERS}: {', '.join(f'{player}_0_{axis}_m' for axis in _AXES[player])}, {player}_1_x_m …"
         )
     places = [[column(f"{player}_{number}_{axis}_m") for axis in _AXES[player]] for number in sorted(numbers)]
-    level = np.moveaxis(np.array(places), -1, 0)
+    level: Array = np.moveaxis(np.array(places), -1, 0)
     return _padded(level, np.where(np.isfinite(level[..., :1]), 0.0, np.nan))
