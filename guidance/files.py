@@ -5,6 +5,7 @@ file.
 """
 
 import contextlib
+import errno
 import os
 import stat
 from collections.abc import Iterator
@@ -33,23 +34,24 @@ def private_folder(path: Path) -> Path:
 
 
 def private_file(path: Path) -> Path:
-    """Create an empty file with mode 0600, or empty an existing one and set that mode; return it.
+    """Create an empty file with mode 0600, or empty an existing one of ours and set that mode; return it.
 
     Raises:
-        OSError: If it cannot be written.
+        OSError: If it cannot be written, belongs to another user or is a symbolic link, whose target stays as it is.
     """
-    opened = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, _FILE)
-    try:
-        if stat.S_ISREG(os.fstat(opened).st_mode):  # not /dev/null
-            path.chmod(_FILE)
-    finally:
-        os.close(opened)
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, _FILE), "wb") as file:
+        found = os.fstat(file.fileno())
+        if stat.S_ISREG(found.st_mode):  # not /dev/null
+            if found.st_uid != os.geteuid():
+                raise PermissionError(errno.EPERM, f"{path} belongs to another user")
+            os.fchmod(file.fileno(), _FILE)
+            file.truncate(0)
     return path
 
 
 @contextlib.contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turn an OSError of the body into an error that names the file.
+def writing(path: Path | str) -> Iterator[None]:
+    """Turn an OSError of the body into an error that names the file, or the key and the file.
 
     Raises:
         OutputError: If the body raises OSError.

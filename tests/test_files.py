@@ -71,6 +71,33 @@ def test_a_device_keeps_its_rights(tmp_path):
     assert mode(Path("/dev/null")) == before
 
 
+@pytest.mark.parametrize("target", ["there", "missing"])
+def test_a_symbolic_link_is_refused_and_its_target_stays(tmp_path, target):
+    (tmp_path / "there").write_text("theirs")
+    (tmp_path / "link").symlink_to(tmp_path / target)
+    with pytest.raises(OSError, match="symbolic link"):
+        private_file(tmp_path / "link")
+    assert (tmp_path / "there").read_text() == "theirs"
+    assert not (tmp_path / "missing").exists()
+
+
+def test_a_file_of_another_user_is_refused_and_stays_as_it_is(tmp_path, monkeypatch):
+    """A file that others may write: opening it succeeds."""
+    path = tmp_path / "theirs"
+    path.write_text("theirs")
+    path.chmod(0o666)
+    monkeypatch.setattr(os, "geteuid", lambda: path.stat().st_uid + 1)
+    with pytest.raises(PermissionError, match="another user"):
+        private_file(path)
+    assert (path.read_text(), mode(path)) == ("theirs", 0o666)
+
+
+def test_a_pipe_in_a_files_place_does_not_block(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="pipe"):
+        private_file(tmp_path / "pipe")
+
+
 @pytest.mark.usefixtures("carefree")
 def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkeypatch):
     flown = tmp_path / "flights" / "one"

@@ -1,8 +1,8 @@
 """Authorization: anyone who can read the token file may send orders; by default only its owner.
 
-Anybody on a computer can reach a loopback port, so the control bus asks for a name and a secret before it lets anyone
-in. The secret is drawn anew at every start and lies in a file of mode 0600; another file, made beforehand with other
-rights (a group that may read it, say), is used as it is. Source: Zenoh's user and password authentication.
+Any user of a computer can reach a loopback port, so the control bus requires a name and a secret. Each start draws a
+new secret and writes it to a file of mode 0600. An existing file with another mode (for a group, for example) is used
+as it is. The folder must not be writable for others. Source: Zenoh's user and password authentication.
 """
 
 import contextlib
@@ -11,13 +11,16 @@ import re
 import secrets
 import stat
 import tempfile
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from guidance.errors import ConfigError, OutputError
+from guidance.errors import ConfigError
+from guidance.files import private_file, writing
 
 USER: Final = "guidance"
 _LINE: Final = re.compile(rf"{USER}:([0-9a-f]{{32,}})\n?")
+_OTHERS_WRITE: Final = stat.S_IWGRP | stat.S_IWOTH
 
 
 class ControlToken(NamedTuple):
@@ -39,42 +42,37 @@ def default_path(endpoint: str) -> Path:
     """Return where the token of a control endpoint lies: in the daemon's or the user's runtime folder.
 
     Raises:
-        ConfigError: If there is no runtime folder, and the fallback belongs to another user.
+        ConfigError: If there is no runtime folder, and another user owns or may write to the fallback.
     """
-    name = re.sub(r"[^A-Za-z0-9.]+", "-", endpoint) + ".token"
-    given = os.environ.get("RUNTIME_DIRECTORY")
+    given, user = os.environ.get("RUNTIME_DIRECTORY"), os.environ.get("XDG_RUNTIME_DIR")
     if given:
-        return Path(given.split(":")[0]) / name
-    user = os.environ.get("XDG_RUNTIME_DIR")
-    if user:
-        return Path(user) / "guidance" / name
-    return Path(tempfile.gettempdir()) / f"guidance-{os.getuid()}" / name
+        folder = Path(given.split(":")[0])
+    elif user:
+        folder = Path(user) / "guidance"
+    else:
+        folder = Path(tempfile.gettempdir()) / f"guidance-{os.getuid()}"
+        if folder.exists():
+            _check_folder(folder, {os.getuid()})
+    return folder / (re.sub(r"[^A-Za-z0-9.]+", "-", endpoint) + ".token")
 
 
 def draw(path: Path) -> ControlToken:
-    """Draw a secret for `path` and write it beside it, for its owner's eyes; `publish` puts it in its place.
+    """Draw a secret for `path` and write it to a file beside it; `publish` renames that file.
 
-    A file that is there already with other rights than 0600 was made by a person, for others to read: it is used.
+    An existing file with another mode than 0600 was made by a person for others to read: it is used.
 
     Raises:
-        ConfigError: If others may write there.
+        ConfigError: If another user owns or may write to the folder, or the existing file is no token.
         OutputError: If the file or its folder cannot be written.
     """
-    try:
+    with writing(f"control.token_file = {str(path)!r}"):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _check_folder(path.parent)
+        _check_folder(path.parent, {os.getuid(), 0})
         kept = read(path) if path.exists() and not _is_private(path) else None
         if kept is not None:
             return kept
         token = ControlToken(path.with_name(f".{path.name}.{os.getpid()}"), secrets.token_hex(32))
-        token.path.unlink(missing_ok=True)
-        opened = os.open(token.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(opened, "w", encoding="ascii") as file:
-            file.write(f"{USER}:{token.secret}\n")
-    except OSError as error:
-        raise OutputError(
-            f"control.token_file = {str(path)!r}: cannot be written ({error.strerror}); give a path that can"
-        ) from error
+        private_file(token.path).write_text(f"{USER}:{token.secret}\n", encoding="ascii")
     return token
 
 
@@ -95,19 +93,18 @@ def read(path: Path) -> ControlToken | None:
     """Read a token; None where there is none.
 
     Raises:
-        ConfigError: If it may not be read by us, or is no token.
+        ConfigError: If others may write to its folder, we may not read it, or it is no token.
     """
     try:
         found = _LINE.fullmatch(path.read_text(encoding="ascii"))
+        _check_folder(path.parent, {path.parent.stat().st_uid})
     except (FileNotFoundError, NotADirectoryError):
         return None
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise ConfigError(
-            f"control token {path}: cannot be read ({reason}); orders are its owner's, or a group's that may read it"
-        ) from error
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise ConfigError(f"control token {path}: cannot be read ({reason}); only who can read it may order") from error
     if found is None:
-        raise ConfigError(f"control token {path}: is none; it has one line, {USER}:<hexadecimal digits>")
+        raise ConfigError(f"control token {path}: not a token file: expected one line, {USER}:<hexadecimal digits>")
     return ControlToken(path, found[1])
 
 
@@ -115,9 +112,10 @@ def _is_private(path: Path) -> bool:
     return stat.S_IMODE(path.stat().st_mode) == 0o600
 
 
-def _check_folder(folder: Path) -> None:
-    """Refuse a folder in which another user could replace our token file."""
+def _check_folder(folder: Path, owners: Collection[int]) -> None:
+    """Refuse a folder in which another user could put or replace a token file; a sticky bit does not help."""
     found = folder.stat()
-    theirs = found.st_uid not in (os.getuid(), 0)
-    if theirs or (found.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not found.st_mode & stat.S_ISVTX):
-        raise ConfigError(f"control.token_file: others may write to {folder}; chmod 700 it or give another path")
+    if found.st_uid not in owners or found.st_mode & _OTHERS_WRITE:
+        raise ConfigError(
+            f"control.token_file: others may write to {folder}; run chmod go-w on it, or give another path"
+        )

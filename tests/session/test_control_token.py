@@ -2,7 +2,9 @@
 
 import os
 import socket
+import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -64,11 +66,35 @@ def test_what_is_no_token_is_one_clear_error(path, text):
         control_token.read(path)
 
 
-def test_a_token_where_others_may_write_is_refused(path):
+@pytest.mark.parametrize("mode", [0o777, 0o1777, 0o770])
+@pytest.mark.parametrize("reading", [control_token.draw, control_token.read])
+def test_a_token_where_others_may_write_is_refused(path, reading, mode):
+    """A sticky folder too: another user may have put the token there, and knows its secret."""
     path.parent.mkdir()
-    path.parent.chmod(0o777)
+    path.write_text("guidance:" + "ab" * 32)
+    path.chmod(0o644)
+    path.parent.chmod(mode)
+    with pytest.raises(ConfigError, match="others may write to"):
+        reading(path)
+
+
+def test_a_daemons_token_in_a_folder_of_another_user_is_refused(path, monkeypatch):
+    monkeypatch.setattr(Path, "stat", lambda _: SimpleNamespace(st_uid=os.getuid() + 1, st_mode=0o40755))
     with pytest.raises(ConfigError, match="others may write to"):
         control_token.draw(path)
+
+
+def test_the_folder_for_users_without_a_runtime_folder_is_refused_if_another_made_it(monkeypatch, tmp_path):
+    """Its name is easy to guess: a stranger's token there would lead our orders to a daemon of theirs."""
+    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = control_token.default_path("tcp/127.0.0.1:7448").parent
+    folder.mkdir(mode=0o700)
+    assert control_token.default_path("tcp/127.0.0.1:7448").parent == folder
+    folder.chmod(0o1777)
+    with pytest.raises(ConfigError, match="others may write to"):
+        control_token.default_path("tcp/127.0.0.1:7448")
 
 
 def test_a_path_that_cannot_be_written_is_refused():
