@@ -213,3 +213,6 @@ def test_the_unit_file_is_right(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     said = [line for line in done.stderr.splitlines() if "guidance.service" in line]
     assert (done.returncode, said) == (0, [])
+    command = ["systemd-analyze", "security", "--offline=true", "--threshold=30", "--no-pager", str(unit)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout.splitlines()[-1]  # exposure of at most 3.0 of 10

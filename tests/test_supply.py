@@ -1,0 +1,71 @@
+"""The bill of materials names what is installed, and the container's constraints what was tested."""
+
+import json
+import sys
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from tests import supply
+
+ROOT = Path(__file__).parents[1]
+
+
+def declared():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    lines = [
+        *project["dependencies"],
+        *(line for name in extras if name not in {"dev", "torch", "jax"} for line in extras[name]),
+    ]
+    wanted = [Requirement(line) for line in lines]
+    return [one for one in wanted if one.name != supply.PROJECT]
+
+
+def test_the_bill_names_every_package_with_its_version_and_what_it_requires(capsys):
+    assert supply.main([]) == 0
+    bill = json.loads(capsys.readouterr().out)
+    found = {one["name"]: one for one in bill["components"]}
+    assert {canonicalize_name(one.name) for one in declared()} <= set(found)
+    assert all(one["version"] == version(name) for name, one in found.items())
+    refs = {one["bom-ref"] for one in [bill["metadata"]["component"], *bill["components"]]}
+    assert refs == {one["ref"] for one in bill["dependencies"]}
+    assert all(set(one["dependsOn"]) <= refs for one in bill["dependencies"])
+    requires = {one["ref"]: one["dependsOn"] for one in bill["dependencies"]}
+    assert found["pydantic-core"]["bom-ref"] in requires[found["pydantic"]["bom-ref"]]
+
+
+def test_the_bill_of_a_base_installation_has_no_extras():
+    base = supply.installed([])
+    assert {"numpy", "mavsdk"} <= set(base)
+    assert not {"pyarrow", "rerun-sdk", "aiohttp"} & set(base)
+
+
+def test_the_containers_constraints_pin_every_declared_package_to_an_allowed_version():
+    text = (ROOT / "docs" / "how-to" / "constraints.txt").read_text(encoding="utf-8")
+    pinned = dict(line.split("==") for line in text.splitlines() if not line.startswith("#"))
+    assert all(one.specifier.contains(pinned[canonicalize_name(one.name)]) for one in declared())
+
+
+@pytest.mark.parametrize(
+    ("found", "code", "words"),
+    [
+        ('{"dependencies": [{"name": "a", "version": "1", "vulns": []}]}', 0, "1 of 1 packages audited"),
+        (
+            '{"dependencies": [{"name": "a", "version": "1", "vulns": [{"id": "CVE-1", "fix_versions": ["2"]}]}]}',
+            1,
+            "a 1: CVE-1, fixed in 2",
+        ),
+        ('{"dependencies": [{"name": "a", "skip_reason": "not found"}]}', 3, "the database knows none of them"),
+        ("", 3, "pip-audit gave no result (no output)"),
+    ],
+)
+def test_an_audit_says_whether_the_database_answered(tmp_path, capsys, found, code, words):
+    (tmp_path / "found").write_text(found)
+    answering = (sys.executable, "-c", f"print(open({str(tmp_path / 'found')!r}).read())")
+    assert supply.audit(supply.installed([]), answering) == code
+    assert words in "".join(capsys.readouterr())
