@@ -4,17 +4,17 @@
     python tests/bench/bench_endurance.py real [--minutes 30]       # `guidance run`, MAVSDK over Zenoh, real time
 
 In virtual time one daemon flies a mock PX4 by whole MAVLink frames at its fifty cycles a second, with preflight,
-orders, shadowing of an evader that goes in circles, and everything recorded in files of `--rotate-s`. Every hour a
-person orders hold and engages again. Each file is read by itself, by the MCAP library, as soon as the next one is
-begun, and deleted then, but for the first two, which are replayed as one: across the seam every setpoint has to come
-out bit for bit. What `--within` cuts off is said. In real time the daemon is a process of its own, and is looked at
-from outside.
+orders, shadowing of an evader that flies in circles, metrics, the operator's page and a record in files of
+`--rotate-s`. The page's hub gets every event and ten cycles a second, and makes a message for pages of them; a new page
+opens and the metrics are scraped every minute. Every hour a person orders hold and engages again. Each file is read by
+itself, by the MCAP library, as soon as the next one has begun, and is then deleted. The first two are kept and replayed
+as one: across the seam every setpoint must be equal bit for bit. A flight that `--within` cuts off is reported. In real
+time the daemon is a process of its own, seen from outside.
 
-Growth counts from the first hour on, or a third or a sixth of a shorter flight: caches are full then, and a second file
-has been begun. An allocator takes memory in steps, so a straight line through the looks is not what judges: the median
-slope between any two of them has to be under 2 MB an hour, and so has what any one hour added; of descriptors and
-threads there are usually (the median) no more in the second half. Ends with 1 unless all that is so, and every file
-whole.
+Growth counts from the first hour on, or from a third or a sixth of a shorter flight: then caches are full and a second
+file has begun. An allocator takes memory in steps, so the judge is not a fitted line: the median slope between any two
+looks must be below 2 MB an hour, and so must the growth of any one hour; the median numbers of descriptors and threads
+must not be higher in the second half. The exit code is 0 if all that holds and every file is whole, else 1.
 """
 
 import argparse
@@ -33,6 +33,7 @@ from bench_daemon import CONFIG, LASTING_MAH, Beacon, daemon, free_port
 from footprint import Footprint, footprint, growth_mb_h, is_flat, told
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
+from prometheus_client import generate_latest
 
 from guidance.clock import VirtualClock
 from guidance.config import parse
@@ -41,8 +42,9 @@ from guidance.links import MemoryWire
 from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.log import compare
-from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, CycleEntry, EventEntry
 from guidance.log.reader import CONFIG as CONFIG_KEY
+from guidance.log.reader import Item
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Daemon
 from guidance.session.flight_files import recorded_settings
@@ -50,11 +52,14 @@ from guidance.session.loop import run
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock
+from guidance.viz.panel.bus import BroadcastItem, FoundDaemon, News
+from guidance.viz.panel.hub import Hub
 from sitl_mock import MockVehicle
 from sitl_mock.faults import Faulted, FaultScript
 
 LOOK_EVERY_S = 600.0
 ORDERS_EVERY_S = 3600.0
+SCRAPE_EVERY_S = 60.0
 WARM_S = 3600.0
 """Growth is counted from here: caches are full, and a second file has been begun."""
 
@@ -110,10 +115,51 @@ def cycles_in(path: Path) -> int:
     return sum(counts[number] for number, channel in summary.channels.items() if channel.topic == CYCLE_TOPIC)
 
 
+class Page:
+    """The operator's page without a browser: what the daemon broadcasts goes to the panel's hub.
+
+    It is the daemon's `Record` for broadcasts and the hub's bus. Every fifth cycle is passed on, as often as the hub
+    makes messages.
+    """
+
+    endpoint, reason, failed = "virtual", "", None
+
+    def __init__(self, name: str, clock: VirtualClock, metadata: dict[str, str]) -> None:
+        self._name, self._clock = name, clock
+        self._waiting: list[News] = [FoundDaemon(name, metadata, None)]
+        self._hub = Hub([self], recorded_settings, clock)
+        self._cycles = self.messages = self.sent_mb = 0
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Raw frames are not broadcast."""
+
+    def cycle(self, entry: CycleEntry) -> None:
+        self._cycles += 1
+        if self._cycles % 5 == 0:
+            self._add(CYCLE_TOPIC, entry.now_s, CYCLE.encode(entry))
+            self.open(whole=False)
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        self._add(EVENT_TOPIC, now_s, EVENT.encode(EventEntry(now_s, event, detail)))
+
+    def news(self) -> list[News]:
+        news, self._waiting = self._waiting, []
+        return news
+
+    def open(self, *, whole: bool) -> None:
+        self._hub.receive()
+        self.messages += 1
+        self.sent_mb += len(self._hub.message(whole=whole)) / 1e6
+
+    def _add(self, topic: str, now_s: float, data: bytes) -> None:
+        self._waiting.append(BroadcastItem(self._name, self._clock.now_s(), Item(now_s, topic, "json", data)))
+
+
 class Person:
     """What a person does around the cycles, and who looks at the process meanwhile."""
 
-    def __init__(self, daemon: Daemon, record: Path, hours: float, within_s: float) -> None:
+    def __init__(self, daemon: Daemon, page: Page, record: Path, hours: float, within_s: float) -> None:
+        self._page, self._scrape_s, self.scrapes = page, SCRAPE_EVERY_S, 0
         self._daemon, self._record, self._end_s, self._within_s = daemon, record, 3600.0 * hours, within_s
         self.hours: list[float] = []
         self.taken: list[Footprint] = []
@@ -141,6 +187,10 @@ class Person:
         self.engagements += any(each.after is State.ENTERING for each in outputs.happenings)
         if self._daemon.flight.state in {State.YIELDED, State.FAILED, State.LANDED, State.RETURNING}:
             raise SystemExit(f"{now_s:.1f} s: {self._daemon.flight.state}: {outputs.happenings}")
+        if now_s >= self._scrape_s:
+            self._scrape_s += SCRAPE_EVERY_S
+            self.scrapes += b"guidance_cycles_total" in generate_latest(self._daemon.metrics.registry)
+            self._page.open(whole=True)
         if now_s >= self._look_s:
             self._look_s += self._every_s
             self._look(now_s)
@@ -172,8 +222,9 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.mcap"
         record = Recorder(path, {CONFIG_KEY: config.model_dump_json()}, rotate_s=rotate_s)
-        flown = Daemon(config.name, plan_of(config), world.link, world.evader_source, record=record)
-        person = Person(flown, path, hours, within_s)
+        page = Page(config.name, clock, {CONFIG_KEY: config.model_dump_json()})
+        flown = Daemon(config.name, plan_of(config), world.link, world.evader_source, record=record, broadcast=page)
+        person = Person(flown, page, path, hours, within_s)
         run(flown, world, clock, mission=person, record=record)
         record.close()
         world.close()
@@ -187,6 +238,7 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
         print(f"flown in virtual time  {flown_h:.2f} h in {took_s / 60.0:.1f} min of real time")
         print(f"cycles, setpoints      {person.cycles}, {person.setpoints}; engaged {person.engagements} times")
         print(f"the process            {told(at, taken)} ({len(at)} looks from {at[0]:.2f} h on)")
+        print(f"page and metrics       {page.messages} messages, {page.sent_mb:.0f} MB; {person.scrapes} scrapes")
         if flown_h < hours:
             more_mb = growth_mb_h(at, taken) * (hours - flown_h)
             print(
@@ -194,7 +246,7 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
             )
         print(
             f"files of the record    {len(person.parts)}, {person.written_mb:.0f} MB, each read by itself: {whole} "
-            f"whole; cycles in them {kept} of {person.cycles}"
+            f"whole; cycles in them {kept} of {person.cycles}; {person.written_mb / (60.0 * flown_h):.2f} MB a minute"
         )
         comparison, survey = compare(path, recorded_settings)
         print(
