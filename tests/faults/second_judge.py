@@ -48,6 +48,10 @@ CATCH_UP = 1.1
 
 OLDEST_S = 1.0
 NOTICED_S = 2.0
+RESEMBLING_S = 1.5
+RESEMBLING_M_S = 0.75
+"""A stranger's setpoint that resembles one of ours of this time, or a shortened one, need not be noticed."""
+
 PROMPT_S = 0.1
 SILENCE_S = 1.5
 """The evader counts as lost after this long without a report (`evader.timeout_s`)."""
@@ -185,6 +189,8 @@ class SecondJudge:
         self._followed_s = -math.inf
         self._age_s = 0.0
         self._foreign_s = math.nan
+        self._strange_s = -math.inf
+        self._noticed = False
         self._weak_s = -math.inf
         self._sunk_m = self._risen_m = 0.0
         self._told_left_s = math.nan
@@ -219,6 +225,7 @@ class SecondJudge:
         for message in setpoints:
             self._judge_setpoint(now_s, message)
         names = {str(one.event) for one in outputs.happenings}
+        self._noticed |= "setpoints of another source" in names
         if "second source of the evader's reports" in names and "evader's evader_forger" not in self.case.kinds:
             self.wrong("no false rival", now_s, 1.0, f"kinds {', '.join(self.case.kinds)}")
 
@@ -241,7 +248,7 @@ class SecondJudge:
         before, self._before = self._before, (now_s, position, evader_m)
         if math.isnan(self._first_s):
             return
-        self._boots_or_others(now_s)
+        self._notice_reboots()
         limits, standoff = self.case.scenario.limits, self.case.scenario.standoff
         up_m, home = -position[2], self._home_error_m
         away_m = math.hypot(position[0], position[1])
@@ -264,7 +271,8 @@ class SecondJudge:
 
     def ended(self, now_s: float, state: Any) -> None:
         """Judge the end: handed over, and silent since."""
-        if now_s - self._last_s < FRESH_S and now_s < flying.LONGEST_S:
+        pushed = bool(self._sent) and math.hypot(*self._sent[-1][1]) > HOVER_M_S
+        if now_s - self._last_s < FRESH_S and now_s < flying.LONGEST_S and pushed:  # a refused hold is a hover of ours
             self.wrong("a proper end", now_s, now_s - self._last_s, f"setpoints to the end, state {state}")
 
     def wrong(self, name: str, now_s: float, size: float, text: str) -> None:
@@ -293,7 +301,7 @@ class SecondJudge:
         self._judge_height(now_s, velocity)
         if now_s - self._told_left_s > PROMPT_S:
             self.wrong("silence after yielding", now_s, now_s - self._told_left_s, "after HEARTBEAT of another mode")
-        if now_s - self._foreign_s > NOTICED_S + PROMPT_S:
+        if now_s - self._foreign_s > NOTICED_S + PROMPT_S and not self._noticed:
             self.wrong("another program is noticed", now_s, now_s - self._foreign_s, "setpoints beside a stranger's")
 
     def _judge_speed(self, now_s: float, velocity: Vector) -> None:
@@ -335,8 +343,9 @@ class SecondJudge:
             flown = pursuer.autopilot.report.setpoint.velocity_ned_m_s
             sent_s = max((at_s for at_s, one in self._sent if math.dist(one, flown) < 1e-3), default=-math.inf)
             self._age_s = now_s - sent_s if math.isfinite(sent_s) else now_s - self._last_s
-            if not math.isfinite(sent_s) and not math.isnan(flown[0]) and PROGRAMS & set(self.case.kinds):
-                self._foreign_s = now_s if math.isnan(self._foreign_s) else self._foreign_s
+            if not math.isfinite(sent_s) and PROGRAMS & set(self.case.kinds):
+                self._free = True
+            self._look_for_strangers(now_s, flown)
             self._followed_s = now_s
             if self._flown_by_pilot:
                 self.wrong("a pilot is not fought", now_s, now_s - self._followed_s, f"{pursuer.mode} again")
@@ -346,15 +355,26 @@ class SecondJudge:
                 self._told_left_s = now_s
         self._pursuer.modes.clear()
 
+    def _look_for_strangers(self, now_s: float, flown: Vector) -> None:
+        """Find out since when setpoints are flown that resemble none of ours, at least twice a second."""
+        if not PROGRAMS & set(self.case.kinds) or not all(map(math.isfinite, flown)):
+            return
+        ours = [one for at_s, one in self._sent if now_s - at_s <= RESEMBLING_S]
+        shares = (0.5, 0.625, 0.75, 0.875, 1.0)
+        if all(math.dist(flown, [share * part for part in one]) > RESEMBLING_M_S for one in ours for share in shares):
+            self._foreign_s = now_s if math.isnan(self._foreign_s) else self._foreign_s
+            self._strange_s = now_s
+        elif now_s - self._strange_s > 0.5 + PROMPT_S:
+            self._foreign_s = math.nan
+
     def _counts(self, pursuer: Any) -> bool:
         """Whether the walls hold in this mode: ours, or the hold after it, unless a pilot flies."""
         if pursuer.mode in GUIDED:
             return True
         return any(name in pursuer.mode for name in HOLDS) and not PILOTS & set(self.case.kinds)
 
-    def _boots_or_others(self, now_s: float) -> None:
+    def _notice_reboots(self) -> None:
         self._free |= self._world.vehicles[PURSUER].autopilot.boots != self._boots
-        self._free |= not math.isnan(self._foreign_s)
 
     # Walls
 
