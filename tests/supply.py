@@ -84,8 +84,8 @@ def bill(packages: Packages) -> dict[str, Any]:
 
 def _licence(package: Distribution) -> dict[str, Any]:
     """Return the SPDX expression, or else the licence's name from the classifiers; nothing if there is neither."""
-    if expression := package.metadata.get("License-Expression"):
-        return {"licenses": [{"expression": expression}]}
+    if expressions := package.metadata.get_all("License-Expression"):
+        return {"licenses": [{"expression": expressions[0]}]}
     lines = package.metadata.get_all("Classifier") or []
     names = [line.rpartition(" :: ")[2] for line in lines if line.startswith("License ::")]
     return {"licenses": [{"license": {"name": name}} for name in names]} if names else {}
