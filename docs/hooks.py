@@ -3,7 +3,9 @@
 MkDocs calls `on_files` with the pages in `docs/`; this hook adds the generated ones.
 """
 
+import importlib
 import inspect
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any
 import typer
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 from guidance.cli import app as guidance_app
 from guidance.cli.vehicle_setup import KINDS
@@ -37,6 +40,13 @@ API = (
     "guidance.sim.outcome", "guidance.log", "guidance.links", "guidance.links.port", "guidance.certificate",
     "guidance.errors", "sitl_mock", "sitl_mock.pytest_plugin",
 )  # fmt: skip
+SOURCES = {
+    "guidance/game/__init__.py": "reference/api.md",
+    "guidance/flight/table.py": "reference/states-events.md",
+    "guidance/monitor.py": "reference/alarms.md",
+    "guidance/sim/scenario.py": "reference/scenario-file.md",
+}
+"""Pages that links to a file of the code lead to on the site. In the repository they lead to the code."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -48,17 +58,24 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, **_: object) -> str:
-    """Point links to the README's pictures into the site, and turn links to other files into plain text."""
-    markdown = markdown.replace("<!-- the flight's table -->", failures())
-    markdown = re.sub(r"\]\(((?:\.\./)*)\.\./\.readme/", r"](\1pictures/", markdown)
-    return re.sub(r"\[([^\]]*)\]\((?:\.\./)+(?!pictures/)[^)#]*\)", _plain, markdown)
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Fill in the flight's table, and point links out of `docs` into the site."""
+    return site_links(markdown.replace("<!-- the flight's table -->", failures()), page.file.src_uri)
 
 
-def _plain(link: re.Match[str]) -> str:
-    """Replace a link out of the site by its text."""
-    inside = (ROOT / "docs" / re.sub(r"^(\.\./)+", "", link[0].rpartition("](")[2].rstrip(")"))).exists()
-    return link[0] if inside else link[1]
+def site_links(markdown: str, uri: str) -> str:
+    """Return a page's text with links to pictures, pages of `SOURCES`, and plain text for other files of the code."""
+    here = (ROOT / "docs" / uri).parent
+
+    def led(link: re.Match[str]) -> str:
+        target = os.path.normpath(here / link[2])
+        path = os.path.relpath(target, ROOT)
+        if path.startswith("docs/"):
+            return link[0]
+        path = f"pictures/{Path(path).name}" if path.startswith(".readme/") else SOURCES.get(path, "")
+        return f"[{link[1]}]({os.path.relpath(ROOT / 'docs' / path, here)})" if path else link[1]
+
+    return re.sub(r"\[([^\]]*)\]\((?!\w+:)([^)#]+)\)", led, markdown)
 
 
 def commands() -> str:
@@ -308,12 +325,20 @@ def _fields(schema: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Ma
 
 
 def api() -> str:
-    """Document the public packages."""
-    parts = [
-        "# Python API\n",
-        "A package offers the names in its `__init__`; other names may change at any time.\n",
-    ]
-    return "\n".join((*parts, *(f"::: {name}\n" for name in API)))
+    """List the public packages."""
+    rows = [(f"[`{name}`](api/{name}.md)", _summary(name)) for name in API]
+    words = "A package offers the names in its `__init__`; other names may change at any time.\n"
+    return "\n".join(("# Python API\n", words, table(("module", "content"), rows)))
+
+
+def _summary(name: str) -> str:
+    """Return the first sentence of a module's docstring."""
+    return (inspect.getdoc(importlib.import_module(name)) or "").partition("\n\n")[0].replace("\n", " ")
+
+
+def module_page(name: str) -> Callable[[], str]:
+    """Make the page of a module."""
+    return lambda: f"# {name}\n\n::: {name}\n    options:\n      show_root_heading: false\n"
 
 
 def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -335,4 +360,5 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "reference/zenoh.md": zenoh_keys,
     "reference/record.md": record,
     "reference/api.md": api,
+    **{f"reference/api/{name}.md": module_page(name) for name in API},
 }

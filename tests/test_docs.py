@@ -184,6 +184,37 @@ def test_every_page_and_example_is_in_the_contents():
     assert [path.name for path in examples if path.name not in listed] == []
 
 
+def links(text):
+    """The files and sections that links point to, without addresses."""
+    prose = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
+    return [link.partition("#")[::2] for link in re.findall(r"\]\((?!\w+:)([^)]+)\)", prose)]
+
+
+def sections(text):
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", [*PAGES, DOCS.parent / "README.md"], ids=lambda page: page.name)
+def test_every_link_works_in_the_repository(page):
+    for file, section in links(page.read_text(encoding="utf-8")):
+        target = page.parent / file if file else page
+        assert target.exists(), file
+        assert not section or section in sections(target.read_text(encoding="utf-8")), f"{file}#{section}"
+
+
+def test_every_link_works_on_the_site():
+    hooks = runpy.run_path(str(DOCS / "hooks.py"), run_name="hooks")
+    pictures = {f"pictures/{path.name}" for path in (DOCS.parent / ".readme").glob("*.png")}
+    for page in PAGES:
+        uri = page.relative_to(DOCS).as_posix()
+        for file, _ in links(hooks["site_links"](page.read_text(encoding="utf-8"), uri)):
+            target = os.path.relpath(page.parent / file, DOCS)
+            assert (DOCS / target).is_file() or target in {*hooks["PAGES"], *pictures}, f"{uri}: {file}"
+    led = hooks["site_links"]("[a](../../guidance/monitor.py) [b](../../.readme/p.png) [c](../../x.py)", "how-to/a.md")
+    assert led == "[a](../reference/alarms.md) [b](../pictures/p.png) c"
+
+
 def test_the_pages_made_of_the_code_name_every_key_and_every_option():
     hooks = runpy.run_path(str(DOCS / "hooks.py"), run_name="hooks")
     pages = {uri: write() for uri, write in hooks["PAGES"].items()}

@@ -1,10 +1,5 @@
 """Pursuit-evasion games of a faster pursuer in space and a slower evader in a plane, in closed form.
 
->>> from guidance import game
->>> paper = game.Game(game.Ball(2.0), evader_speed_m_s=1.0)
->>> float(game.solve(paper, [8, 1.42, 9.41], [7.92, 9.6, 0]).value.round(4))  # s until the capture
-10.4247
-
 The game:
     Game: one pursuer against one evader, with the extensions of a vehicle: stand-off, wind, old information.
     Ball, Cylinder: the pursuer's speed set; `SpeedSet` is either, `horizontal_m_s` its largest horizontal speed.
@@ -25,6 +20,14 @@ Its play:
 
 `guidance.game.team` has several pursuers and several evaders. Positions are arrays (..., 3) in m, of NumPy, PyTorch or
 JAX, or lists (`numpy.typing.ArrayLike`). Answers are annotated as `Array`.
+
+Examples:
+    The time in s until the capture in the paper's PE state:
+
+    >>> from guidance import game
+    >>> paper = game.Game(game.Ball(2.0), evader_speed_m_s=1.0)
+    >>> float(game.solve(paper, [8, 1.42, 9.41], [7.92, 9.6, 0]).value.round(4))
+    10.4247
 """
 
 from guidance.game.apollonius import Apollonius, apollonius_circle, apollonius_sphere, barrier
