@@ -7,6 +7,7 @@ from guidance.cli.short_order import short_order
 from guidance.cli.streams import open_outlets, printable
 from guidance.errors import GuidanceError, OutputError
 
+INTERRUPTED = 130
 FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
 
@@ -25,6 +26,8 @@ def main() -> None:
     open_outlets()
     try:
         _run()
+    except KeyboardInterrupt:
+        _end("interrupted before anything began", INTERRUPTED)
     except GuidanceError as error:
         _end(str(error), error.exit_code)
     except OSError as error:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from guidance.cli import INTERRUPTED
 from guidance.cli.arguments import agree, refuse_others
 
 if TYPE_CHECKING:
@@ -92,48 +93,46 @@ def fly(
     """
     given = {"--fast": fast, "--link": link, "--port": port, "--yes": yes, "--autopilot": autopilot, "--end": end}
     given |= {"--panel": panel}
-    if vehicle is not None:
-        where = "without it, with the mock"
-        refuse_others(f"--vehicle {vehicle}", given, {"--fast": where, "--port": where})
-        _may_fly(vehicle, yes=yes)
-    else:
+    if vehicle is None:
         refuse_others("the mock", given, dict.fromkeys(("--yes", "--autopilot", "--end"), "with --vehicle"))
+    else:
+        refuse_others(f"--vehicle {vehicle}", given, dict.fromkeys(("--fast", "--port"), "without it, with the mock"))
+        _may_fly(vehicle, yes=yes)
     if fast:
         refuse_others("--fast", given, dict.fromkeys(("--link", "--port", "--panel"), "in real time"))
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with contextlib.ExitStack() as closing:
-        viewer = _viewer(closing) if view else None
-        pages: list[PanelBeside] = []
+        beside: list[ViewerBeside | PanelBeside] = []
+        records: list[Path] = []
+        viewer = _viewer(closing, beside) if view else None
+
+        def on_record(path: Path) -> None:
+            records.append(path)
+            if viewer is not None:
+                viewer.start(path)
 
         def on_control(endpoint: str) -> None:
             if panel:
-                pages.append(_panel(closing, endpoint, out))
+                beside.append(_panel(closing, endpoint, out))
 
-        watch = (lambda _: None) if viewer is None else viewer.start
         try:
             from guidance.cli.fly_scenario import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
+            from guidance.session.fly import MockOptions  # noqa: PLC0415
             from guidance.session.fly_vehicle import Asked  # noqa: PLC0415
 
             client = link or "mavsdk"
-            asked = None if vehicle is None else Asked(vehicle, autopilot, client, end or "return")
+            mock = MockOptions(fast=fast, link=client, port=port or 0)
+            how = mock if vehicle is None else Asked(vehicle, autopilot, client, end or "return")
             code = fly_scenario(
-                scenario,
-                asked,
-                fast=fast,
-                link=client,
-                port=port or 0,
-                out=out,
-                seed=seed,
-                on_record=watch,
-                on_control=on_control,
-                as_json=as_json,
+                scenario, how, out=out, seed=seed, on_record=on_record, on_control=on_control, as_json=as_json
             )
         except KeyboardInterrupt:
-            ended = "the mock was ended, and the record so far can be read" if vehicle is None else "nothing was armed"
+            kept = f", and the record so far is {records[0]}" if records else "; nothing was recorded"
+            ended = f"the mock was ended{kept}" if vehicle is None else "nothing was armed"
             typer.echo(f"interrupted: {ended}", err=True)
-            raise typer.Exit(128 + signal.SIGINT) from None
-        _stay([*pages] if viewer is None else [viewer, *pages])
+            raise typer.Exit(INTERRUPTED) from None
+        _stay(beside)
     raise typer.Exit(code)
 
 
@@ -144,12 +143,13 @@ def _may_fly(vehicle: str, *, yes: bool) -> None:
         agree(f"{vehicle} may be a real vehicle. Arm and fly it? Propellers will turn")
 
 
-def _viewer(closing: contextlib.ExitStack) -> "ViewerBeside":
+def _viewer(closing: contextlib.ExitStack, beside: "list[ViewerBeside | PanelBeside]") -> "ViewerBeside":
     from guidance.viz.view import ViewerBeside  # noqa: PLC0415
 
-    beside = ViewerBeside("--port", "0", "--web-port", "0", say=typer.echo)
-    closing.callback(beside.close)
-    return beside
+    viewer = ViewerBeside("--port", "0", "--web-port", "0", say=typer.echo)
+    closing.callback(viewer.close)
+    beside.append(viewer)
+    return viewer
 
 
 def _stay(beside: "list[ViewerBeside | PanelBeside]") -> None:

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.cli.arguments import agree, refuse_others
+from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.files import private_file, writing
 from guidance.screen import Cell, pairs, sheet
@@ -23,18 +24,6 @@ from guidance.sim.team_maths import TeamOutcome, play_teams, summary_of
 from guidance.sim.teams import TeamScenario
 
 WAYS: Final = ("maths", "fast", "live", "vehicle")
-
-_SECONDS: Final = ("game_time_s", "capture_time_s", "predicted_capture_time_s", "time_needed_s", "duration_s")
-_METRES: Final = (
-    "distance_to_disc_m",
-    "evader_to_target_m",
-    "predicted_evader_to_target_m",
-    "predicted_short_m",
-    "min_standoff_m",
-    "min_altitude_m",
-)
-_NUMBERS: Final = ("regret",)
-
 
 REPORTED: Final = "reported"
 """Evader policy in the row of a run `--as vehicle`, where the evader is only reported."""
@@ -77,12 +66,24 @@ def run_scenario(name: str, run: Run, console: Console) -> int:
     if run.way == "maths" and scenario.fault:
         console.print("the mathematics ignores faults")
     outcome = _run(scenario, path.stem, run, console)
-    verdicts = scenario.expect.of(outcome._asdict())
     console.print(_outcome_table(outcome))
+    return _judged(scenario.expect.of(outcome._asdict()), outcome_json(outcome), run, console)
+
+
+def _judged(verdicts: Sequence[CheckedExpectation], row: Any, run: Run, console: Console) -> int:  # noqa: ANN401 - JSON
+    """Show which expectations hold, write the row, and return the exit code."""
     if verdicts:
-        console.print(_expectation_table(verdicts))
-    if run.json_file is not None:
-        _write(run.json_file, outcome_json(outcome))
+        rows: list[Sequence[Cell]] = []
+        for verdict in verdicts:
+            held = Text("holds", "green") if verdict.held else Text("FAILS", "red")
+            rows.append([verdict.column, verdict.expected, _said(verdict.value, ""), held])
+        console.print(sheet(("column", "expected", "came out", "verdict"), rows, left=range(4), title="expected"))
+    text = json.dumps(row, indent=2) + "\n"
+    if run.json_file == STANDARD_OUTPUT:
+        sys.stdout.write(text)
+    elif run.json_file is not None:
+        with writing(run.json_file):
+            private_file(run.json_file).write_text(text, encoding="utf-8")
     return 0 if all(verdict.held for verdict in verdicts) else 1
 
 
@@ -115,12 +116,7 @@ def _run_teams(scenario: TeamScenario, path: Path, run: Run, console: Console) -
     unit = "s" if scenario.game == "pe" else "m"
     words = f"{summary['captured']} of {summary['evaders']} captured by {summary['pursuers']}"
     console.print(f"{words}; {summary['guaranteed']} were guaranteed, with {summary['total']:.3f} {unit} in all")
-    verdicts = scenario.expect.verdicts(summary)
-    if verdicts:
-        console.print(_expectation_table(verdicts))
-    if run.json_file is not None:
-        _write(run.json_file, [outcome_json(row) for row in rows])
-    return 0 if all(verdict.held for verdict in verdicts) else 1
+    return _judged(scenario.expect.verdicts(summary), [outcome_json(row) for row in rows], run, console)
 
 
 def _row_table(rows: Sequence[TeamOutcome]) -> Table:
@@ -138,57 +134,49 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
         return play([scenario])[0]
     from guidance.cli.flight_display import live_line, tell_dropped, tell_endpoint  # noqa: PLC0415 - zenoh and mavsdk take a second
     from guidance.session.control_socket import ENDPOINT  # noqa: PLC0415
-    from guidance.session.flight_files import RECORD, next_folder  # noqa: PLC0415
-    from guidance.session.fly_mock import fly_mock  # noqa: PLC0415
+    from guidance.session.flight_files import RECORD, flight_folder  # noqa: PLC0415
+    from guidance.session.fly import MockOptions, fly_mock  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
     def say(words: str) -> None:
         console.print(words, soft_wrap=True, highlight=False)
 
-    def folder(name: str) -> Path:
-        return run.out if run.out is not None else next_folder(Path("flights"), name)
-
-    if run.way == "vehicle":
+    if run.config is not None:
         from guidance.session.fly_vehicle import fly_vehicle  # noqa: PLC0415
+        from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
-        assert run.config is not None
-        if run.engage and not run.yes:
-            _may_arm(run.config)
-        result = fly_vehicle(scenario, run.config, folder, say, engage=run.engage)
+        own = load_vehicle(find(str(run.config), "vehicles"))
+        if run.engage and not run.yes:  # also on loopback: a real vehicle may be behind a router
+            url = own.vehicle.url
+            agree(f"{run.config}: {url} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
+        with flight_folder(run.out, own.name) as folder:
+            result = fly_vehicle(scenario, own, folder, say, engage=run.engage)
         # The evader is out there, and does what it wants: no policy of the file's is its.
         return outcome_of_flight(result, "vehicle")._replace(evader_policy=REPORTED)
-    out, fast = folder(stem), run.way == "fast"
-    with live_line(console) as show:
+    options = MockOptions(
+        fast=run.way == "fast", link=run.link or "mavsdk", port=run.port or 0, over=run.over or "zenoh"
+    )
+    with flight_folder(run.out, stem) as folder, live_line(console) as show:
+        control = None if options.fast else ENDPOINT
         result = fly_mock(
-            scenario,
-            out,
-            show,
-            fast=fast,
-            link=run.link or "mavsdk",
-            port=run.port or 0,
-            over=run.over or "zenoh",
-            control=None if fast else ENDPOINT,
-            on_control=lambda endpoint: tell_endpoint(console, endpoint),
+            scenario, folder, show, options, control=control, on_control=lambda at: tell_endpoint(console, at)
         )
     tell_dropped(console, result)
-    say(f"record   {out / RECORD}")
+    say(f"record   {folder / RECORD}")
     return outcome_of_flight(result, run.way)
-
-
-def _may_arm(config: Path) -> None:
-    """Ask before arming. A vehicle on loopback may be real, too, behind a router."""
-    from guidance.config import find  # noqa: PLC0415
-    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
-
-    url = load_vehicle(find(str(config), "vehicles")).vehicle.url
-    agree(f"{config}: {url} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
 
 
 def _outcome_table(outcome: Outcome) -> Table:
     unit = "s" if outcome.game == "pe" else "m"
-    units = {**dict.fromkeys(_SECONDS, "s"), **dict.fromkeys(_METRES, "m"), **dict.fromkeys(_NUMBERS, unit)}
     shown = ((name, value) for name, value in outcome._asdict().items() if name != "scenario")
-    return pairs((name, _said(value, units.get(name, ""))) for name, value in shown)
+    return pairs((name, _said(value, unit if name == "regret" else _unit(name))) for name, value in shown)
+
+
+def _unit(column: str) -> str:
+    """Return the unit that ends the name of a column, or that its name implies."""
+    if column.endswith("_m_s"):
+        return "m/s"
+    return {"s": "s", "m": "m"}.get(column.rpartition("_")[2], "")
 
 
 def _said(value: Any, unit: str) -> str:  # noqa: ANN401 - any column
@@ -197,20 +185,3 @@ def _said(value: Any, unit: str) -> str:  # noqa: ANN401 - any column
     if isinstance(value, float):
         return "-" if value != value else f"{round(value, 3) + 0.0:.3f} {unit}".rstrip()  # noqa: PLR0124 - NaN
     return str(value) or "-"
-
-
-def _expectation_table(verdicts: Sequence[CheckedExpectation]) -> Table:
-    rows: list[Sequence[Cell]] = []
-    for verdict in verdicts:
-        held = Text("holds", "green") if verdict.held else Text("FAILS", "red")
-        rows.append([verdict.column, verdict.expected, _said(verdict.value, ""), held])
-    return sheet(("column", "expected", "came out", "verdict"), rows, left=range(4), title="expected")
-
-
-def _write(path: Path, content: Any) -> None:  # noqa: ANN401 - plain values
-    text = json.dumps(content, indent=2) + "\n"
-    if path == STANDARD_OUTPUT:
-        sys.stdout.write(text)
-        return
-    with writing(path):
-        private_file(path).write_text(text, encoding="utf-8")

@@ -43,7 +43,7 @@ class InputsEntry(NamedTuple):
 
 
 class CycleEntry(NamedTuple):
-    """One cycle: inputs, outputs, who caused the state (`by`), and timing."""
+    """One cycle: inputs, outputs, who caused the state (`by`), timing, and the vehicle's name (older records: None)."""
 
     now_s: float
     state: State
@@ -54,6 +54,7 @@ class CycleEntry(NamedTuple):
     alarm: Alarm | None = None
     timing: Timing | None = None
     by: Authority | None = None
+    vehicle: str | None = None
 
     @property
     def flight_inputs(self) -> Inputs:
@@ -74,8 +75,10 @@ EVENT: Final = Codec("guidance.Event", EventEntry)
 REPORT: Final = Codec("guidance.EvaderReport", EvaderReport)
 
 
-def cycle_entry(inputs: Inputs, outputs: Outputs, timing: Timing | None = None) -> CycleEntry:
-    """Return the entry of a cycle."""
+def cycle_entry(
+    inputs: Inputs, outputs: Outputs, timing: Timing | None = None, vehicle: str | None = None
+) -> CycleEntry:
+    """Return the entry of a cycle of a vehicle."""
     return CycleEntry(
         inputs.now_s,
         outputs.state,
@@ -86,4 +89,5 @@ def cycle_entry(inputs: Inputs, outputs: Outputs, timing: Timing | None = None) 
         outputs.alarm,
         timing,
         Authority.FLIGHT if outputs.cause is None else outputs.cause.by,
+        vehicle,
     )

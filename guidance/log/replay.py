@@ -206,7 +206,7 @@ def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     present = cycle_entry(row.flight_inputs, outputs)
     present = present if row.by is not None else present._replace(by=None)
     recorded_json, present_json = (
-        CYCLE.encode(one._replace(inputs=_NO_INPUTS, certificate=None, alarm=None, timing=None))
+        CYCLE.encode(one._replace(inputs=_NO_INPUTS, certificate=None, alarm=None, timing=None, vehicle=None))
         for one in (row, present)
     )
     if recorded_json == present_json:

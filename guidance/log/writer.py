@@ -10,7 +10,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -149,33 +149,6 @@ def part_path(path: Path, part: int) -> Path:
 def started_utc(now_s: float) -> str:
     """Return the UTC time of a real-time clock's zero, ISO 8601 to the second; the clock now shows `now_s`."""
     return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
-
-
-class Records:
-    """Several records as one. It has failed once any of them has."""
-
-    def __init__(self, records: Sequence[Record]) -> None:
-        self._records = records
-
-    @property
-    def failed(self) -> str | None:
-        """Why one of them has stopped; None while all work."""
-        return next((record.failed for record in self._records if record.failed is not None), None)
-
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Keep one raw MAVLink frame."""
-        for record in self._records:
-            record.frame(now_s, topic, frame)
-
-    def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle."""
-        for record in self._records:
-            record.cycle(entry)
-
-    def event(self, now_s: float, event: str, detail: str = "") -> None:
-        """Keep one event."""
-        for record in self._records:
-            record.event(now_s, event, detail)
 
 
 class BackgroundRecorder:

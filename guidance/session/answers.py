@@ -78,6 +78,12 @@ def _not_engaged(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
     return flight.evader_refusal(now_s) or f"not ready: {missing(flight, now_s, rows)}"
 
 
+def shown_state(flight: Flight) -> str:
+    """Return the state in words. A vehicle that was found in the air is not "ready" but not taken over yet."""
+    airborne = flight.vehicle.armed and not flight.vehicle.on_ground
+    return "not taken over" if flight.state is State.READY and airborne else str(flight.state)
+
+
 def _ended(flight: Flight) -> str:
     if flight.state is State.LANDED:
         return "the flight is over"
@@ -190,7 +196,7 @@ def status(
     shown: dict[str, Any] = plain(
         {
             "name": name,
-            "state": str(flight.state),
+            "state": shown_state(flight),
             "mode": flight.mode_name,
             "autopilot_mode": flight.mode_title,
             "armed": vehicle.armed,
@@ -250,7 +256,7 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
         now_s: The present.
     """
     vehicle, certificate = flight.vehicle, outputs.certificate
-    parts = [f"{now_s:.0f} s", str(outputs.state), f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}"]
+    parts = [f"{now_s:.0f} s", shown_state(flight), f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}"]
     flown = _flown(vehicle)
     if flown:
         north, east, _ = flown["velocity_ned_m_s"]

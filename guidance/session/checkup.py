@@ -7,7 +7,6 @@ from typing import Final, NamedTuple
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import find
 from guidance.errors import FlightError
-from guidance.links.port import EvaderSource, VehicleLink
 from guidance.messages import (
     GlobalPosition,
     Heartbeat,
@@ -21,12 +20,12 @@ from guidance.messages import (
 from guidance.preflight import Finding, ParameterChange, Verdict, another_autopilot, changes
 from guidance.preflight.judging import single
 from guidance.preflight.survey import COUNTED_S
-from guidance.session.daemon import Daemon
-from guidance.session.log import Log
+from guidance.session.daemon import Daemon, Equipment
+from guidance.session.log import Log, Logger
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import load_vehicle
-from guidance.session.vehicle_world import open_all
+from guidance.session.vehicle_world import EVADER, VehicleWorld, open_all
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0
@@ -53,14 +52,12 @@ class Applied(NamedTuple):
 class Checkup:
     """Reads, judges and sets the parameters of one vehicle on the ground. It neither arms nor changes the mode."""
 
-    def __init__(
-        self, name: str, plan: FlightPlan, link: VehicleLink, evader: EvaderSource, clock: Clock, *, log: Log
-    ) -> None:
+    def __init__(self, name: str, plan: FlightPlan, world: VehicleWorld, clock: Clock, *, log: Logger) -> None:
         self._plan = plan
-        self._link = link
+        self._link = world.links[name]
         self._clock = clock
         self._due_s = clock.now_s()
-        self._daemon = Daemon(name, plan, link, evader, log=log)
+        self._daemon = Daemon(name, plan, self._link, world.evaders[name][EVADER], Equipment(log=log))
 
     def rows(self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None) -> Sequence[Finding]:
         """Wait for all inputs, and return preflight's rows and the flight's own checks.
@@ -161,4 +158,4 @@ def checkup_of(name: str) -> Iterator[Checkup]:
         closing.callback(log.close)
         world = open_all(config, clock, tapped=False)
         closing.callback(world.close)
-        yield Checkup(config.name, plan, world.link, world.evader_source, clock, log=log)
+        yield Checkup(config.name, plan, world, clock, log=log)

@@ -3,40 +3,59 @@
 import logging
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is_done
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.log.entries import ORDERED, RELOADED
+from guidance.log.entries import ORDERED, RELOADED, STOPPED
 from guidance.log.writer import Record
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
-from guidance.session.answers import flight_line, missing, refusal, status
+from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
-from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger, say_outputs
 from guidance.session.metrics import Metrics
-from guidance.session.orders import (
-    ON_GROUND,
-    Engaging,
-    Mailbox,
-    Question,
-    ShutdownHandover,
-)
+from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
 from guidance.session.process import Notifier
 from guidance.session.recording import Recording
 
+HEARTBEAT_EVERY_S: Final = 1.0
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
-_ORDERING: Final = (Authority.OPERATOR, Authority.MISSION)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Equipment:
+    """What a daemon uses besides its links. Everything is optional.
+
+    Attributes:
+        mailbox: Orders of people.
+        log: Its log.
+        metrics: Its metrics.
+        notifier: Signs of life to systemd.
+        record: On disk.
+        broadcast: To views and panels.
+        record_required: Whether nothing flies without the record.
+        live: Shows a line about the flight.
+    """
+
+    mailbox: Mailbox = field(default_factory=Mailbox)
+    log: Logger = SILENT
+    metrics: Metrics | None = None
+    notifier: Notifier = field(default_factory=lambda: Notifier(None, None))
+    record: Record | None = None
+    broadcast: Record | None = None
+    record_required: bool = False
+    live: Callable[[str], None] = lambda _: None
 
 
 class Daemon:
-    """One vehicle's guidance, in real or virtual time. Log, metrics, record and broadcast are optional."""
+    """One vehicle's guidance against one evader, in real or virtual time."""
 
     def __init__(
         self,
@@ -44,29 +63,22 @@ class Daemon:
         plan: FlightPlan,
         link: VehicleLink,
         evader: EvaderSource,
-        *,
-        mailbox: Mailbox | None = None,
-        log: Logger = SILENT,
-        metrics: Metrics | None = None,
-        notifier: Notifier | None = None,
-        record: Record | None = None,
-        broadcast: Record | None = None,
-        record_required: bool = False,
-        live: Callable[[str], None] = lambda _: None,
+        equipment: Equipment | None = None,
     ) -> None:
+        used = Equipment() if equipment is None else equipment
         self.name = name
         self._link = link
         self._evader = evader
-        self.mailbox = Mailbox() if mailbox is None else mailbox
-        self._log = log
-        self.metrics = Metrics(name) if metrics is None else metrics
-        self._notifier = Notifier(None, None) if notifier is None else notifier
-        self._recording = Recording(record, broadcast, required=record_required)
-        self._live = live
+        self.mailbox = used.mailbox
+        self._log = used.log
+        self.metrics = Metrics(name) if used.metrics is None else used.metrics
+        self._notifier = used.notifier
+        self._live = used.live
+        self.recording = Recording(name, used.record, used.broadcast, required=used.record_required)
         self._leaving: ShutdownHandover | None = None
-        self._rows: tuple[Finding, ...] = ()
-        self._judged_s = self._shown_s = float("-inf")
+        self._heartbeat_s = self._shown_s = float("-inf")
         self._refused: tuple[str, ...] = ()
+        self._inputs = Inputs(float("-inf"))
         self.outputs: Outputs | None = None
         self.finished = False
         self._begin(plan)
@@ -76,24 +88,14 @@ class Daemon:
         self.flight = Flight(plan.flight)
         self._survey = PreflightMemory(parameter_names(plan.flight.autopilot))
         self._engaging = Engaging(self.flight, self._survey, plan.wants)
-        self._linked = LinkedFlight(self.flight, self._link, self._evader, self._recording.kept)
+        self.recording.begin()
         self._judged_s = float("-inf")
-        self._rows = ()
+        self.rows: tuple[Finding, ...] = ()  # preflight's, as last judged
         self._refused_for: dict[str, str] = {}
-
-    @property
-    def rows(self) -> tuple[Finding, ...]:
-        """Preflight's rows as last judged."""
-        return self._rows
 
     def facts(self, now_s: float) -> Facts:
         """Preflight's facts about the vehicle."""
         return self._survey.facts(self.flight.vehicle, now_s)
-
-    @property
-    def surveyed(self) -> bool:
-        """True once every parameter that preflight judges was read."""
-        return self._survey.complete
 
     @property
     def parameters_read(self) -> tuple[int, int]:
@@ -101,14 +103,19 @@ class Daemon:
         return self._survey.read
 
     @property
+    def surveyed(self) -> bool:
+        """True once every parameter that preflight judges was read."""
+        return self._survey.complete
+
+    @property
     def heard(self) -> Sequence[Message]:
         """The vehicle's messages of the last cycle."""
-        return self._linked.inputs.messages
+        return self._inputs.messages
 
     @property
     def position_age_s(self) -> float:
         """Age of the vehicle's position at the last cycle, s; infinite before the first one."""
-        return self.flight.vehicle.age_s(LocalPosition, self._linked.inputs.now_s)
+        return self.flight.vehicle.age_s(LocalPosition, self._inputs.now_s)
 
     @property
     def in_flight(self) -> bool:
@@ -121,11 +128,6 @@ class Daemon:
         return self._plan.wants is not None
 
     @property
-    def record_stopped(self) -> Stopped | None:
-        """When and why the record stopped; None while it goes on."""
-        return self._linked.record_stopped
-
-    @property
     def leaving(self) -> Authority | None:
         """Whether a person or a mission asked the daemon to end; None while it goes on."""
         return None if self._leaving is None else self._leaving.authority
@@ -133,33 +135,22 @@ class Daemon:
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
         """Run one cycle; `timing` is how the loop kept time."""
         queries, orders = self.mailbox.queries(), self._orders(now_s)
-        people, mission = ([one for one in orders if one.authority is by] for by in _ORDERING)
-        inputs = self._linked.read(
-            now_s,
-            [Event(one.order) for one in people],
-            self._refusals(orders),
-            alive=any(query.order == ALIVE for query in queries),
-            mission=[Event(one.order) for one in mission],
-        )
+        inputs = self._inputs = self._read(now_s, queries, orders)
         outputs = self.outputs = self.flight.step(inputs)
-        self._linked.write(outputs, timing)
-        self._answer((*people, *mission), outputs, now_s)
-        self._tell(queries, now_s)
-        say_outputs(self._log, outputs)
-        self._recording.look(now_s, self.metrics, self._log)
-        self._preflight(now_s)
-        self.metrics.lateness.observe(max(0.0, timing.late_s))
-        self.metrics.follow(outputs)
-        self._show(now_s, outputs)
-        self._notifier.alive(now_s)
+        self._write(outputs, timing)
+        self._answer(queries, orders, outputs)
+        self._preflight(inputs)
+        self._report(outputs, timing)
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
 
-    def _orders(self, now_s: float) -> list[Question]:
-        """Return the orders for this cycle's flight; all others are answered here."""
+    def _orders(self, now_s: float) -> Sequence[Question]:
+        """Return the orders for this cycle's flight, people's first; all others are answered here."""
         orders = [question for question in self.mailbox.orders() if self._is_for_the_flight(question, now_s)]
         orders += self._due(now_s)
-        return orders if self._leaving is None else [*orders, *self._leaving.orders(self.flight)]
+        if self._leaving is not None:
+            orders += self._leaving.orders(self.flight)
+        return sorted(orders, key=lambda question: question.authority is Authority.MISSION)
 
     def _is_for_the_flight(self, question: Question, now_s: float) -> bool:
         word = question.order
@@ -184,35 +175,53 @@ class Daemon:
         return self._leaving is not None
 
     def _must_read_first(self, now_s: float) -> bool:
-        if self._plan.wants is None or not self.in_flight:
-            return False
-        return self.flight.follows(Event.ENGAGE, now_s, self._barred())
+        return self.judged and self.in_flight and self.flight.follows(Event.ENGAGE, now_s, self._barred())
 
     def _due(self, now_s: float) -> tuple[Question, ...]:
         """Return the engage orders that waited for parameters, once these were read again or did not answer."""
         read, due = self._engaging.reading, self._engaging.due(now_s)
         if read and not self._engaging.reading:
             fresh = {row.name: row for row in self._engaging.rows}
-            self._rows = tuple(fresh.get(row.name, row) for row in self._rows)
+            self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
             if refusals(self._engaging.rows) and not due:
                 self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
         return due
 
-    def _refusals(self, orders: Sequence[Question]) -> tuple[str, ...]:
-        """Name what bars the vehicle from flying, or from being engaged by one of these orders or by a pilot."""
-        engaging = any(one.order == Event.ENGAGE for one in orders)
-        return self._barred() + (refusals(self._engaging.rows) if engaging else self._engaging.bars_the_pilot)
+    def _read(self, now_s: float, queries: Sequence[Question], orders: Sequence[Question]) -> Inputs:
+        """Read everything that one cycle sees, and send our HEARTBEAT once a second."""
+        people, mission = (
+            [Event(one.order) for one in orders if one.authority is by]
+            for by in (Authority.OPERATOR, Authority.MISSION)
+        )
+        alive = any(query.order == ALIVE for query in queries) or None
+        bars = refusals(self._engaging.rows) if Event.ENGAGE in (*people, *mission) else self._engaging.bars_the_pilot
+        received = self._link.receive(), self._evader.receive()
+        if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
+            self._heartbeat_s = now_s
+            self._link.send_heartbeat()
+        return Inputs(now_s, *received, people, self._barred() + bars, alive, mission)
 
     def _barred(self) -> tuple[str, ...]:
         """Names of what preflight refuses; before its first verdict, preflight itself."""
-        if self._plan.wants is None or not self._judging:
+        if not self.judged or not self._judging:
             return ()
-        return refusals(self._rows) if self._rows else ("preflight",)
+        return refusals(self.rows) if self.rows else ("preflight",)
 
     @property
     def _judging(self) -> bool:
         """Whether preflight applies: on the ground, and for a vehicle found armed until it has passed once."""
         return self.flight.state in ON_GROUND or (self.in_flight and not self.flight.checked)
+
+    def _write(self, outputs: Outputs, timing: Timing) -> None:
+        """Send the flight's outputs, the setpoint first: everything else can wait a millisecond."""
+        if outputs.setpoint is not None:
+            self._link.send_setpoint(outputs.setpoint)
+        for request in outputs.requests:
+            self._link.request(request)
+        stopped = self.recording.cycle(self._inputs, outputs, timing)
+        if stopped is not None:
+            self.metrics.happened(STOPPED)
+            self._log.say(logging.WARNING, STOPPED, reason=stopped.reason)
 
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
@@ -227,7 +236,7 @@ class Daemon:
         if outputs.fault is not None:
             say_outputs(self._log, outputs)
             self.metrics.follow(outputs)
-            self._recording.note(now_s, str(Event.FAULT), outputs.fault)
+            self.recording.event(now_s, str(Event.FAULT), outputs.fault)
         self._notifier.alive(now_s)
 
     def leave(self, order: Event, now_s: float, authority: Authority = Authority.OPERATOR) -> None:
@@ -259,7 +268,7 @@ class Daemon:
         else:
             self._log.say(logging.INFO, RELOADED)
             self.metrics.happened(RELOADED)
-            self._recording.note(now_s, RELOADED, self._plan.document)
+            self.recording.event(now_s, RELOADED, self._plan.document)
 
     def _give_up_engaging(self, reason: str, now_s: float) -> None:
         for question in self._engaging.give_up():
@@ -271,19 +280,18 @@ class Daemon:
         self._begin(self._plan)
         return ""
 
-    def _answer(self, orders: Sequence[Question], outputs: Outputs, now_s: float) -> None:
-        """Answer the flight's orders. Its first happenings are one for each order, in the same order."""
+    def _answer(self, queries: Sequence[Question], orders: Sequence[Question], outputs: Outputs) -> None:
+        """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
+        now_s = self._inputs.now_s
         for question, happening in zip(orders, outputs.happenings, strict=False):
             order = Event(question.order)
             done = happening.after is not happening.before or is_done(order, happening.after)
-            self._reply(question, now_s, "" if done else refusal(order, self.flight, now_s, self._rows))
-
-    def _tell(self, queries: Sequence[Question], now_s: float) -> None:
-        """Answer all queries of this cycle with one status."""
+            self._reply(question, now_s, "" if done else refusal(order, self.flight, now_s, self.rows))
         if queries:
-            status = self._status(now_s)
+            words = self.recording.words
+            shown = status(self.name, now_s, self.flight, outputs, self.rows, barred=self._barred(), recording=words)
             for query in queries:
-                query.answer({"accepted": True, "order": query.order, **status})
+                query.answer({"accepted": True, "order": query.order, **shown})
 
     def _reply(self, question: Question, now_s: float, reason: str) -> None:
         """Answer an order, accepted if there is no reason against it; log it and record who gave it.
@@ -295,31 +303,18 @@ class Daemon:
         self.metrics.order(known, accepted=accepted)
         repeated = not accepted and question.authority is Authority.MISSION and words == self._refused_for.get(known)
         self._refused_for[known] = words
-        level = logging.INFO if accepted else logging.WARNING
-        why = {} if accepted else {"reason": reason}
-        by = {"by": question.by} if question.by else {}
+        answer: dict[str, Any] = {"accepted": accepted, "order": order, "state": shown_state(self.flight)}
+        answer |= {} if accepted else {"reason": reason}
         if not repeated:
-            self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, **by, **why)
-        question.answer(
-            {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state), **why}
-        )
+            by = {"by": question.by} if question.by else {}
+            self._log.say(logging.INFO if accepted else logging.WARNING, "order", **answer, **by)
+        question.answer({"name": self.name, **answer})
         if question.by:
-            self._recording.note(now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}")
+            self.recording.event(now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}")
 
-    def _status(self, now_s: float) -> dict[str, Any]:
-        return status(
-            self.name,
-            now_s,
-            self.flight,
-            self.outputs,
-            self._rows,
-            barred=self._barred(),
-            recording=self._recording.words,
-        )
-
-    def _preflight(self, now_s: float) -> None:
+    def _preflight(self, inputs: Inputs) -> None:
         """Read and judge parameters on the ground, and read the failsafe parameters again before the game begins."""
-        inputs, wants = self._linked.inputs, self._plan.wants
+        now_s, wants = inputs.now_s, self._plan.wants
         if wants is None or not (self._judging or self._engaging.reading):
             return
         self._survey.observe(inputs.messages, inputs.reports)
@@ -329,19 +324,25 @@ class Daemon:
         if not self._judging or now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
-        self._rows = (*rows(self.facts(now_s), self._plan.flight.autopilot, wants), *self._recording.rows())
-        refused = refusals(self._rows)
+        self.rows = (*rows(self.facts(now_s), self._plan.flight.autopilot, wants), *self.recording.rows())
+        refused = refusals(self.rows)
         if refused != self._refused and self._survey.complete:
             self._refused = refused
             if refused:
-                self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self._rows))
+                self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self.rows))
 
-    def _show(self, now_s: float, outputs: Outputs) -> None:
+    def _report(self, outputs: Outputs, timing: Timing) -> None:
+        """Log the cycle's events, count it, and show the flight once a second and when its state changes."""
+        now_s = self._inputs.now_s
+        say_outputs(self._log, outputs)
+        self.metrics.lateness.observe(max(0.0, timing.late_s))
+        self.metrics.follow(outputs)
+        self._notifier.alive(now_s)
         changed = any(happening.after is not happening.before for happening in outputs.happenings)
         if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
             return
         self._shown_s = now_s
         counters = {"vehicle": self._link.counters(), "evader": self._evader.counters()}
         self.metrics.show(now_s, self.flight, outputs, counters)
-        self._notifier.status(f"{outputs.state}, mode {self.flight.mode_name}")
+        self._notifier.status(f"{shown_state(self.flight)}, mode {self.flight.mode_name}")
         self._live(flight_line(self.flight, outputs, now_s))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from guidance.clock import Clock
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.files import writing
+from guidance.files import private_folder, writing
 from guidance.flight import FlightSettings
 from guidance.log.provenance import versions
 from guidance.log.reader import CONFIG, SCENARIO
@@ -42,20 +42,33 @@ def flight_metadata(scenario: "Scenario | None", config: Config | None, clock: C
     return {**said, **versions(), **({} if clock is None else {"started_utc": started_utc(clock.now_s())})}
 
 
-def next_folder(parent: Path, stem: str) -> Path:
-    """Return the first free folder: `parent/stem-001`, `parent/stem-002` and so on."""
-    return next(folder for number in itertools.count(1) if not (folder := parent / f"{stem}-{number:03d}").exists())
-
-
-def refuse_another_flight(folder: Path) -> None:
-    """Refuse a folder that contains files of another flight.
+@contextlib.contextmanager
+def flight_folder(out: Path | None, stem: str, parent: Path = Path("flights")) -> Iterator[Path]:
+    """Yield the folder of a flight: `out`, or a new one, `flights/stem-001` and so on, removed if it stays empty.
 
     Raises:
-        ConfigError: With the file that exists.
+        OutputError: If it cannot be created.
     """
-    for name in (RECORD, OUTCOME, PICTURE, "report.html"):
-        if (folder / name).exists():
-            raise ConfigError(f"--out {folder}: contains another flight ({name}); give a new folder")
+    if out is not None:
+        yield out
+        return
+    with writing(parent):
+        folder = _new_folder(private_folder(parent), stem)
+    try:
+        yield folder
+    finally:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+
+
+def _new_folder(parent: Path, stem: str) -> Path:
+    """Create the first free folder: of two flights that begin together, each gets its own."""
+    for number in itertools.count(1):
+        folder = parent / f"{stem}-{number:03d}"
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir(mode=0o700)
+            return folder
+    raise AssertionError
 
 
 @contextlib.contextmanager
@@ -66,7 +79,9 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
         ConfigError: If the folder contains another flight.
         OutputError: If it cannot be written.
     """
-    refuse_another_flight(path.parent)
+    for name in (RECORD, OUTCOME, PICTURE, "report.html"):
+        if (path.parent / name).exists():
+            raise ConfigError(f"--out {path.parent}: contains another flight ({name}); give a new folder")
     with writing(path.parent):
         written = Recorder(path, metadata)
     recorder = BackgroundRecorder(written) if real_time else written

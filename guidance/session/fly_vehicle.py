@@ -4,12 +4,12 @@ import contextlib
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple, NoReturn
 
 from guidance.autopilots import autopilot_named
 from guidance.clock import MonotonicClock
-from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame, ned_from_game
@@ -17,25 +17,26 @@ from guidance.links.endpoint import parse
 from guidance.links.opening import KINDS, find_autopilot, open_wire
 from guidance.links.port import Wire
 from guidance.links.wires.udp import UdpWire
-from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.messages import Home
 from guidance.session.answers import StartupResponder
 from guidance.session.checkup import Checkup
-from guidance.session.control_bus import broadcasting, opened
+from guidance.session.control_bus import ControlBus, broadcasting, opened
+from guidance.session.daemon import Equipment
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
 from guidance.session.log import Log
 from guidance.session.loop import Signals
-from guidance.session.mission import MissionPolicy, Progress
+from guidance.session.mission import Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox
-from guidance.session.plan import FlightPlan, config_of, plan_of
+from guidance.session.plan import config_of, plan_of
 from guidance.session.process import Notifier
 from guidance.session.result import FlightResult, closing_detail
-from guidance.session.vehicle_file import Config, load_vehicle
+from guidance.session.sequencer import MissionPolicy
+from guidance.session.vehicle_file import Config
 from guidance.session.vehicle_world import VehicleWorld, open_all, open_control
-from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Scenario, Site, Wind
+from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario, Site, Wind
 from guidance.sim.stepped import EvaderHere
 
 FOUND_WITHIN_S: Final = 15.0
@@ -43,16 +44,26 @@ _CONNECTED_WITHIN_S: Final = 5.0
 ENDS: Final = ("return", "land")
 """Endings of a flight at a URL: fly home and land, or land at once."""
 
-Show = Callable[[Progress], None]
 
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A running vehicle and how to talk to it; see `guidance fly --help`.
 
-class Asked(NamedTuple):
-    """A running vehicle and how to talk to it; see `guidance fly --help`."""
+    Raises:
+        ConfigError: If an option has an unknown value.
+    """
 
     url: str
     autopilot: str | None = None
     link: str = "mavsdk"
     end: str = "return"
+
+    def __post_init__(self) -> None:
+        if self.link not in KINDS:
+            raise ConfigError(f"--link {self.link}: allowed are {', '.join(KINDS)}")
+        if self.end not in ENDS:
+            raise ConfigError(f"--end {self.end}: allowed are {', '.join(ENDS)}")
+        parse(self.url)
 
 
 class Reached(NamedTuple):
@@ -65,7 +76,7 @@ class Reached(NamedTuple):
 
 
 def fly_vehicle(
-    scenario: Scenario, config: Path, folder: Callable[[str], Path], say: Callable[[str], None], *, engage: bool
+    scenario: Scenario, own: Config, folder: Path, say: Callable[[str], None], *, engage: bool
 ) -> FlightResult:
     """Fly a scenario with the vehicle of a configuration file; the evader is whatever its evader source reports.
 
@@ -74,36 +85,30 @@ def fly_vehicle(
 
     Args:
         scenario: The scenario.
-        config: The vehicle's file.
-        folder: For the record, by the vehicle's name.
+        own: The vehicle's file.
+        folder: For the record.
         say: Prints a line for the person.
         engage: A person allowed to start and to engage.
 
     Raises:
-        ConfigError: If a file is wrong, or the two contradict each other.
+        ConfigError: If the two contradict each other.
         FlightError: If preflight refuses, or the start is outside of the fence.
         LinkError: If vehicle or evader cannot be reached.
     """
-    own = load_vehicle(find(str(config), "vehicles"))
-    plan = plan_of(own, scenario)
-    out = folder(own.name)
+    plan_of(own, scenario)  # refused before anything is opened
     if scenario.fault:
         say("faults are a mock's: the vehicle flies without them")
     clock, mailbox = MonotonicClock(), Mailbox()
     hand_over = ORDER_OF[own.flight.on_terminate]
     signals = Signals(hand_over, _kept)
     with signals.installed(), contextlib.ExitStack() as closing:
-        control = open_control(own, mailbox)
-        closing.callback(control.close)
-        world = open_all(own, clock, tapped=True)
-        closing.callback(world.close)
-        say(f"record   {out / RECORD}")
+        control = closing.enter_context(contextlib.closing(open_control(own, mailbox)))
+        world = closing.enter_context(contextlib.closing(open_all(own, clock, tapped=True)))
+        say(f"record   {folder / RECORD}")
         if not engage:
             say("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
         policy = MissionPolicy(engage, hand_over=hand_over)
-        metadata = flight_metadata(scenario, own, clock)
-        broadcast = closing.enter_context(broadcasting(own.name, control, metadata))
-        return _conducted(scenario, Reached(own, world, clock), plan, policy, out, mailbox, broadcast, signals)
+        return _conducted(scenario, Reached(own, world, clock), policy, folder, mailbox, control, signals)
 
 
 def fly_url(
@@ -115,20 +120,17 @@ def fly_url(
     on_record: Callable[[Path], None] = lambda _: None,
     control: str | None = None,
     on_control: Callable[[str], None] = lambda _: None,
-) -> tuple[FlightResult, str]:
+) -> FlightResult:
     """Fly a scenario with the vehicle that runs at a URL; its evader is simulated here.
 
     Args:
         scenario: Who plays what, where and within which limits.
-        asked: The URL, and how to fly there.
+        asked: The URL, and how to fly there. Ctrl-C lands it.
         folder: For the record.
         show: Called in every cycle.
         on_record: Called with the record's path before the flight begins.
         control: Endpoint for orders and onlookers; a free one if that is in use. None opens none.
         on_control: Called with the endpoint.
-
-    Returns:
-        The result, and the order that Ctrl-C gives.
 
     Raises:
         ConfigError: If an argument is wrong, or another autopilot is there.
@@ -144,61 +146,56 @@ def fly_url(
         reach(scenario, asked) as (own, world, clock, radio),
     ):
         began_s = time.perf_counter()
-        home, frame = wait_until_placed(world.link, autopilot_named(own.vehicle.autopilot), clock, show)
+        home, frame = wait_until_placed(world.links[own.name], autopilot_named(own.vehicle.autopilot), clock, show)
         laid = laid_about(scenario, home, frame, own.vehicle.autopilot)
         if radio is not None:
             evader = EvaderHere(laid, clock, radio)
-            world.player, world.on_engage = evader, evader.engage
+            world.players[EVADER], world.on_engage = evader, evader.engage
         on_record(folder / RECORD)
         hand_over = ORDER_OF[own.flight.on_terminate]
         signals = Signals(hand_over, _kept)
         policy = MissionPolicy(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
-        reached = Reached(own, world, clock, radio)
-        plan = plan_of(own, laid)
-        metadata = flight_metadata(laid, own, clock)
-        with signals.installed(), broadcasting(own.name, bus, metadata) as broadcast:
+        with signals.installed():
             mailbox.meanwhile(None)
-            result = _conducted(laid, reached, plan, policy, folder, mailbox, broadcast, signals, show)
-            if broadcast is not None:
-                broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, "vehicle", folder))
+            reached = Reached(own, world, clock, radio)
+            result = _conducted(laid, reached, policy, folder, mailbox, bus, signals, show)
         result.wall_s = time.perf_counter() - began_s
-    return result, own.flight.on_terminate
+    return result
 
 
 def _conducted(
     scenario: Scenario,
     reached: Reached,
-    plan: FlightPlan,
     policy: MissionPolicy,
     folder: Path,
     mailbox: Mailbox,
-    broadcast: Broadcast | None,
+    bus: ControlBus | None,
     signals: Signals,
     show: Show = lambda _: None,
 ) -> FlightResult:
     own, world, clock, _ = reached
-    with contextlib.ExitStack() as closing:
-        log = Log(own.log.format, own.log.level)
-        closing.callback(log.close)
-        notifier = Notifier.from_environment(os.environ, os.getpid())
-        closing.callback(notifier.close)
-        metadata = flight_metadata(scenario, own, clock)
-        record = closing.enter_context(recording(folder / RECORD, metadata, real_time=True))
-        return fly(
-            scenario,
+    metadata = flight_metadata(scenario, own, clock)
+    with (
+        contextlib.closing(Log(own.log.format, own.log.level)) as log,
+        contextlib.closing(Notifier.from_environment(os.environ, os.getpid())) as notifier,
+        recording(folder / RECORD, metadata, real_time=True) as record,
+        broadcasting(own.name, bus, metadata) as broadcast,
+    ):
+        used = Equipment(mailbox=mailbox, log=log, notifier=notifier, record=record, broadcast=broadcast)
+        flown = fly(
+            (Pursuit(scenario, own.name),),
             world,
             clock,
-            record,
-            show,
-            plan=plan,
+            plans={own.name: plan_of(own, scenario)},
+            equipment={own.name: used},
             policy=policy,
-            name=own.name,
-            mailbox=mailbox,
-            broadcast=broadcast,
-            log=log,
-            notifier=notifier,
+            show=show,
             signals=signals,
         )
+        result = flown.vehicles[own.name]
+        if broadcast is not None:
+            broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, "vehicle", folder))
+        return result
 
 
 @contextlib.contextmanager
@@ -209,11 +206,6 @@ def reach(scenario: Scenario, asked: Asked) -> Iterator[Reached]:
         ConfigError: If an argument is wrong, or another autopilot is there.
         LinkError: If there is no vehicle.
     """
-    if asked.link not in KINDS:
-        raise ConfigError(f"--link {asked.link}: allowed are {', '.join(KINDS)}")
-    if asked.end not in ENDS:
-        raise ConfigError(f"--end {asked.end}: allowed are {', '.join(ENDS)}")
-    parse(asked.url)
     clock = MonotonicClock()
     with contextlib.ExitStack() as closing:
         wire = open_wire(asked.url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)
@@ -251,7 +243,7 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
         with reach(scenario, asked) as (own, world, clock, _):
             pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
             plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
-            yield Checkup(own.name, plan, world.link, world.evader_source, clock, log=log)
+            yield Checkup(own.name, plan, world, clock, log=log)
     finally:
         log.close()
 

@@ -11,7 +11,7 @@ import contextlib
 import math
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import FrameType
 from typing import Final, Protocol
 
@@ -20,7 +20,6 @@ from guidance.flight import Event
 from guidance.frames import Vector
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.links.wires.shared import CapturedFrame
-from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
 from guidance.session.plan import FlightPlan
 from guidance.session.process import GcScheduler
@@ -46,8 +45,8 @@ class EvaderPlayer(Protocol):
         """Its position in the game frame, None until it knows."""
         ...
 
-    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
-        """Move on to the present, playing or standing still."""
+    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
+        """Move on to the present, playing against these pursuers or standing still."""
         ...
 
     def stop(self) -> None:
@@ -56,7 +55,7 @@ class EvaderPlayer(Protocol):
 
 
 class World(Protocol):
-    """The vehicle and the evader, as the flight reaches them."""
+    """All vehicles and evaders of a flight, by name."""
 
     @property
     def real_time(self) -> bool:
@@ -64,18 +63,18 @@ class World(Protocol):
         ...
 
     @property
-    def link(self) -> VehicleLink:
-        """The vehicle."""
+    def links(self) -> Mapping[str, VehicleLink]:
+        """The vehicles."""
         ...
 
     @property
-    def evader_source(self) -> EvaderSource:
-        """Reports of the evader."""
+    def evaders(self) -> Mapping[str, Mapping[str, EvaderSource]]:
+        """What each vehicle hears: by its name, the reports of evaders by theirs."""
         ...
 
     @property
-    def player(self) -> EvaderPlayer | None:
-        """The evader, if this process plays it; else None."""
+    def players(self) -> Mapping[str, EvaderPlayer]:
+        """The evaders that this process plays."""
         ...
 
     def advance(self) -> None:
@@ -86,12 +85,12 @@ class World(Protocol):
         """
         ...
 
-    def engage(self) -> None:
-        """The game has begun: start the faults that count from engagement."""
+    def engage(self, vehicle: str) -> None:
+        """A vehicle's game has begun: start the faults that count from its engagement."""
         ...
 
     def drain(self) -> Sequence[CapturedFrame]:
-        """Return the raw frames that passed since the last call, for the record."""
+        """Return the raw frames that passed since the last call, for the records."""
         ...
 
     def close(self) -> None:
@@ -137,18 +136,19 @@ class Signals:
         else:
             sys.exit(0)
 
-    def act(self, daemon: Daemon, now_s: float) -> None:
-        """Pass the signals since the last call to the daemon."""
+    def act(self, daemons: Sequence[Daemon], now_s: float) -> None:
+        """Pass the signals since the last call to the daemons."""
         ends, again = self._end, self._again
         self._end, self._again = 0, False
-        for _ in range(ends):
-            daemon.leave(self._hand_over, now_s)
-        if again:
-            daemon.exchange(self._load, now_s)
+        for daemon in daemons:
+            for _ in range(ends):
+                daemon.leave(self._hand_over, now_s)
+            if again:
+                daemon.exchange(self._load, now_s)
 
 
 class CycleHooks(Protocol):
-    """Called before and after the daemon's step in every cycle."""
+    """Called before and after the daemons' steps in every cycle."""
 
     @property
     def finished(self) -> bool:
@@ -165,27 +165,29 @@ class CycleHooks(Protocol):
 
 
 def run(
-    daemon: Daemon,
+    daemons: Sequence[Daemon],
     world: World,
     clock: Clock,
     *,
     mission: CycleHooks | None = None,
     signals: Signals | None = None,
-    record: Record | None = None,
 ) -> None:
-    """Run the daemon in a world, in real or in virtual time, until it or its mission has finished.
+    """Run daemons in a world, in real or in virtual time, until they or their mission have finished.
+
+    Each cycle steps every daemon that has not finished, in the order of their names. In real time the first one's
+    positions set when cycles begin.
 
     Args:
-        daemon: What flies.
+        daemons: What flies.
         world: Where.
         clock: Its time.
         mission: Called around every cycle; None if only people give orders.
         signals: Acts on the signals of the operating system; None leaves these to the process.
-        record: Where the raw frames are kept.
 
     Raises:
         LinkError: If the world ends before the flight does.
     """
+    daemons = sorted(daemons, key=lambda daemon: daemon.name)
     garbage = GcScheduler(enabled=world.real_time)
     if signals is not None:
         signals.begin()
@@ -193,36 +195,45 @@ def run(
     worked_s = 0.0
     garbage.begin(due_s)
     try:
-        while not (daemon.finished or (mission is not None and mission.finished)):
+        while (flying := [one for one in daemons if not one.finished]) and not (mission and mission.finished):
             clock.sleep_until(due_s)
             world.advance()
             now_s = clock.now_s()
             if signals is not None:
-                signals.act(daemon, now_s)
+                signals.act(flying, now_s)
             if mission is not None:
                 mission.before(now_s)
-            try:
-                daemon.step(now_s, Timing(now_s - due_s, worked_s))
-            except Exception as error:  # of any kind: no other program flies this vehicle
-                daemon.survive(error, now_s)
+            for daemon in flying:
+                _step(daemon, now_s, Timing(now_s - due_s, worked_s))
             if mission is not None:
                 mission.after(now_s, now_s - due_s)
-            _record_frames(world, record)
+            _record_frames(world, daemons)
             done_s = clock.now_s()
             worked_s = done_s - now_s
             due_s, missed = next_due(due_s, done_s)
-            due_s += nudge_s(daemon.position_age_s) if world.real_time else 0.0
-            daemon.metrics.work.observe(worked_s)
-            daemon.metrics.late.inc(missed)
+            due_s += nudge_s(flying[0].position_age_s) if world.real_time else 0.0
+            for daemon in flying:
+                daemon.metrics.work.observe(worked_s)
+                daemon.metrics.late.inc(missed)
             garbage.between(done_s, due_s - done_s)
     finally:
         garbage.end()
 
 
-def _record_frames(world: World, record: Record | None) -> None:
-    if record is not None:
-        for passed in world.drain():
-            record.frame(*passed)
+def _step(daemon: Daemon, now_s: float, timing: Timing) -> None:
+    try:
+        daemon.step(now_s, timing)
+    except Exception as error:  # of any kind: no other program flies this vehicle
+        daemon.survive(error, now_s)
+
+
+def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:
+    """Give every record the frames of its own vehicle, and of the evaders; topics begin with the name."""
+    passed = [(frame.topic.partition("/")[0], frame) for frame in world.drain()]
+    vehicles = {daemon.name for daemon in daemons}
+    for daemon in daemons:
+        others = vehicles - {daemon.name}
+        daemon.recording.frames(frame for name, frame in passed if name not in others)
 
 
 def nudge_s(age_s: float) -> float:

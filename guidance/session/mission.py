@@ -1,4 +1,4 @@
-"""A scenario as a mission: it plays the evader, gives the orders that a person allowed, and ends the flight.
+"""Scenarios as a mission: it plays the evaders, gives the orders that a person allowed, and ends the flight.
 
 It orders and listens only; the flight's table decides. Without a person's permission it neither starts nor engages.
 After the game it hands a vehicle over as the vehicle file says (flight.on_terminate). A mock, or a vehicle that the run
@@ -6,23 +6,25 @@ has for itself, is sent home or landed and watched until it is disarmed.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
+from guidance.clock import Clock
 from guidance.errors import FlightError
-from guidance.flight import Authority, Event, Flight, State
+from guidance.flight import Authority, Event, Outputs, State
 from guidance.frames import Vector
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
 from guidance.session.answers import missing, next_words
-from guidance.session.daemon import Daemon
-from guidance.session.linked_flight import Stopped
+from guidance.session.daemon import Daemon, Equipment
 from guidance.session.loop import PERIOD_S, World
 from guidance.session.orders import ON_GROUND
-from guidance.session.result import FlightResult, conclude, note
-from guidance.session.sequencer import PATIENCE_S, MissionSequencer
-from guidance.sim.scenario import Scenario
+from guidance.session.plan import FlightPlan, plan_of
+from guidance.session.recording import Stopped
+from guidance.session.result import EvaderResult, FlightResult, MissionResult, conclude, note
+from guidance.session.sequencer import MOCKED, MissionPolicy, MissionSequencer
+from guidance.sim.scenario import Flown, Pursuit, pursuits_of
 from guidance.sim.sensor import SensedEvader
 
 READY_WITHIN_S: Final = 120.0
@@ -53,6 +55,7 @@ class Progress(NamedTuple):
         waiting: Why a vehicle on the ground is not ready.
         why: The cause of this state.
         next: The orders that continue, if the flight waits for a person.
+        vehicle: Its name; empty before it is known.
     """
 
     now_s: float
@@ -64,173 +67,241 @@ class Progress(NamedTuple):
     waiting: str = ""
     why: str = ""
     next: str = ""
+    vehicle: str = ""
 
 
-class MissionPolicy(NamedTuple):
-    """Which orders a mission may give, and how the vehicle is handed over.
-
-    Attributes:
-        engage: The mission may start and engage as soon as that can be done; else both wait for `guidance ctl start`
-            and `guidance ctl engage`.
-        end_with: The order that ends the game, where the run has the vehicle for itself: one that is armed already is
-            refused then, and in the end it is watched until it is disarmed. None leaves it to `hand_over`.
-        hand_over: The order that hands the vehicle over in the end; None for a mock.
-    """
-
-    engage: bool
-    end_with: Event | None = None
-    hand_over: Event | None = None
+Show = Callable[[Progress], None]
 
 
-MOCKED: Final = MissionPolicy(engage=True, end_with=Event.LAND)
+def _ignored(_: Progress) -> None:
+    """Show nothing."""
 
 
 class Mission:
-    """One scenario, around every cycle of the daemon that flies it: `before` and `after`.
+    """The mission of all vehicles of a flight, around every cycle of their daemons: `before` and `after`.
 
     Args:
-        scenario: The scenario.
-        daemon: Flies the vehicle.
-        world: The vehicle and the evader, which is moved from here if this process plays it.
-        heard: The evader's reports.
+        flown: Who pursues whom.
+        world: All vehicles and evaders; those that this process plays are moved from here.
+        clock: The world's time.
+        plans: Flight plans by vehicle; by default the scenario's own.
+        equipment: Of the daemons, by vehicle.
         policy: Which orders the mission may give.
-        show: Called in every cycle.
+        show: Called for each vehicle in every cycle.
         ready_within_s: Longest wait for a vehicle that is fit to fly.
 
     Attributes:
+        daemons: One for each vehicle.
         result: Of the flight so far.
+
+    Raises:
+        ConfigError: If a scenario names what does not exist.
     """
 
     def __init__(
         self,
-        scenario: Scenario,
-        daemon: Daemon,
+        flown: Flown,
         world: World,
-        heard: SensedEvader,
-        policy: MissionPolicy = MOCKED,
+        clock: Clock,
         *,
-        show: Callable[[Progress], None] = lambda _: None,
+        plans: Mapping[str, FlightPlan] | None = None,
+        equipment: Mapping[str, Equipment] | None = None,
+        policy: MissionPolicy = MOCKED,
+        show: Show = _ignored,
         ready_within_s: float = READY_WITHIN_S,
     ) -> None:
-        self.result = FlightResult(scenario, State.CONNECTING)
-        self._over = False
-        self._engaged_once = False
-        self._limit_from_s = 0.0
-        self._daemon = daemon
         self._world = world
-        self._heard = heard
+        self._vehicles = [
+            VehicleMission(
+                pursuit,
+                world,
+                clock,
+                (plans or {}).get(pursuit.vehicle) or plan_of(scenario=pursuit.scenario),
+                (equipment or {}).get(pursuit.vehicle),
+                policy,
+                show,
+                ready_within_s,
+            )
+            for pursuit in pursuits_of(flown)
+        ]
+        self.daemons = [one.daemon for one in self._vehicles]
+        evaders = dict.fromkeys(one.pursuit.evader for one in self._vehicles)
+        self.result = MissionResult(
+            {one.pursuit.vehicle: one.result for one in self._vehicles}, {name: EvaderResult() for name in evaders}
+        )
+
+    @property
+    def finished(self) -> bool:
+        """Whether all mocks' flights are over. A vehicle's flight is ended by its daemon, which hands it over."""
+        return all(one.over for one in self._vehicles)
+
+    def before(self, now_s: float) -> None:
+        """Move the evaders to the present, and give the orders that are due."""
+        for one in self._vehicles:
+            one.locate(now_s)
+        for name, player in self._world.players.items():
+            pursuers = [one for one in self._vehicles if one.pursuit.evader == name]
+            places = [one.position_game_m for one in pursuers if one.position_game_m is not None]
+            player.step(now_s, places, playing=any(one.sequencer.playing for one in pursuers))
+        for one in self._vehicles:
+            one.before(now_s)
+
+    def after(self, now_s: float, late_s: float = 0.0) -> None:
+        """Follow a cycle.
+
+        Raises:
+            FlightError: As `VehicleMission.after`.
+        """
+        for one in self._vehicles:
+            if one.over:
+                continue
+            evader_m, evader = one.evader_game_m(now_s), self.result.evaders[one.pursuit.evader]
+            one.after(now_s, late_s, evader_m)
+            evader.note(now_s, evader_m)
+            if one.result.captured and evader.captured_by is None:
+                evader.captured_by, evader.captured_s = one.pursuit.vehicle, now_s
+
+    def stop(self, wall_s: float) -> MissionResult:
+        """Stop the evaders that this process plays, and return the result of the run, which took `wall_s`."""
+        for player in self._world.players.values():
+            player.stop()
+        for one in self._vehicles:
+            one.result.interrupted, one.result.wall_s = not one.left, wall_s
+        return self.result
+
+
+class VehicleMission:
+    """One vehicle's part of a mission, with its daemon; arguments as of `Mission`."""
+
+    def __init__(
+        self,
+        pursuit: Pursuit,
+        world: World,
+        clock: Clock,
+        plan: FlightPlan,
+        equipment: Equipment | None,
+        policy: MissionPolicy,
+        show: Show,
+        ready_within_s: float,
+    ) -> None:
+        scenario, name, evader = self.pursuit = pursuit
+        self.result = FlightResult(scenario, State.CONNECTING)
+        self.over = False
+        self.position_game_m: Vector | None = None
+        self._heard = SensedEvader(world.evaders[name][evader], scenario.sensor, scenario.seed, clock.now_s)
+        self.daemon = Daemon(name, plan, world.links[name], self._heard, equipment)
+        self._world = world
+        self._player = world.players.get(evader)
         self._policy = policy
         self._show = show
         self._ready_within_s = ready_within_s
-        self._sequencer = MissionSequencer(
-            hold_s=scenario.hold_s,
-            time_limit_s=scenario.time_limit_s,
-            # No time limits if a person gives the orders.
-            patience_s=PATIENCE_S if policy.engage else {},
-            end_with=policy.end_with or Event.LAND,
-        )
-        self._unit = "s" if scenario.target is None else "m"
+        self.sequencer = MissionSequencer(hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s, policy=policy)
+        self._engaged_once = False
         self._begun_s: float | None = None
-        self._pursuer_game_m: Vector | None = None
+        self._limit_from_s = 0.0
         self._refused_s = math.inf
         self._asked_s = -math.inf
 
     @property
     def left(self) -> bool:
         """Whether the mission ended the run, and not a person."""
-        return self._over or self._daemon.leaving is Authority.MISSION
+        return self.over or self.daemon.leaving is Authority.MISSION
 
-    @property
-    def finished(self) -> bool:
-        """Whether a mock's flight is over. A vehicle's flight is ended by its daemon, which hands it over."""
-        return self._over
+    def locate(self, now_s: float) -> None:
+        """Note the vehicle's position in the game frame from its own telemetry, None until heard."""
+        self._begun_s = now_s if self._begun_s is None else self._begun_s
+        local, frame = self.daemon.flight.vehicle.last(LocalPosition), self.daemon.flight.tracking.game_frame
+        self.position_game_m = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
 
     def before(self, now_s: float) -> None:
-        """Move the evader to the present, and give the orders that are due."""
-        self._begun_s = now_s if self._begun_s is None else self._begun_s
-        flight, player = self._daemon.flight, self._world.player
-        self._pursuer_game_m = pursuer_game_m(flight)
-        if player is not None:
-            player.step(now_s, self._pursuer_game_m, playing=self._sequencer.playing)
+        """Give the orders that are due."""
+        flight = self.daemon.flight
         fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
-        ready = player is None or player.ready
-        for order in self._sequencer.orders(now_s, evader_ready=ready, evader_fresh=fresh):
+        ready = self._player is None or self._player.ready
+        for order in self.sequencer.orders(now_s, evader_ready=ready, evader_fresh=fresh):
             if order in {Event.START, Event.ENGAGE}:
                 if self._policy.engage:
                     self._ask(order, now_s)
             elif self._policy.end_with is not None:
                 self._ask(order, now_s)
-            elif self._sequencer.engaged_s is not None:
+            elif self.sequencer.engaged_s is not None:
                 self._leave(now_s)
 
-    def after(self, now_s: float, late_s: float = 0.0) -> None:
+    def after(self, now_s: float, late_s: float, evader_game_m: Vector | None) -> None:
         """Follow a cycle.
 
         Raises:
             FlightError: If preflight refuses, the vehicle does not get ready, it is armed already, or the start
                 is outside of its fence; on the ground, all of them.
         """
-        flight, outputs, result = self._daemon.flight, self._daemon.outputs, self.result
+        outputs, result = self.daemon.outputs, self.result
         if outputs is None or self._begun_s is None:
             return
-        self._sequencer.follow(now_s, outputs)
-        if self._sequencer.by_operator or result.cycles == 0:
+        self.sequencer.follow(now_s, outputs)
+        if self.sequencer.by_operator or result.cycles == 0:
             self._limit_from_s = now_s
-        if self._sequencer.engaged_s == now_s and not self._engaged_once:
+        if self.sequencer.engaged_s == now_s and not self._engaged_once:
             self._engaged_once = True
             self._heard.engage(now_s)
-            self._world.engage()
+            self._world.engage(self.pursuit.vehicle)
         result.late_cycles += late_s > PERIOD_S
-        result.record_stopped = self._daemon.record_stopped
-        note(result, now_s, outputs, self._pursuer_game_m, self._evader_game_m(now_s))
-        conclude(result, self._sequencer, now_s - self._begun_s)
+        result.record_stopped = self.daemon.recording.stopped
+        note(result, now_s, outputs, self.position_game_m, evader_game_m)
+        conclude(result, self.sequencer, now_s - self._begun_s)
         waiting = ""
-        if self._daemon.judged:
+        if self.daemon.judged:
             self._listen()
-            if flight.state in ON_GROUND:
+            if outputs.state in ON_GROUND:
                 self._judge(now_s, now_s - self._begun_s)
                 waiting = self._waiting(now_s)
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
-        if self._sequencer.finished or given_up:
+        if self.sequencer.finished or given_up:
             self._leave(now_s)
-        self._show(
-            Progress(
-                now_s,
-                outputs.state,
-                flight.mode_title,
-                outputs.certificate,
-                self._unit,
-                result.record_stopped,
-                waiting,
-                "" if outputs.cause is None else outputs.cause.words,
-                next_words(flight),
-            )
+        self._show(self._progress(now_s, outputs, waiting))
+
+    def _progress(self, now_s: float, outputs: Outputs, waiting: str) -> Progress:
+        flight = self.daemon.flight
+        return Progress(
+            now_s,
+            outputs.state,
+            flight.mode_title,
+            outputs.certificate,
+            "s" if self.pursuit.scenario.target is None else "m",
+            self.result.record_stopped,
+            waiting,
+            "" if outputs.cause is None else outputs.cause.words,
+            next_words(flight),
+            self.pursuit.vehicle,
         )
 
     def _waiting(self, now_s: float) -> str:
         """Say briefly why a vehicle on the ground is not ready."""
-        daemon = self._daemon
-        if daemon.flight.state is State.READY:
+        flight = self.daemon.flight
+        if flight.state is State.READY:
             return ""
-        failed = [f"{check.name} ({check.found})" for check in daemon.flight.checks(now_s) if not check.passed]
+        failed = [f"{check.name} ({check.found})" for check in flight.checks(now_s) if not check.passed]
         if failed:
-            return ", ".join(failed) + (f'; it says "{self.result.said}"' if self.result.said else "")
-        if not daemon.surveyed:
+            return ", ".join(failed) + self._said("it says")
+        if not self.daemon.surveyed:
             return "its parameters are being read"
-        return f"preflight refuses {', '.join(refusals(daemon.rows)) or 'nothing any more'}"
+        return f"preflight refuses {', '.join(refusals(self.daemon.rows)) or 'nothing any more'}"
 
-    def _evader_game_m(self, now_s: float) -> Vector | None:
-        if self._world.player is not None:
-            return self._world.player.position_game_m()
-        tracking = self._daemon.flight.tracking
+    def _said(self, who: str) -> str:
+        return f'; {who} "{self.result.said}"' if self.result.said else ""
+
+    def evader_game_m(self, now_s: float) -> Vector | None:
+        """Return the evader's position in the game frame: the true one, or as the vehicle estimates it."""
+        if self._player is not None:
+            return self._player.position_game_m()
+        tracking = self.daemon.flight.tracking
         evader, frame = tracking.evader(now_s), tracking.game_frame
         return None if evader is None or frame is None else frame.position_from_ned(evader.position_ned_m)
 
     def _listen(self) -> None:
         """Keep the autopilot's last warning before the flight."""
-        if self._daemon.flight.state not in ON_GROUND | {State.ARMING}:
+        if self.daemon.flight.state not in ON_GROUND | {State.ARMING}:
             return
-        for message in self._daemon.heard:
+        for message in self.daemon.heard:
             if isinstance(message, StatusText) and message.severity <= _WARNING:
                 self.result.said = message.text
             elif isinstance(message, CommandAck) and message.command == _ARM_DISARM and message.result != 0:
@@ -239,16 +310,16 @@ class Mission:
     def _ask(self, order: Event, now_s: float) -> None:
         if now_s - self._asked_s >= ASK_EVERY_S:
             self._asked_s = now_s
-            self._daemon.mailbox.ask(str(order), authority=Authority.MISSION)
+            self.daemon.mailbox.ask(str(order), authority=Authority.MISSION)
 
     def _leave(self, now_s: float) -> None:
         if self._policy.hand_over is None:
-            self._over = True
-        elif self._daemon.leaving is None:
-            self._daemon.leave(self._policy.hand_over, now_s, Authority.MISSION)
+            self.over = True
+        elif self.daemon.leaving is None:
+            self.daemon.leave(self._policy.hand_over, now_s, Authority.MISSION)
 
     def _judge(self, now_s: float, waited_s: float) -> None:
-        daemon = self._daemon
+        daemon = self.daemon
         if self._policy.end_with is not None and daemon.flight.vehicle.armed:
             raise FlightError("the vehicle is armed already; disarm it and start again: no order was given")
         self._check_start()
@@ -258,15 +329,14 @@ class Mission:
         if now_s - self._refused_s >= JUDGED_FOR_S:
             raise FlightError(f"preflight refuses: {advice(daemon.rows)}; see `guidance check`")
         if daemon.flight.state is not State.READY and waited_s > self._ready_within_s:
-            said = f'; the autopilot says "{self.result.said}"' if self.result.said else ""
             raise FlightError(
                 f"not ready to fly within {self._ready_within_s:g} s: "
-                f"{missing(daemon.flight, now_s, daemon.rows)}{said}; nothing was armed"
+                f"{missing(daemon.flight, now_s, daemon.rows)}{self._said('the autopilot says')}; nothing was armed"
             )
 
     def _check_start(self) -> None:
         """Refuse a start outside of the fence: to there the autopilot flies by itself, and our limits do not act."""
-        flight = self._daemon.flight
+        flight = self.daemon.flight
         start, frame, home = flight.settings.start_game_m, flight.tracking.game_frame, flight.vehicle.last(Home)
         fence_m = flight.settings.cycle.envelope.fence_radius_m
         if start is None or frame is None or home is None or fence_m is None:
@@ -277,9 +347,3 @@ class Mission:
                 f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; allowed is the fence's {fence_m:g} m. "
                 "Does [site] of the scenario say where the vehicle is?"
             )
-
-
-def pursuer_game_m(flight: Flight) -> Vector | None:
-    """Return where the vehicle's own telemetry has it in the game frame, None until heard."""
-    local, frame = flight.vehicle.last(LocalPosition), flight.tracking.game_frame
-    return None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)

@@ -19,7 +19,7 @@ from guidance.frames import Vector
 from guidance.game import solve
 from guidance.monitor import Alarm
 from guidance.session.flight_files import RECORD
-from guidance.session.linked_flight import Stopped
+from guidance.session.recording import Stopped
 from guidance.session.sequencer import MissionSequencer
 from guidance.sim.batch import stack
 from guidance.sim.maths import game_of
@@ -74,6 +74,27 @@ class FlightResult:
     record_dropped: int = 0
     said: str = ""
     interrupted: bool = False
+
+
+@dataclass(slots=True)
+class EvaderResult:
+    """What became of an evader: its track (time, position in the game frame), and who captured it when."""
+
+    track: list[tuple[float, Vector]] = field(default_factory=list)
+    captured_by: str | None = None
+    captured_s: float = math.nan
+
+    def note(self, now_s: float, position_m: Vector | None) -> None:
+        """Add a position; several vehicles may give one for the same cycle."""
+        if position_m is not None and (not self.track or self.track[-1][0] < now_s):
+            self.track.append((now_s, position_m))
+
+
+class MissionResult(NamedTuple):
+    """Result of a mission: one entry for each vehicle and each evader, by name."""
+
+    vehicles: dict[str, FlightResult]
+    evaders: dict[str, EvaderResult]
 
 
 class Ending(NamedTuple):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from guidance.flight import FINAL, Authority, Event, Outputs, State
 
@@ -23,6 +23,25 @@ PATIENCE_S: Mapping[State, float] = {
 _PLAYED: Final = frozenset({State.ENGAGED, State.PAUSED, State.ON_STATION})
 
 
+class MissionPolicy(NamedTuple):
+    """Which orders a mission may give, and how the vehicle is handed over.
+
+    Attributes:
+        engage: The mission may start and engage as soon as that can be done; else both wait for `guidance ctl start`
+            and `guidance ctl engage`.
+        end_with: The order that ends the game, where the run has the vehicle for itself: one that is armed already is
+            refused then, and in the end it is watched until it is disarmed. None leaves it to `hand_over`.
+        hand_over: The order that hands the vehicle over in the end; None for a mock.
+    """
+
+    engage: bool
+    end_with: Event | None = None
+    hand_over: Event | None = None
+
+
+MOCKED: Final = MissionPolicy(engage=True, end_with=Event.LAND)
+
+
 class MissionSequencer:
     """Start when everything is ready, engage when both stand by, end when the game is over or has lasted too long.
 
@@ -31,8 +50,7 @@ class MissionSequencer:
     Args:
         hold_s: How long to stay on station.
         time_limit_s: Of the game.
-        patience_s: Longest stay in a state, by state.
-        end_with: The order that ends the game: land where it is, or return.
+        policy: Whether states have time limits (not if a person gives the orders), and the order that ends the game.
 
     Attributes:
         engaged_s: When the game began; anew if an operator engages again after a hold. None before.
@@ -40,18 +58,11 @@ class MissionSequencer:
         timed_out: Whether the game lasted too long.
     """
 
-    def __init__(
-        self,
-        *,
-        hold_s: float,
-        time_limit_s: float,
-        patience_s: Mapping[State, float] = PATIENCE_S,
-        end_with: Event = Event.LAND,
-    ) -> None:
+    def __init__(self, *, hold_s: float, time_limit_s: float, policy: MissionPolicy = MOCKED) -> None:
         self._hold_s = hold_s
         self._time_limit_s = time_limit_s
-        self._patience_s = patience_s
-        self._end_with = end_with
+        self._patience_s = PATIENCE_S if policy.engage else {}
+        self._end_with = policy.end_with or Event.LAND
         self._state = State.CONNECTING
         self._since_s = self._now_s = 0.0
         self._lost_contact = False

@@ -14,7 +14,7 @@ from guidance.errors import ConfigError
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.session.answers import StartupResponder
-from guidance.session.daemon import Daemon
+from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import daemon_recording, flight_metadata
 from guidance.session.log import Log
 from guidance.session.loop import Signals, run
@@ -23,7 +23,7 @@ from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.process import Notifier, claim
 from guidance.session.vehicle_file import Config, load_vehicle
-from guidance.session.vehicle_world import open_all, open_control
+from guidance.session.vehicle_world import EVADER, open_all, open_control
 
 _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record")
 """Sections that are opened at the start: a change of these needs a restart."""
@@ -72,11 +72,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
         record = closing.enter_context(daemon_recording(config, metadata, log))
         broadcast = Broadcast(config.name, control.session, metadata)
         closing.callback(broadcast.close)
-        daemon = Daemon(
-            config.name,
-            plan,
-            world.link,
-            world.evader_source,
+        used = Equipment(
             mailbox=mailbox,
             log=log,
             metrics=metrics,
@@ -86,6 +82,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
             record_required=config.record.required,
             live=log.show,
         )
+        daemon = Daemon(config.name, plan, world.links[config.name], world.evaders[config.name][EVADER], used)
         notifier.ready()
         log.say(
             logging.INFO,
@@ -96,7 +93,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
             scheduling=claim(),
         )
         mailbox.meanwhile(None)
-        run(daemon, world, clock, signals=signals, record=record)
+        run([daemon], world, clock, signals=signals)
         broadcast.event(clock.now_s(), FLIGHT_OVER, json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}))
         log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 

@@ -33,31 +33,35 @@ OWN_ID = 255
 _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
 
 
+EVADER: Final = "evader"
+"""Name of the one evader of a vehicle file."""
+
+
 @dataclass(slots=True)
 class VehicleWorld:
-    """The world of a running vehicle, in real time.
+    """The world of a running vehicle and its evader, in real time.
 
     Attributes:
-        link: The vehicle.
-        evader_source: Reports of the evader.
+        links: The vehicle, by its name.
+        evaders: Reports of the evader, by the vehicle's name and `EVADER`.
         taps: Pass on the raw frames of the vehicle's wire.
         closing: Closes everything.
-        player: The evader, where this process plays it.
+        players: The evader, where this process plays it.
         on_engage: Called when the game begins.
     """
 
-    link: VehicleLink
-    evader_source: EvaderSource
+    links: Mapping[str, VehicleLink]
+    evaders: Mapping[str, Mapping[str, EvaderSource]]
     taps: list[TappedWire] = field(default_factory=list)
     closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
-    player: EvaderPlayer | None = None
+    players: dict[str, EvaderPlayer] = field(default_factory=dict)
     on_engage: Callable[[], None] = lambda: None
     real_time: ClassVar[bool] = True
 
     def advance(self) -> None:
         """Nothing: its time is real."""
 
-    def engage(self) -> None:
+    def engage(self, _vehicle: str) -> None:
         """The game begins."""
         self.on_engage()
 
@@ -116,7 +120,7 @@ def open_all(
         closing.callback(link.close)
         evader = _open_source(config, clock, credentials, spare if evader_wire is None else evader_wire)
         closing.callback(evader.close)
-        return VehicleWorld(link, evader, taps, closing.pop_all())
+        return VehicleWorld({config.name: link}, {config.name: {EVADER: evader}}, taps, closing.pop_all())
 
 
 def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitStack) -> None:

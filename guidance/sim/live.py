@@ -13,9 +13,9 @@ from guidance.links.opening import open_link, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.wires.shared import CapturedFrame, TappedWire, share
 from guidance.links.wires.zenoh import ZenohWire, open_session
-from guidance.sim.mock_files import check_faults, faults_after, fleet, script
-from guidance.sim.players import EvaderPilot, evader_settings
-from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario
+from guidance.sim.mock_files import check_faults, faults_after, fleet, script, system_ids
+from guidance.sim.players import EvaderPilot
+from guidance.sim.scenario import Flown, Scenario, pursuits_of
 from sitl_mock.child import RunningFleet, running
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.errors import TransportError
@@ -29,7 +29,7 @@ _ANSWER_LIMIT_S: Final = 2.0
 
 
 class LiveWorld:
-    """Both vehicles in a child process, reached over Zenoh or UDP.
+    """All players in a child process, reached over Zenoh or UDP. Attributes as of `SteppedWorld`.
 
     Raises:
         ConfigError: If the mock refuses its configuration.
@@ -38,20 +38,20 @@ class LiveWorld:
 
     real_time: Final = True
 
-    def __init__(self, scenario: Scenario, clock: Clock, *, link: str, port: int, over: str = ZENOH) -> None:
-        self._clock = clock
-        self._scenario = scenario
+    def __init__(self, flown: Flown, clock: Clock, *, link: str, port: int, over: str = ZENOH) -> None:
+        self._clock, self._pursuits, self._ids = clock, pursuits_of(flown), system_ids(flown)
         self._taps: list[TappedWire] = []
         self._closing = contextlib.ExitStack()
+        self.links: dict[str, VehicleLink] = {}
+        self.evaders: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
+        self.players: dict[str, EvaderPilot] = {}
         try:
-            check_faults(scenario)
-            self._mock = _mock(self._closing, scenario, over, port)
-            commands, reports = self._wires(EVADER)
-            self.link = self._open_link(link, self._wire(PURSUER), PURSUER, PURSUER_ID)
-            rover = self._open_link("pymavlink", commands, EVADER, EVADER_ID)
-            self.player = EvaderPilot(rover, evader_settings(scenario))
-            self.evader_source: EvaderSource = MavlinkEvader(reports, GlobalPositionInt(), system_id=EVADER_ID)
-            self._closing.callback(self.evader_source.close)
+            check_faults(flown)
+            self._mock = _mock(self._closing, flown, over, port)
+            for scenario, vehicle, evader in self._pursuits:
+                self.links[vehicle] = self._open_link(link, self._wires(vehicle, 1)[0], vehicle)
+                if evader not in self.players:
+                    self._open_evader(evader, scenario)
         except BaseException:
             self.close()
             raise
@@ -67,11 +67,11 @@ class LiveWorld:
         except TransportError as error:
             raise LinkError(f"{error}; the record holds everything until then") from error
 
-    def engage(self) -> None:
-        """Put the faults in place that count from engagement."""
-        if faults := list(faults_after(self._scenario, "engaged")):
+    def engage(self, vehicle: str) -> None:
+        """Put the faults of a vehicle's game in place that count from its engagement."""
+        if faults := list(faults_after([one for one in self._pursuits if one.vehicle == vehicle], "engaged")):
             # on its own thread: the loop must not wait
-            threading.Thread(target=_inject, args=(self._mock[PURSUER].zenoh, faults)).start()
+            threading.Thread(target=_inject, args=(self._mock[vehicle].zenoh, faults)).start()
 
     def drain(self) -> Sequence[CapturedFrame]:
         """All frames that passed since the last call, of one vehicle after the other."""
@@ -81,35 +81,38 @@ class LiveWorld:
         """Close the links, then end the child."""
         self._closing.close()
 
-    def _wire(self, name: str) -> Wire:
-        vehicle = self._mock[name]
+    def _wires(self, name: str, readers: int) -> Sequence[Wire]:
+        """Return wires to one vehicle; a UDP port can be opened only once."""
+        vehicle, now_s = self._mock[name], self._clock.now_s
         if vehicle.udp_port is not None:
-            return open_wire(vehicle.udp, clock=self._clock.now_s)
-        return ZenohWire(self._clock.now_s, namespace=name, endpoint=vehicle.zenoh or "")
+            return share(open_wire(vehicle.udp, clock=now_s), readers)
+        return [ZenohWire(now_s, namespace=name, endpoint=vehicle.zenoh or "") for _ in range(readers)]
 
-    def _wires(self, name: str) -> tuple[Wire, Wire]:
-        """Return two wires to one vehicle; a UDP port can be opened only once."""
-        if self._mock[name].udp_port is not None:
-            one, other = share(self._wire(name), 2)
-            return one, other
-        return self._wire(name), self._wire(name)
-
-    def _open_link(self, kind: str, bare: Wire, name: str, system_id: int) -> VehicleLink:
+    def _open_link(self, kind: str, bare: Wire, name: str) -> VehicleLink:
         now_s = self._clock.now_s
         wire = TappedWire(bare, now_s, name)
         self._taps.append(wire)
-        link = open_link(wire, kind, system_id=system_id, clock=now_s, who=f"the mock's {name}", timeout_s=5.0)
+        who = f"the mock's {name}"
+        link = open_link(wire, kind, system_id=self._ids[name], clock=now_s, who=who, timeout_s=5.0)
         self._closing.callback(link.close)
         return link
 
+    def _open_evader(self, name: str, scenario: Scenario) -> None:
+        """Open the pilot's link to an evader, and its reports for each vehicle."""
+        commands, *reports = self._wires(name, 1 + len(self.evaders))
+        self.players[name] = EvaderPilot(self._open_link("pymavlink", commands, name), scenario)
+        for sources, wire in zip(self.evaders.values(), reports, strict=True):
+            sources[name] = MavlinkEvader(wire, GlobalPositionInt(), system_id=self._ids[name])
+            self._closing.callback(sources[name].close)
 
-def _mock(closing: contextlib.ExitStack, scenario: Scenario, over: str, port: int) -> RunningFleet:
+
+def _mock(closing: contextlib.ExitStack, flown: Flown, over: str, port: int) -> RunningFleet:
     """Start the mock; the stack ends it. Its Zenoh session is there over UDP too: faults are injected by it."""
-    tables = fleet(scenario)
+    tables = fleet(flown)
     started = running(
         tables.pop("vehicle"),
         over=(UDP, ZENOH) if over == UDP else (ZENOH,),
-        faults=script(scenario),
+        faults=script(flown),
         port=port,
         **tables,
     )

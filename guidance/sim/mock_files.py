@@ -1,15 +1,14 @@
-"""Translates a scenario for the mock: the fleet of two vehicles, the faults and the wind.
+"""Translates a flight for the mock: the fleet of all players, the faults and the wind.
 
 Faults that count from the start form a script. Faults that count from engagement are added when the game begins.
 """
 
-import math
 from collections.abc import Iterator
 from typing import Any, Final
 
 from guidance.autopilots import autopilot_named
 from guidance.errors import ConfigError
-from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Fault, Scenario
+from guidance.sim.scenario import EVADER, PURSUER, Evader, Flown, Scenario, pursuits_of
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.faults import Faulted, parse_script
 from sitl_mock.fleet import build, checked
@@ -20,88 +19,90 @@ READY_AFTER_S: Final = 3.0
 """Shortened boot time of the mocks; a real ArduCopter takes 39 s."""
 
 
-def fleet(scenario: Scenario) -> dict[str, Any]:
-    """Return the fleet: the pursuer on the ground near its start, and the evader at its start.
-
-    The pursuer's autopilot gets the vertical speeds of the scenario.
-    """
-    site, pursuer, evader = scenario.site, scenario.pursuer, scenario.evader
-    home_x, home_y = scenario.home_m
-    ex, ey = evader.position_m
-    autopilot = autopilot_named(pursuer.autopilot)
-    own = _vehicle(PURSUER, autopilot.mock, PURSUER_ID, (home_y, home_x, 0.0))
-    if parameters := autopilot.mock_speeds(pursuer.speeds):
-        own["parameters"] = dict(parameters)
-    rover = _vehicle(EVADER, "rover", EVADER_ID, (ey, ex, -evader.height_m))
-    if evader.acceleration_m_s2 is not None:
-        rover["parameters"] = {"ATC_ACCEL_MAX": evader.acceleration_m_s2}
+def fleet(flown: Flown) -> dict[str, Any]:
+    """Return the fleet: every pursuer on the ground near its start, and every evader at its start."""
+    pursuits = pursuits_of(flown)
+    site, vehicles = pursuits[0].scenario.site, dict[str, dict[str, Any]]()
+    for scenario, vehicle, evader in pursuits:
+        vehicles[vehicle] = _pursuer(scenario)
+        vehicles.setdefault(evader, _evader(scenario.evader))
+    common = {"ready_after_s": READY_AFTER_S}
     return {
-        "seed": scenario.seed,
-        "home": {
-            "lat_deg": site.latitude_deg,
-            "lon_deg": site.longitude_deg,
-            "alt_amsl_m": site.altitude_amsl_m,
-        },
-        "vehicle": [own, rover],
+        "seed": pursuits[0].scenario.seed,
+        "home": {"lat_deg": site.latitude_deg, "lon_deg": site.longitude_deg, "alt_amsl_m": site.altitude_amsl_m},
+        "vehicle": [
+            {"name": name, "system_id": number, **keys, **common}
+            for number, (name, keys) in enumerate(vehicles.items(), start=1)
+        ],
     }
 
 
-def _vehicle(name: str, flavour: str, system_id: int, start_ned_m: tuple[float, float, float]) -> dict[str, Any]:
-    return {
-        "name": name,
-        "flavour": flavour,
-        "system_id": system_id,
-        "start_ned_m": [float(part) for part in start_ned_m],
-        "ready_after_s": READY_AFTER_S,
-    }
+def system_ids(flown: Flown) -> dict[str, int]:
+    """Return the MAVLink system id of every player, by name."""
+    return {one["name"]: one["system_id"] for one in fleet(flown)["vehicle"]}
 
 
-def faults_after(scenario: Scenario, event: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield vehicle and keys of every fault that counts from `event`, "start" or "engaged"."""
-    for fault in scenario.fault:
-        if fault.after == event:
-            yield fault.vehicle, _keys(fault)
+def _pursuer(scenario: Scenario) -> dict[str, Any]:
+    """Return the keys of a pursuer; its autopilot gets the vertical speeds of the scenario."""
+    east_m, north_m = scenario.home_m
+    autopilot = autopilot_named(scenario.pursuer.autopilot)
+    parameters = autopilot.mock_speeds(scenario.pursuer.speeds)
+    return {"flavour": autopilot.mock, "start_ned_m": [north_m, east_m, 0.0], "parameters": dict(parameters)}
 
 
-def script(scenario: Scenario) -> dict[str, Any]:
+def _evader(evader: Evader) -> dict[str, Any]:
+    east_m, north_m = evader.position_m
+    acceleration_m_s2 = evader.acceleration_m_s2
+    parameters = {} if acceleration_m_s2 is None else {"ATC_ACCEL_MAX": acceleration_m_s2}
+    return {"flavour": "rover", "start_ned_m": [north_m, east_m, -evader.height_m], "parameters": parameters}
+
+
+def faults_after(flown: Flown, *events: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield vehicle and keys of every fault that counts from one of `events`: "start" and "engaged"."""
+    for scenario, vehicle, evader in pursuits_of(flown):
+        for fault in scenario.fault:
+            if fault.after in events:
+                times = {"at_s": fault.at_s} | ({} if fault.for_s is None else {"for_s": fault.for_s})
+                yield {PURSUER: vehicle, EVADER: evader}[fault.vehicle], {"kind": fault.kind, **times, **fault.keys()}
+
+
+def script(flown: Flown) -> dict[str, Any]:
     """Return the fault script with the faults that count from the start, and the wind."""
-    faults = [{**keys, "vehicle": vehicle} for vehicle, keys in faults_after(scenario, "start")]
-    east, north = scenario.wind.velocity_m_s
-    if math.hypot(east, north) > 0.0:
-        wind = {"kind": "wind_gust", "vehicle": PURSUER, "north": north, "east": east, "for_s": _WHOLE_FLIGHT_S}
-        faults.append(wind)
-    return {"seed": scenario.seed, "fault": faults}
+    faults = [{**keys, "vehicle": vehicle} for vehicle, keys in faults_after(flown, "start")]
+    for scenario, vehicle, _ in pursuits_of(flown):
+        east, north = scenario.wind.velocity_m_s
+        if east or north:
+            wind = {"kind": "wind_gust", "north": north, "east": east, "for_s": _WHOLE_FLIGHT_S}
+            faults.append({**wind, "vehicle": vehicle})
+    return {"seed": pursuits_of(flown)[0].scenario.seed, "fault": faults}
 
 
-def faulted_fleet(scenario: Scenario) -> dict[str, Faulted]:
-    """Make both vehicles, with the faults that count from the start.
+def faulted_fleet(flown: Flown) -> dict[str, Faulted]:
+    """Make all vehicles, with the faults that count from the start.
 
     Raises:
         ConfigError: If a vehicle cannot have one of its faults.
     """
-    check_faults(scenario)
-    vehicles = build(checked(fleet(scenario), scenario.title), links={"onboard": "quiet"})
-    begun = parse_script(script(scenario), scenario.title)
-    return {name: Faulted(vehicle, name, begun) for name, vehicle in vehicles.items()}
+    check_faults(flown)
+    return _faulted(flown, script(flown))
 
 
-def check_faults(scenario: Scenario) -> None:
+def check_faults(flown: Flown) -> None:
     """Refuse faults that a vehicle cannot have.
 
     Raises:
         ConfigError: With the key, the value and what is allowed.
     """
-    if not scenario.fault:
-        return
-    everything = [{**_keys(fault), "vehicle": fault.vehicle} for fault in scenario.fault]
+    faults = [{**keys, "vehicle": vehicle} for vehicle, keys in faults_after(flown, "start", "engaged")]
     try:
-        parsed = parse_script({"seed": scenario.seed, "fault": everything}, scenario.title)
-        for name, vehicle in build(checked(fleet(scenario), scenario.title)).items():
-            Faulted(vehicle, name, parsed)
+        if faults:
+            _faulted(flown, {"seed": 0, "fault": faults})
     except MockConfigError as error:
         raise ConfigError(str(error)) from error
 
 
-def _keys(fault: Fault) -> dict[str, Any]:
-    times = {"at_s": fault.at_s} | ({} if fault.for_s is None else {"for_s": fault.for_s})
-    return {"kind": fault.kind, **times, **fault.keys()}
+def _faulted(flown: Flown, script: dict[str, Any]) -> dict[str, Faulted]:
+    title = pursuits_of(flown)[0].scenario.title
+    vehicles = build(checked(fleet(flown), title), links={"onboard": "quiet"})
+    faults = parse_script(script, title)
+    return {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}

@@ -3,8 +3,8 @@
 The evader of a mocked flight is a ground vehicle that this process commands over MAVLink.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,38 +19,25 @@ from guidance.strategies import Course, Strategy, StrategyMemory, evade, random_
 from guidance.strategies.course import Array
 from guidance.vehicle import VehicleState, local_frame, observe
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
 REPEAT_S = 1.0
 
 PURSUER_STREAM, EVADER_STREAM = 1, 2
 """Random streams of the players. They differ, so both players turn independently with one seed."""
 
 
-@dataclass(frozen=True, slots=True)
-class EvaderSettings:
-    """How the evader plays.
+class EvaderPilot:
+    """Prepares the evader's vehicle, waits for the game, and plays it.
 
-    Attributes:
-        game: The game as the evader knows it.
-        strategy: Its strategy.
-        target_game_m: Its target in the game frame; None in the PE game.
-        site: Latitude and longitude in degrees and altitude of the game frame's origin.
+    Args:
+        link: To the vehicle.
+        scenario: Its game, its strategy and its place.
     """
 
-    game: Game
-    strategy: Strategy
-    target_game_m: Vector | None
-    site: tuple[float, float, Amsl]
-
-
-class EvaderPilot:
-    """Prepares the evader's vehicle, waits for the game, and plays it."""
-
-    def __init__(self, link: VehicleLink, settings: EvaderSettings) -> None:
+    def __init__(self, link: VehicleLink, scenario: Scenario) -> None:
         self._link = link
-        self._settings = settings
+        self._game, self._target_game_m, self._site = game(scenario), target_game_m(scenario), site(scenario)
+        start_m = np.array((*scenario.evader.position_m, 0.0))
+        self._strategy = evader_strategy(scenario, start_m, scenario.evader.speed_m_s, scenario.seed)
         self._began_s: float | None = None
         self._requested_s = float("-inf")
         self.vehicle = VehicleState()
@@ -67,22 +54,25 @@ class EvaderPilot:
 
     def position_game_m(self) -> Vector | None:
         """Its position in the game frame from its own telemetry, None until known."""
-        frame = self._game_frame()
+        sources = (self.vehicle.last(Home), self.vehicle.last(Origin))
+        if sources != self._frame_sources:
+            self._frame_sources = sources
+            frame = local_frame(self.vehicle, ROVER.projection)
+            self._frame = None if frame is None else GameFrame(frame.ned_from_wgs84(*self._site))
         local = self.vehicle.last(LocalPosition)
-        return None if frame is None or local is None else frame.position_from_ned(local.position_ned_m)
+        return None if self._frame is None or local is None else self._frame.position_from_ned(local.position_ned_m)
 
-    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
-        """Run one cycle: receive, then prepare the vehicle, play, or stand still."""
+    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
+        """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
         self.messages = self._link.receive()
         self.vehicle = observe(self.vehicle, self.messages)
-        if not self.ready:
-            self._make_ready(now_s)
-            return
         position = self.position_game_m()
-        if playing and pursuer_game_m is not None and position is not None:
+        if not self.ready or position is None:
+            self._make_ready(now_s)
+        elif playing and pursuers_game_m:
             self._began_s = now_s if self._began_s is None else self._began_s
-            velocity = self._velocity_ned_m_s(pursuer_game_m, position, now_s - self._began_s)
-            self._link.send_setpoint(Setpoint(velocity))
+            nearest = min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position))
+            self._link.send_setpoint(Setpoint(self._velocity_ned_m_s(nearest, position, now_s - self._began_s)))
         else:
             self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
 
@@ -104,10 +94,10 @@ class EvaderPilot:
             self._link.request(request)
 
     def _velocity_ned_m_s(self, pursuer_game_m: Vector, evader_game_m: Vector, played_s: float) -> Vector:
-        target = self._settings.target_game_m
+        target = self._target_game_m
         velocity = evade(
-            self._settings.strategy,
-            self._settings.game,
+            self._strategy,
+            self._game,
             np.array(pursuer_game_m),
             np.array((evader_game_m[0], evader_game_m[1], 0.0)),
             None if target is None else np.array(target),
@@ -115,14 +105,6 @@ class EvaderPilot:
         )
         x, y, _ = (float(part) for part in velocity)
         return ned_from_game((x, y, 0.0))
-
-    def _game_frame(self) -> GameFrame | None:
-        sources = (self.vehicle.last(Home), self.vehicle.last(Origin))
-        if sources != self._frame_sources:
-            self._frame_sources = sources
-            frame = local_frame(self.vehicle, ROVER.projection)
-            self._frame = None if frame is None else GameFrame(frame.ned_from_wgs84(*self._settings.site))
-        return self._frame
 
 
 def site(scenario: Scenario) -> tuple[float, float, Amsl]:
@@ -178,13 +160,6 @@ def evader_strategy(scenario: Scenario, start_m: Array, speed_m_s: float | Array
     """
     course = _course(scenario.evader, scenario, start_m, Ball(speed_m_s), seed, EVADER_STREAM)
     return Strategy(scenario.evader.policy, course)
-
-
-def evader_settings(scenario: Scenario) -> EvaderSettings:
-    """Return how the evader plays."""
-    evader = scenario.evader
-    strategy = evader_strategy(scenario, np.array((*evader.position_m, 0.0)), evader.speed_m_s, scenario.seed)
-    return EvaderSettings(game(scenario), strategy, target_game_m(scenario), site(scenario))
 
 
 def _course(

@@ -5,7 +5,8 @@ Positions are in the game frame: x east, y north, z up, in metres about the site
 
 import itertools
 import math
-from typing import Annotated, Any, Final, Literal, Self
+from collections.abc import Sequence
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 from pydantic import ConfigDict, Field, WithJsonSchema, model_validator
 
@@ -21,7 +22,7 @@ Point3 = tuple[float, float, float]
 
 PURSUER, EVADER = "pursuer", "evader"
 PURSUER_ID, EVADER_ID = 1, 2
-"""MAVLink system ids of the players."""
+"""Names and MAVLink system ids of the players of a scenario with one of each."""
 
 BESIDE_M: Final = 2.0
 """Distance from the pursuer's take-off place to its start."""
@@ -272,3 +273,23 @@ class Scenario(Section):
                 f"{self.limits.fence_radius_m:g}"
             )
         return self
+
+
+class Pursuit(NamedTuple):
+    """One vehicle of a flight, the evader that it pursues, and the game of the two. Both names are unique.
+
+    All pursuits of a flight have the same site and seed. If several pursue one evader, the first describes it.
+    """
+
+    scenario: Scenario
+    vehicle: str = PURSUER
+    evader: str = EVADER
+
+
+Flown = Scenario | Sequence[Pursuit]
+"""What is flown: one scenario with its two players, or several pursuits at the same time."""
+
+
+def pursuits_of(flown: Flown) -> Sequence[Pursuit]:
+    """Return the pursuits of a flight; a scenario is one."""
+    return (Pursuit(flown),) if isinstance(flown, Scenario) else flown

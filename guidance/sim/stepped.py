@@ -9,9 +9,9 @@ from guidance.links import MemoryWire, Wire
 from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires.shared import CapturedFrame, TappedWire
-from guidance.sim.mock_files import faulted_fleet, faults_after
-from guidance.sim.players import EvaderPilot, evader_settings
-from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario
+from guidance.sim.mock_files import faulted_fleet, faults_after, system_ids
+from guidance.sim.players import EvaderPilot
+from guidance.sim.scenario import EVADER, Flown, Scenario, pursuits_of
 from sitl_mock.faults import Faulted
 
 if TYPE_CHECKING:
@@ -24,9 +24,9 @@ class SteppedMock:
     def __init__(self, name: str, vehicle: Faulted, clock: Clock) -> None:
         self._vehicle = vehicle
         self._clock = clock
-        ours, self._end = MemoryWire.pair(clock.now_s)
+        ours, end = MemoryWire.pair(clock.now_s)
         self.wire = TappedWire(ours, clock.now_s, name)
-        self._ends: list[Wire] = [self._end]
+        self._ends: list[Wire] = [end]
 
     def listener(self) -> MemoryWire:
         """Return one more wire that hears the vehicle."""
@@ -47,11 +47,14 @@ class SteppedMock:
 
 
 class SteppedWorld:
-    """The world of virtual time: both vehicles in one process. `advance` steps them to the clock's present.
+    """The world of virtual time: all players in one process. `advance` steps them to the clock's present.
 
     Attributes:
-        faulted: The vehicles with their faults, by name; more may be injected.
+        faulted: The vehicles of all players with their faults, by name; more may be injected.
         vehicles: The same without.
+        links: To the pursuing vehicles, by name.
+        evaders: What each pursuing vehicle hears: by its name, the sources of all evaders by theirs.
+        players: The evaders' pilots, by name.
 
     Raises:
         ConfigError: If a fault of the scenario is none that its vehicle can have.
@@ -59,27 +62,34 @@ class SteppedWorld:
 
     real_time: Final = False
 
-    def __init__(self, scenario: Scenario, clock: Clock) -> None:
-        self._clock = clock
-        self._scenario = scenario
-        self.faulted = faulted_fleet(scenario)
+    def __init__(self, flown: Flown, clock: Clock) -> None:
+        self._clock, self._pursuits, ids = clock, pursuits_of(flown), system_ids(flown)
+        self.faulted = faulted_fleet(flown)
         self.vehicles = {name: faulted.vehicle for name, faulted in self.faulted.items()}
         self._mocks = {name: SteppedMock(name, faulted, clock) for name, faulted in self.faulted.items()}
-        pursuer, evader = self._mocks[PURSUER], self._mocks[EVADER]
-        self.link: VehicleLink = PymavlinkLink(pursuer.wire, clock.now_s, system_id=PURSUER_ID)
-        self.evader_link: VehicleLink = PymavlinkLink(evader.wire, clock.now_s, system_id=EVADER_ID)
-        self.player = EvaderPilot(self.evader_link, evader_settings(scenario))
-        self.evader_source: EvaderSource = MavlinkEvader(evader.listener(), GlobalPositionInt(), system_id=EVADER_ID)
+        self._own = {
+            name: PymavlinkLink(mock.wire, clock.now_s, system_id=ids[name]) for name, mock in self._mocks.items()
+        }
+        chased = {evader: scenario for scenario, _, evader in reversed(self._pursuits)}
+        self.links: dict[str, VehicleLink] = {one.vehicle: self._own[one.vehicle] for one in self._pursuits}
+        self.players = {name: EvaderPilot(self._own[name], scenario) for name, scenario in chased.items()}
+        self.evaders: dict[str, dict[str, EvaderSource]] = {
+            vehicle: {
+                name: MavlinkEvader(self._mocks[name].listener(), GlobalPositionInt(), system_id=ids[name])
+                for name in self.players
+            }
+            for vehicle in self.links
+        }
 
     def advance(self) -> None:
-        """Step both vehicles."""
+        """Step all vehicles."""
         now_s = self._clock.now_s()
         for mock in self._mocks.values():
             mock.advance(now_s)
 
-    def engage(self) -> None:
-        """Put the faults in place that count from engagement."""
-        for name, keys in faults_after(self._scenario, "engaged"):
+    def engage(self, vehicle: str) -> None:
+        """Put the faults of a vehicle's game in place that count from its engagement."""
+        for name, keys in faults_after([one for one in self._pursuits if one.vehicle == vehicle], "engaged"):
             self.faulted[name].inject(keys)
 
     def drain(self) -> Sequence[CapturedFrame]:
@@ -88,9 +98,11 @@ class SteppedWorld:
 
     def close(self) -> None:
         """Close the wires."""
-        self.link.close()
-        self.evader_link.close()
-        self.evader_source.close()
+        for link in self._own.values():
+            link.close()
+        for sources in self.evaders.values():
+            for source in sources.values():
+                source.close()
 
 
 class EvaderHere:
@@ -111,27 +123,20 @@ class EvaderHere:
         self._mock = SteppedMock(EVADER, self._faulted, clock)
         self._mock.join(radio)
         self._radio = radio
-        self._link = PymavlinkLink(self._mock.wire, clock.now_s, system_id=EVADER_ID)
-        self._pilot = EvaderPilot(self._link, evader_settings(scenario))
+        self._link = PymavlinkLink(self._mock.wire, clock.now_s, system_id=system_ids(scenario)[EVADER])
+        self._pilot = EvaderPilot(self._link, scenario)
+        self.position_game_m, self.stop = self._pilot.position_game_m, self._pilot.stop
 
     @property
     def ready(self) -> bool:
         """Armed, guided, and its place on Earth known."""
         return self._pilot.ready
 
-    def position_game_m(self) -> Vector | None:
-        """Its own telemetry's position."""
-        return self._pilot.position_game_m()
-
-    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
+    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Step the rover and its pilot."""
         self._mock.advance(now_s)
         self._mock.wire.drain()  # the rover's own link is not recorded
-        self._pilot.step(now_s, pursuer_game_m, playing=playing)
-
-    def stop(self) -> None:
-        """Disarm the rover."""
-        self._pilot.stop()
+        self._pilot.step(now_s, pursuers_game_m, playing=playing)
 
     def engage(self) -> None:
         """Put the evader's faults in place that count from engagement."""

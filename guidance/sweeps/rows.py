@@ -20,7 +20,7 @@ from guidance.errors import ConfigError, GuidanceError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
 from guidance.sim.maths import play
 from guidance.sim.outcome import Outcome, invalid
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.team_maths import TeamOutcome, invalid_teams, play_teams
 from guidance.sim.teams import TeamScenario
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
@@ -332,4 +332,4 @@ def flown(scenario: Scenario) -> Outcome:
         result = fly(scenario, world, clock)
     finally:
         world.close()
-    return outcome_of_flight(result, "fast")
+    return outcome_of_flight(result.vehicles[PURSUER], "fast")

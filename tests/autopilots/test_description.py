@@ -14,7 +14,7 @@ from guidance.game import StandOff
 from guidance.links.opening import Found
 from guidance.preflight import Facts, changes, parameter_names, rows
 from guidance.session.discovery import identify
-from guidance.session.fly_mock import fly_mock
+from guidance.session.fly import MockOptions, fly_mock
 from guidance.session.new_vehicle_file import vehicle_file
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
@@ -107,7 +107,7 @@ def test_a_registered_autopilot_flies_the_mock(vtol, tmp_path):
     _, scenario = load_scenario("hover_chase")
     pursuer = scenario.pursuer.model_copy(update={"autopilot": "px4_vtol"})
     flown = scenario.model_copy(update={"pursuer": pursuer})
-    result = fly_mock(flown, tmp_path, lambda _: None, fast=True, link="pymavlink", port=0)
+    result = fly_mock(flown, tmp_path, lambda _: None, MockOptions(fast=True))
     assert result.captured
 
 

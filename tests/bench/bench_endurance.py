@@ -46,9 +46,9 @@ from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, CycleEn
 from guidance.log.reader import CONFIG as CONFIG_KEY
 from guidance.log.reader import Item
 from guidance.log.writer import Recorder, part_path
-from guidance.session.daemon import Daemon
+from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import recorded_settings
-from guidance.session.loop import run
+from guidance.session.loop import EvaderPlayer, run
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock
@@ -68,17 +68,18 @@ class VirtualWorld:
     """A mock PX4 and an evader's reports at 10 Hz, both by frames."""
 
     real_time = False
-    player = None
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
+        self.players: dict[str, EvaderPlayer] = {}
         parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
         vehicle = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
         vehicle.autopilot.state.battery.capacity_mah = LASTING_MAH
         self._mock = SteppedMock("bench", Faulted(vehicle, "bench", FaultScript()), clock)
-        self.link = PymavlinkLink(self._mock.wire, clock.now_s, system_id=1)
+        link = PymavlinkLink(self._mock.wire, clock.now_s, system_id=1)
         ours, self._radio = MemoryWire.pair(clock.now_s)
-        self.evader_source = MavlinkEvader(ours, GlobalPositionInt(), system_id=2)
+        evader = MavlinkEvader(ours, GlobalPositionInt(), system_id=2)
+        self.links, self.evaders = {"bench": link}, {"bench": {"evader": evader}}
         self._beacon = Beacon(0)
         self._next_s = 0.0
 
@@ -90,15 +91,15 @@ class VirtualWorld:
             self._radio.send(self._beacon.frame(now_s))
         self._radio.receive()  # nobody answers
 
-    def engage(self) -> None:
+    def engage(self, _vehicle: str) -> None:
         """Nothing waits for it."""
 
     def drain(self) -> Sequence[tuple[float, str, bytes]]:
         return self._mock.wire.drain()
 
     def close(self) -> None:
-        self.link.close()
-        self.evader_source.close()
+        self.links["bench"].close()
+        self.evaders["bench"]["evader"].close()
         self._beacon.socket.close()
 
 
@@ -223,9 +224,11 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
         path = Path(folder) / "flight.mcap"
         record = Recorder(path, {CONFIG_KEY: config.model_dump_json()}, rotate_s=rotate_s)
         page = Page(config.name, clock, {CONFIG_KEY: config.model_dump_json()})
-        flown = Daemon(config.name, plan_of(config), world.link, world.evader_source, record=record, broadcast=page)
+        link, evader = world.links["bench"], world.evaders["bench"]["evader"]
+        used = Equipment(record=record, broadcast=page)
+        flown = Daemon(config.name, plan_of(config), link, evader, used)
         person = Person(flown, page, path, hours, within_s)
-        run(flown, world, clock, mission=person, record=record)
+        run([flown], world, clock, mission=person)
         record.close()
         world.close()
         took_s = time.monotonic() - began_s

@@ -73,10 +73,10 @@ def flown_s(scenario: Scenario, path: Path, watch: Stopwatch | None = None) -> t
     step = Flight.step
     if watch is not None:
         watch.time("mock", world, "advance")
-        watch.time("mock", world.player, "step", "position_game_m")
-        for link in (world.link, world.evader_link):
+        watch.time("mock", world.players["evader"], "step", "position_game_m")
+        for link in (world.links["pursuer"], world.players["evader"]._link):
             watch.time("links", link, "receive", "send_heartbeat", "send_setpoint", "request")
-        watch.time("links", world.evader_source, "receive")
+        watch.time("links", world.evaders["pursuer"]["evader"], "receive")
         watch.time("links", world, "drain")
         watch.time("record", recorder, "frame", "cycle", "event", "close")
         step = watch.timed("flight", Flight.step)

@@ -21,6 +21,7 @@ from guidance.flight import Flight
 from guidance.log import compare, cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.writer import Recorder
+from guidance.session.daemon import Equipment
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import fly
 from guidance.sim.scenario_file import load_scenario
@@ -56,7 +57,7 @@ def flown(scenario: Scenario) -> Kept:
     clock = VirtualClock()
     world, kept = SteppedWorld(scenario, clock), Kept()
     try:
-        fly(scenario, world, clock, kept, lambda _: None)
+        fly(scenario, world, clock, equipment={"pursuer": Equipment(record=kept)})
     finally:
         world.close()
     return kept

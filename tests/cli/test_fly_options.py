@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 from guidance.cli import app, fly_scenario
 from guidance.errors import ConfigError
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
+from guidance.session.fly_vehicle import Asked
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 
@@ -14,6 +15,7 @@ PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2
 def refused(*arguments):
     done = CliRunner().invoke(app, ["fly", *map(str, arguments)])
     assert isinstance(done.exception, ConfigError), done.output
+    assert done.output == "" or "--out" in arguments  # an option is refused before the title
     return str(done.exception)
 
 
@@ -25,6 +27,9 @@ def refused(*arguments):
         (("--yes",), "--yes: only with --vehicle, not with the mock"),
         (("--end", "land"), "--end: only with --vehicle, not with the mock"),
         (("--autopilot", "px4"), "--autopilot: only with --vehicle, not with the mock"),
+        (("--link", "foo"), "--link foo: allowed are mavsdk, pymavlink"),
+        (("--vehicle", "udpin://127.0.0.1:14540", "--link", "foo"), "--link foo: allowed are mavsdk, pymavlink"),
+        (("--vehicle", "udpin://127.0.0.1:14540", "--end", "up"), "--end up: allowed are return, land"),
     ],
 )
 def test_an_option_that_would_mean_nothing_is_refused(arguments, words):
@@ -77,10 +82,10 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
 
     control = "tcp/127.0.0.1:7499"
 
-    def flown(scenario, asked, *, on_control, **_):
+    def flown(scenario, how, *, on_control, **_):
         on_control(control)
         (panel,) = panels()
-        seen.append((scenario, asked is not None, panel.cmdline()[4:]))
+        seen.append((scenario, isinstance(how, Asked), panel.cmdline()[4:]))
         panel.terminate()  # as a person does who has seen enough
         return 0
 

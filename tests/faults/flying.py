@@ -16,15 +16,15 @@ from guidance.flight import FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
 from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.log.replay import compare
-from guidance.log.writer import Recorder, Records
-from guidance.session.daemon import Daemon
+from guidance.log.writer import NullRecorder, Recorder
+from guidance.session.daemon import Equipment
 from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import PERIOD_S, run
-from guidance.session.mission import Mission, MissionPolicy
+from guidance.session.mission import Mission
 from guidance.session.plan import FlightPlan, plan_of
+from guidance.session.sequencer import MissionPolicy
 from guidance.sim.mock_files import faults_after
 from guidance.sim.scenario import EVADER_ID, PURSUER
-from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld
 from tests.faults.drawing import AUTOPILOTS, Case
 from tests.faults.invariants import Violation, Watch
@@ -62,10 +62,16 @@ class Sortie:
         self.clock = VirtualClock()
         self._world = SteppedWorld(case.game, self.clock)
         wire = PinnedWire(evader_wire(self._world), (EVADER_ID,))
-        self._world.evader_source = MavlinkEvader(wire, GlobalPositionInt(), system_id=EVADER_ID)
-        heard = SensedEvader(self._world.evader_source, case.scenario.sensor, case.scenario.seed, self.clock.now_s)
-        self._daemon = Daemon(PURSUER, plan(case), self._world.link, heard, record=record)
-        self.mission = Mission(case.game, self._daemon, self._world, heard, HOLD_AT_THE_END)
+        self._world.evaders["pursuer"]["evader"] = MavlinkEvader(wire, GlobalPositionInt(), system_id=EVADER_ID)
+        self.mission = Mission(
+            case.game,
+            self._world,
+            self.clock,
+            plans={PURSUER: plan(case)},
+            equipment={PURSUER: Equipment(record=record)},
+            policy=HOLD_AT_THE_END,
+        )
+        (self._daemon,) = self.mission.daemons
         self.watch = Watch(case, self._world)
         self._case = case
         self._stalls = list(case.stalls)
@@ -101,7 +107,7 @@ class Sortie:
 
     def _run(self) -> None:
         try:
-            run(self._daemon, self._world, self.clock, mission=self)  # no replay needs the raw frames
+            run(self.mission.daemons, self._world, self.clock, mission=self)  # no replay needs the raw frames
         except Exception as error:  # nothing may come out of the loop
             self.watch.wrong("nothing ends the loop", self.clock.now_s(), 1.0, f"{type(error).__name__}: {error}")
 
@@ -153,8 +159,16 @@ def plan(case: Case) -> FlightPlan:
 class Tape(Recorder):
     """A flight's record; a copy of the flight has none."""
 
-    def __deepcopy__(self, _memo: object) -> Records:
-        return Records(())
+    def __deepcopy__(self, _memo: object) -> "NoRecord":
+        return NoRecord()
+
+
+class NoRecord(NullRecorder):
+    """A record that keeps nothing, and never fails."""
+
+    def __init__(self) -> None:
+        super().__init__("")
+        self.failed = None
 
 
 class Starts:
@@ -193,7 +207,7 @@ def fly(case: Case, folder: Path | None = None, starts: Starts | None = None) ->
     else:
         sortie.fly(case)
         sortie.close()
-    happenings = [one for one in sortie.mission.result.happenings if one.after is not one.before]
+    happenings = [one for one in sortie.mission.result.vehicles[PURSUER].happenings if one.after is not one.before]
     end = f"{sortie.state} ({happenings[-1].event})" if happenings else str(sortie.state)
     return Row(
         case, end, sortie.clock.now_s(), time.process_time() - begun_s, sortie.watch.breaches_m,

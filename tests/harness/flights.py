@@ -6,10 +6,11 @@ from pathlib import Path
 from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.log.writer import Recorder
+from guidance.session.daemon import Equipment
 from guidance.session.fly import fly
 from guidance.session.mission import Progress
 from guidance.session.result import FlightResult
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.stepped import SteppedWorld
 
 NEAR = load(Scenario, Path(__file__).parents[1] / "data" / "near_chase.toml")
@@ -31,7 +32,9 @@ def flown(
     metadata = {"scenario": scenario.model_dump_json(), "seed": str(scenario.seed), "guidance": "0.1.0"}
     recorder = None if path is None else Recorder(path, metadata)
     try:
-        return fly(scenario, world, clock, recorder, watch)
+        return fly(scenario, world, clock, equipment={PURSUER: Equipment(record=recorder)}, show=watch).vehicles[
+            PURSUER
+        ]
     finally:
         world.close()
         if recorder is not None:

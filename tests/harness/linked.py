@@ -3,15 +3,31 @@
 from collections.abc import Sequence
 
 from guidance.clock import Timing
-from guidance.flight import Event, Outputs
-from guidance.session.linked_flight import LinkedFlight
+from guidance.flight import Event, Flight, Inputs, Outputs
+from guidance.links.port import EvaderSource, VehicleLink
+from guidance.log.writer import Record
+from guidance.session.daemon import HEARTBEAT_EVERY_S
+from guidance.session.recording import Recording
 
 
-class FlownByHand(LinkedFlight):
+class FlownByHand:
     """A flight whose orders come from the test."""
+
+    def __init__(self, flight: Flight, link: VehicleLink, evader: EvaderSource, record: Record | None) -> None:
+        self.flight, self._link, self._evader = flight, link, evader
+        self._recording = Recording("pursuer", record)
+        self._heartbeat_s = float("-inf")
 
     def run(self, now_s: float, orders: Sequence[Event] = (), timing: Timing | None = None) -> Outputs:
         """Run one cycle."""
-        outputs = self.flight.step(self.read(now_s, orders))
-        self.write(outputs, timing)
+        inputs = Inputs(now_s, self._link.receive(), self._evader.receive(), orders)
+        if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
+            self._heartbeat_s = now_s
+            self._link.send_heartbeat()
+        outputs = self.flight.step(inputs)
+        if outputs.setpoint is not None:
+            self._link.send_setpoint(outputs.setpoint)
+        for request in outputs.requests:
+            self._link.request(request)
+        self._recording.cycle(inputs, outputs, timing)
         return outputs

@@ -63,5 +63,5 @@ class PinnedWire:
 
 def evader_wire(world: SteppedWorld) -> Wire:
     """Return the wire of a world's evader reports."""
-    assert isinstance(world.evader_source, MavlinkEvader)
-    return world.evader_source._wire
+    assert isinstance(world.evaders["pursuer"]["evader"], MavlinkEvader)
+    return world.evaders["pursuer"]["evader"]._wire

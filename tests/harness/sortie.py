@@ -139,16 +139,18 @@ class Stepped(Sortie):
         clock = VirtualClock()
         world = SteppedWorld(self.scenario, clock)
         flight = Flight(change(settings or plan_of(scenario=self.scenario).flight))
-        super().__init__(clock, FlownByHand(flight, world.link, world.evader_source, None), world)
+        super().__init__(
+            clock, FlownByHand(flight, world.links["pursuer"], world.evaders["pursuer"]["evader"], None), world
+        )
         self.mock, self.rover = world.vehicles["pursuer"], world.vehicles["evader"]
-        self.evader = world.player
+        self.evader = world.players["evader"]
         self.evader_plays = False
 
     def advance(self):
         super().advance()
         local, frame = self.flight.vehicle.last(LocalPosition), self.flight.tracking.game_frame
         pursuer = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
-        self.evader.step(self.now_s, pursuer, playing=self.evader_plays)
+        self.evader.step(self.now_s, [] if pursuer is None else [pursuer], playing=self.evader_plays)
 
     def passed(self):
         return [one for one in self.world.drain() if one.topic.startswith("pursuer/")]

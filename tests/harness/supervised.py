@@ -5,16 +5,14 @@ from typing import Any
 
 from guidance.clock import Clock
 from guidance.flight import Event, Outputs
-from guidance.links.port import EvaderSource
-from guidance.session.daemon import Daemon
+from guidance.session.daemon import Equipment
 from guidance.session.log import Log
 from guidance.session.loop import World
-from guidance.session.metrics import Metrics
-from guidance.session.mission import Mission, MissionPolicy
+from guidance.session.mission import Mission
 from guidance.session.orders import Mailbox
 from guidance.session.plan import FlightPlan
-from guidance.session.process import Notifier
-from guidance.sim.scenario import Scenario
+from guidance.session.sequencer import MissionPolicy
+from guidance.sim.scenario import PURSUER, Scenario
 from tests.harness.sortie import Sortie
 
 
@@ -24,7 +22,6 @@ class Supervised(Sortie):
     Args:
         clock: Of the world; waiting for it moves it.
         world: Where it flies.
-        heard: The evader's reports as the daemon hears them.
         plan: What is flown.
         scenario: What the mission plays.
         policy: What the mission orders.
@@ -35,7 +32,6 @@ class Supervised(Sortie):
         self,
         clock: Clock,
         world: World,
-        heard: EvaderSource,
         *,
         plan: FlightPlan,
         scenario: Scenario,
@@ -43,18 +39,11 @@ class Supervised(Sortie):
         **more: Any,
     ) -> None:
         self.mailbox, self.log = Mailbox(), Log("json", "error")
-        self.daemon = Daemon(
-            "pursuer",
-            plan,
-            world.link,
-            heard,
-            mailbox=self.mailbox,
-            log=self.log,
-            metrics=Metrics("pursuer"),
-            notifier=Notifier(None, None),
-        )
+        used = {PURSUER: Equipment(mailbox=self.mailbox, log=self.log)}
+        self.mission = Mission(scenario, world, clock, plans={PURSUER: plan}, equipment=used, policy=policy, **more)
+        (self.daemon,) = self.mission.daemons
+        self.result = self.mission.result.vehicles[PURSUER]
         super().__init__(clock, self.daemon, world)
-        self.mission = Mission(scenario, self.daemon, world, heard, policy, **more)
 
     @property
     def finished(self) -> bool:

@@ -19,12 +19,10 @@ from guidance.links import MemoryWire
 from guidance.links.evaders import FollowTarget, MavlinkEvader
 from guidance.links.evaders.carriers import AdsbVehicle
 from guidance.links.opening import ZENOH
-from guidance.session.daemon import Daemon
 from guidance.session.loop import run
 from guidance.session.mission import Mission
 from guidance.session.plan import plan_of
-from guidance.sim.scenario import PURSUER, Scenario
-from guidance.sim.sensor import SensedEvader
+from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 
 pytestmark = pytest.mark.flight
@@ -67,7 +65,7 @@ class Around:
             self.engaged_s = now_s
         if self.engaged_s is None:
             return
-        evader, truth = tracking.evader(now_s), self._world.player.position_game_m()
+        evader, truth = tracking.evader(now_s), self._world.players["evader"].position_game_m()
         believed = tracking.game_frame.position_from_ned(evader.position_ned_m)
         self.worst_m = max(self.worst_m, math.dist(believed[:2], truth[:2]))
         if outputs.state is State.HOLDING and self.held_s is None:
@@ -80,14 +78,13 @@ def flown(scenario, source=None, *, hold=True):
     clock = VirtualClock()
     world = SteppedWorld(scenario, clock)
     if source is not None:
-        world.evader_source = source(world.evader_source, lambda: around.engaged_s, clock)
-    heard = SensedEvader(world.evader_source, scenario.sensor, scenario.seed, clock.now_s)
+        world.evaders["pursuer"]["evader"] = source(world.evaders["pursuer"]["evader"], lambda: around.engaged_s, clock)
     plan = plan_of(scenario=scenario)
     object.__setattr__(plan.flight, "hold_on_rival", hold)
-    daemon = Daemon(PURSUER, plan, world.link, heard)
-    around = Around(Mission(scenario, daemon, world, heard), daemon, world)
+    mission = Mission(scenario, world, clock, plans={"pursuer": plan})
+    around = Around(mission, mission.daemons[0], world)
     try:
-        run(daemon, world, clock, mission=around)
+        run(mission.daemons, world, clock, mission=around)
     finally:
         world.close()
     return around

@@ -11,12 +11,9 @@ import pytest
 from guidance.clock import VirtualClock
 from guidance.flight import Event
 from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
-from guidance.session.daemon import Daemon
 from guidance.session.loop import run
 from guidance.session.mission import Mission
-from guidance.session.plan import plan_of
-from guidance.sim.scenario import EVADER_ID, PURSUER
-from guidance.sim.sensor import SensedEvader
+from guidance.sim.scenario import EVADER_ID
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.pinned_wire import PinnedWire, evader_wire
 from tests.pitfalls.test_evader_forged import Around, chase
@@ -51,15 +48,14 @@ def flown(forger, *, silent_from_s=math.inf):
         return component != FORGERS_ID and silent_from_s <= since_s < silent_from_s + SILENT_S
 
     wire = PinnedWire(evader_wire(world), (EVADER_ID,), is_lost)
-    world.evader_source = MavlinkEvader(wire, GlobalPositionInt(), system_id=EVADER_ID)
-    heard = SensedEvader(world.evader_source, scenario.sensor, scenario.seed, clock.now_s)
-    daemon = Daemon(PURSUER, plan_of(scenario=scenario), world.link, heard)
-    around = Hijacked(Mission(scenario, daemon, world, heard), daemon, world)
+    world.evaders["pursuer"]["evader"] = MavlinkEvader(wire, GlobalPositionInt(), system_id=EVADER_ID)
+    mission = Mission(scenario, world, clock)
+    around = Hijacked(mission, mission.daemons[0], world)
     try:
-        run(daemon, world, clock, mission=around)
+        run(mission.daemons, world, clock, mission=around)
     finally:
         world.close()
-    assert world.evader_source.counters()["wire_impostor"] > 0
+    assert world.evaders["pursuer"]["evader"].counters()["wire_impostor"] > 0
     return around
 
 

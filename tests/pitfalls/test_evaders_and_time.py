@@ -30,10 +30,13 @@ def test_20_a_velocity_of_zero_in_follow_target_is_unknown_and_not_rest():
 
 def test_20_the_estimate_observes_a_velocity_that_the_reports_do_not_give(sortie, monkeypatch):
     flight = sortie.standing_by("px4")
-    real = flight.world.evader_source.receive
+    source = flight.world.evaders["pursuer"]["evader"]
+    real = source.receive
     unknown = (math.nan,) * 3
     monkeypatch.setattr(
-        flight.world.evader_source, "receive", lambda: [report._replace(velocity_ned_m_s=unknown) for report in real()]
+        source,
+        "receive",
+        lambda: [report._replace(velocity_ned_m_s=unknown) for report in real()],
     )
     flight.evader_plays = True
     flight.run(8.0)
@@ -46,7 +49,8 @@ def test_20_the_estimate_observes_a_velocity_that_the_reports_do_not_give(sortie
 def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch):
     flight = sortie.engaged("px4")
     waiting = deque()
-    real = flight.world.evader_source.receive
+    source = flight.world.evaders["pursuer"]["evader"]
+    real = source.receive
 
     def late():
         waiting.extend(real())
@@ -56,7 +60,7 @@ def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch
             due.append(report._replace(received_s=flight.now_s))
         return due
 
-    monkeypatch.setattr(flight.world.evader_source, "receive", late)
+    monkeypatch.setattr(source, "receive", late)
     flight.run(6.0)
     frame = flight.flight.tracking.game_frame
     believed = frame.position_from_ned(flight.flight.tracking.evader(flight.now_s).position_ned_m)
@@ -70,9 +74,10 @@ def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch
 @pytest.mark.parametrize("skew_s", [-4000.0, 12.5, 3e6])
 def test_22_a_senders_clock_that_is_wrong_or_drifts_changes_nothing(sortie, skew_s, monkeypatch):
     flight = sortie.engaged("px4")
-    real = flight.world.evader_source.receive
+    source = flight.world.evaders["pursuer"]["evader"]
+    real = source.receive
     monkeypatch.setattr(
-        flight.world.evader_source,
+        source,
         "receive",
         lambda: [report._replace(sent_s=report.sent_s * (1.0 + 2e-4) + skew_s) for report in real()],
     )

@@ -120,7 +120,7 @@ def test_16_masks_never_mix_a_position_into_velocities_by_accident(sortie, autop
 @pytest.mark.parametrize("far_m", [1e3, 1e5])
 def test_17_no_evader_however_far_yields_a_setpoint_beyond_the_envelope(sortie, autopilot, far_m, monkeypatch):
     flight = sortie.engaged(autopilot)
-    source = flight.world.evader_source
+    source = flight.world.evaders["pursuer"]["evader"]
     real = source.receive
 
     def thrown():

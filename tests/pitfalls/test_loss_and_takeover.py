@@ -151,7 +151,7 @@ def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie
 
     source._vehicle.step = as_stranger
     flight.until(State.PAUSED, limit_s=3.0)
-    assert flight.world.evader_source.counters()["foreign"] > 10
+    assert flight.world.evaders["pursuer"]["evader"].counters()["foreign"] > 10
 
 
 @pytest.mark.parametrize("condition", ["telemetry_frozen", "silent"])

@@ -52,7 +52,7 @@ def test_01_setpoints_stream_before_the_mode_request_at_any_simulation_speed(
 
 def test_02_offboard_without_a_stream_is_refused_and_with_a_fresh_one_granted(sortie):
     flight = sortie.standing_by("px4")
-    flight.world.link.request(AUTOPILOTS["px4"].set_mode(Mode.GUIDED))
+    flight.world.links["pursuer"].request(AUTOPILOTS["px4"].set_mode(Mode.GUIDED))
     flight.run(2.0)
     assert flight.mock.mode != "OFFBOARD"
     assert flight.state is State.STANDING_BY

@@ -28,7 +28,7 @@ def restarted(flight):
     flight.run(4.0)
     flight.frozen = False
     again = Flight(flight.flight.settings)
-    flight.pilot = FlownByHand(again, flight.world.link, flight.world.evader_source, None)
+    flight.pilot = FlownByHand(again, flight.world.links["pursuer"], flight.world.evaders["pursuer"]["evader"], None)
     flight.sent.clear()
     return flight
 

@@ -15,7 +15,7 @@ from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.links.frames import ticks
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires.shared import TappedWire
-from guidance.session.daemon import Daemon
+from guidance.session.daemon import Daemon, Equipment
 from guidance.session.metrics import Metrics
 from guidance.session.orders import Mailbox
 from guidance.session.plan import plan_of
@@ -93,11 +93,7 @@ class Ordered(Sortie):
         self.prey_silent = False
         self.evader_here = source is None
         self.injected = []
-        self.daemon = Daemon(
-            config.name,
-            plan_of(config),
-            self.link,
-            self.evader,
+        used = Equipment(
             mailbox=self.mailbox,
             log=self.log,
             metrics=self.metrics,
@@ -106,6 +102,7 @@ class Ordered(Sortie):
             broadcast=broadcast,
             record_required=record_required,
         )
+        self.daemon = Daemon(config.name, plan_of(config), self.link, self.evader, used)
         super().__init__(clock, self.daemon)
 
     def report(self, frame):

@@ -19,6 +19,7 @@ from guidance.session.checkup import Checkup
 from guidance.session.log import Log
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_world import EVADER, VehicleWorld
 from sitl_mock import MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
@@ -43,7 +44,8 @@ class World(VirtualClock):
         self.autopilot = autopilot_named(autopilot)
         self.said = []
         evader = MavlinkEvader(silence, GlobalPositionInt(), system_id=2)
-        self.checkup = Checkup("uav1", plan, self.link, evader, self, log=self.log)
+        world = VehicleWorld({"uav1": self.link}, {"uav1": {EVADER: evader}})
+        self.checkup = Checkup("uav1", plan, world, self, log=self.log)
 
     def sleep_until(self, moment_s):
         while self.now_s() < moment_s - 1e-9:

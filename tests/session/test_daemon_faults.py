@@ -10,6 +10,7 @@ from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.loop import run
 from guidance.session.metrics import Metrics
+from guidance.session.recording import Recording
 
 BAD_FLOATS = (math.nan, math.inf, -math.inf, 1e38, -1e38)
 BAD_INTEGERS = (0, -1, 2**31 - 1, -(2**31), 255, 65535)
@@ -86,14 +87,19 @@ def test_an_error_outside_the_flight_releases_the_vehicle_and_the_daemon_answers
 
 def test_the_loop_goes_on_after_a_cycle_that_failed():
     class World:
-        real_time, player = True, None
+        real_time = True
 
         def advance(self):
             pass
 
+        def drain(self):
+            return ()
+
     class Failing:
+        name = "uav1"
         finished = False
         position_age_s = math.inf
+        recording = Recording(name, None)
 
         def __init__(self):
             self.cycles, self.survived = 0, []
@@ -109,6 +115,6 @@ def test_the_loop_goes_on_after_a_cycle_that_failed():
             self.survived.append((str(error), round(now_s, 3)))
 
     daemon, clock = Failing(), VirtualClock()
-    run(daemon, World(), clock)
+    run([daemon], World(), clock)
     assert daemon.survived == [("cycle 2", 0.02), ("cycle 3", 0.04)]
     assert daemon.cycles == 5

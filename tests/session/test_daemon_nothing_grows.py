@@ -12,7 +12,7 @@ import pytest
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.log.writer import Recorder
-from guidance.session.daemon import Daemon
+from guidance.session.daemon import Daemon, Equipment
 from guidance.session.fly import fly
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
@@ -74,7 +74,8 @@ def test_a_whole_flight_leaves_nothing(tmp_path):
         clock = VirtualClock()
         world = SteppedWorld(NEAR.model_copy(update={"seed": number}), clock)
         record = Recorder(tmp_path / "record.mcap", {})
-        assert fly(NEAR, world, clock, record).ended is State.LANDED
+        flown = fly(NEAR, world, clock, equipment={"pursuer": Equipment(record=record)})
+        assert flown.vehicles["pursuer"].ended is State.LANDED
         record.close()
         world.close()
 

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from guidance.flight import Event, State
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
-from guidance.session.flight_files import next_folder
+from guidance.session.flight_files import flight_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.players import game
 from guidance.sim.scenario_file import load_scenario
@@ -192,7 +192,10 @@ def test_on_the_isochron_both_players_arrive_at_once():
         assert math.hypot(ground, P[2] - standoff.height_m) / 3.0 == pytest.approx(evader_s, rel=1e-6)
 
 
-def test_folders_are_numbered_so_that_no_flight_overwrites_another(tmp_path):
-    assert next_folder(tmp_path, "pe") == tmp_path / "pe-001"
-    (tmp_path / "pe-001").mkdir()
-    assert next_folder(tmp_path, "pe") == tmp_path / "pe-002"
+def test_two_flights_at_once_have_a_folder_each_and_an_empty_one_goes(tmp_path):
+    with flight_folder(None, "pe", tmp_path) as one, flight_folder(None, "pe", tmp_path) as other:
+        assert (one, other) == (tmp_path / "pe-001", tmp_path / "pe-002")
+        (other / "record.mcap").write_text("a record")
+    assert [path.name for path in tmp_path.iterdir()] == ["pe-002"]
+    with flight_folder(None, "pe", tmp_path) as again:
+        assert again == tmp_path / "pe-001"

@@ -23,12 +23,11 @@ from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.fly_vehicle import laid_about
-from guidance.session.mission import MissionPolicy
 from guidance.session.plan import config_of, plan_of
 from guidance.session.result import outcome_of_flight
+from guidance.session.sequencer import MissionPolicy
 from guidance.session.vehicle_world import VehicleWorld
 from guidance.sim.scenario import EVADER_ID, Scenario
-from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import EvaderHere, SteppedMock
 from sitl_mock import Home, MockVehicle
 from sitl_mock.child import running
@@ -126,8 +125,12 @@ class Sortie(Supervised):
         self.shown = []
         super().__init__(
             world,
-            VehicleWorld(world.link, source, player=self.evader, on_engage=self.evader.engage),
-            SensedEvader(source, scenario.sensor, scenario.seed, world.now_s),
+            VehicleWorld(
+                {"pursuer": world.link},
+                {"pursuer": {"evader": source}},
+                players={"evader": self.evader},
+                on_engage=self.evader.engage,
+            ),
             plan=plan_of(self.own, self.laid),
             scenario=self.laid,
             policy=MissionPolicy(engage=True, end_with=Event.RETURN, hand_over=Event.LAND),
@@ -136,7 +139,7 @@ class Sortie(Supervised):
         )
 
     def outcome(self):
-        return outcome_of_flight(self.mission.result, "vehicle")
+        return outcome_of_flight(self.result, "vehicle")
 
 
 @pytest.fixture
@@ -163,10 +166,10 @@ def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_a
     assert 0.8 < outcome.ratio < 1.15
     assert not world.vehicle.armed
     assert math.hypot(*world.vehicle.truth.position_ned_m[:2]) < 2.0
-    began = next(one for one in flown.mission.result.samples if one.state is State.ENGAGED)
+    began = next(one for one in flown.result.samples if one.state is State.ENGAGED)
     assert math.dist(began.pursuer_m, NEAR.pursuer.position_m) < 2.5
     assert math.dist(began.evader_m[:2], NEAR.evader.position_m) < 0.5
-    assert flown.mission.left
+    assert not flown.mission.stop(0.0).vehicles["pursuer"].interrupted
 
 
 def test_the_game_frame_is_laid_so_that_the_vehicles_home_is_the_scenarios():
@@ -282,7 +285,7 @@ def test_whoever_ends_the_run_in_flight_has_the_vehicle_landed(sortie):
     flown.daemon.leave(Event.LAND, world.now_s())
     flown.run(20.0)
     assert (flown.state, world.vehicle.mode) == (State.LANDING, "LAND")
-    assert not flown.mission.left
+    assert flown.mission.stop(0.0).vehicles["pursuer"].interrupted
 
 
 @pytest.mark.parametrize(

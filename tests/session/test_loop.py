@@ -16,10 +16,12 @@ from mcap.reader import make_reader
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event
+from guidance.links.wires.shared import CapturedFrame
 from guidance.log.writer import Recorder
 from guidance.session.loop import AGE_S, MOST_NUDGE_S, PERIOD_S, Signals, next_due, nudge_s, run
 from guidance.session.metrics import Metrics
 from guidance.session.process import SWITCH_S, claim
+from guidance.session.recording import Recording
 
 
 @given(st.floats(0.0, 1e5), st.floats(0.0, 3.0))
@@ -34,7 +36,10 @@ def test_the_next_cycle_is_on_the_grid_still_to_come_and_no_more_than_a_period_a
 class ScriptedDaemon:
     """Runs a number of cycles, each as long as it is told, and keeps what it was asked."""
 
-    def __init__(self, clock, works_s, ages_s=None):
+    name = "uav1"
+
+    def __init__(self, clock, works_s, ages_s=None, record=None):
+        self.recording = Recording(self.name, record)
         self.clock = clock
         self.ages_s = ages_s or (lambda now_s: math.inf)
         self.works_s = list(works_s)
@@ -62,7 +67,7 @@ class ScriptedDaemon:
 class ScriptedWorld:
     """A vehicle of which nothing but frames is wanted."""
 
-    real_time, player = True, None
+    real_time = True
 
     def __init__(self, drain):
         self.drain = drain
@@ -76,8 +81,8 @@ def signals_of():
 
 
 def looped(clock, works_s, signals=None, drain=list, record=None, ages_s=None):
-    daemon = ScriptedDaemon(clock, works_s, ages_s)
-    run(daemon, ScriptedWorld(drain), clock, signals=signals or signals_of(), record=record)
+    daemon = ScriptedDaemon(clock, works_s, ages_s, record)
+    run([daemon], ScriptedWorld(drain), clock, signals=signals or signals_of())
     return daemon, daemon.metrics
 
 
@@ -199,7 +204,7 @@ def test_signals_are_acted_on_by_the_loop(clock):
 
 def test_frames_are_recorded_after_the_cycle(clock, tmp_path):
     recorder = Recorder(tmp_path / "record.mcap", {})
-    waiting = [[(0.0, "uav1/mavlink_raw/in", b"\xfd")], []]
+    waiting = [[CapturedFrame(0.0, "uav1/mavlink_raw/in", b"\xfd")], []]
     looped(clock, [0.001] * 2, drain=lambda: waiting.pop(0), record=recorder)
     recorder.close()
     with (tmp_path / "record.mcap").open("rb") as stream:

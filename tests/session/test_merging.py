@@ -16,13 +16,12 @@ from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.log import replay
 from guidance.session.flight_files import recorded_settings
-from guidance.session.mission import MissionPolicy
 from guidance.session.plan import merged, plan_of
 from guidance.session.result import outcome_of_flight
+from guidance.session.sequencer import MissionPolicy
 from guidance.session.vehicle_file import Config
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_scenario
-from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld
 from sitl_mock.child import running
 from tests.harness.supervised import Supervised
@@ -67,9 +66,8 @@ def supervised(config, flown, *, engage):
     """A daemon around the stepped mock; the evader stands still."""
     clock = VirtualClock()
     world = SteppedWorld(flown, clock)
-    heard = SensedEvader(world.evader_source, flown.sensor, flown.seed, clock.now_s)
     policy = MissionPolicy(engage, hand_over=Event.HOLD)
-    return Supervised(clock, world, heard, plan=plan_of(config, flown), scenario=flown, policy=policy)
+    return Supervised(clock, world, plan=plan_of(config, flown), scenario=flown, policy=policy)
 
 
 @pytest.fixture
@@ -87,7 +85,7 @@ def sortie():
 
 def test_a_game_is_flown_and_the_vehicle_handed_over_as_its_file_says(sortie):
     flown = sortie(own(), scenario(evader={"position_m": (6.0, 40.0)})).run(120.0)
-    outcome = outcome_of_flight(flown.mission.result, "vehicle")
+    outcome = outcome_of_flight(flown.result, "vehicle")
     assert (outcome.run, outcome.end) == ("vehicle", "captured")
     assert flown.daemon.finished
     assert flown.state is State.HOLDING
@@ -104,13 +102,13 @@ def test_without_a_persons_word_nothing_starts_and_nothing_engages(sortie):
     assert flown.run(6.0).state is State.STANDING_BY
     flown.mailbox.ask("engage")
     flown.run(60.0)
-    assert outcome_of_flight(flown.mission.result, "vehicle").end == "captured"
+    assert outcome_of_flight(flown.result, "vehicle").end == "captured"
 
 
 def test_a_game_over_its_time_is_handed_over_and_says_so(sortie):
     flown = sortie(own(), scenario().model_copy(update={"time_limit_s": 1.0}))
     flown.run(120.0)
-    outcome = outcome_of_flight(flown.mission.result, "vehicle")
+    outcome = outcome_of_flight(flown.result, "vehicle")
     assert (outcome.end, flown.state) == ("time_up", State.HOLDING)
 
 

@@ -4,9 +4,11 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.flight import Authority, Event, State
+from guidance.session.daemon import Equipment
 from guidance.session.fly import fly
-from guidance.session.mission import MISSION_LIMIT_S, MOCKED, MissionPolicy
+from guidance.session.mission import MISSION_LIMIT_S
 from guidance.session.orders import Mailbox
+from guidance.session.sequencer import MOCKED, MissionPolicy
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR
 from tests.harness.vehicle import FENCED
@@ -51,7 +53,9 @@ class Operator:
         scenario = scenario.model_copy(update={"pursuer": pursuer})
         world = SteppedWorld(scenario, clock)
         try:
-            self.result = fly(scenario, world, clock, None, self.watch, policy=policy, mailbox=self.mailbox)
+            used = {"pursuer": Equipment(mailbox=self.mailbox)}
+            flown = fly(scenario, world, clock, equipment=used, policy=policy, show=self.watch)
+            self.result = flown.vehicles["pursuer"]
         finally:
             world.close()
         assert self.orders == []

@@ -7,7 +7,7 @@ import pytest
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
 from guidance.session.plan import plan_of
-from guidance.sim.players import evader_settings, game, site
+from guidance.sim.players import EvaderPilot, game, site
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import has_teams, load_document, load_scenario
 
@@ -40,7 +40,7 @@ def for_two(path):
 def test_every_shipped_scenario_of_two_can_be_flown_as_it_is(path):
     _, scenario = load_scenario(path.stem)
     plan_of(scenario=scenario)
-    evader_settings(scenario)
+    EvaderPilot(None, scenario)
     assert scenario.description
 
 

@@ -1,0 +1,91 @@
+"""Several vehicles and evaders in one flight: one daemon for each vehicle, all stepped in one world."""
+
+from itertools import pairwise
+
+import pytest
+
+from guidance.clock import VirtualClock
+from guidance.flight import State
+from guidance.log.reader import cycles_of, scan
+from guidance.log.replay import compare
+from guidance.log.writer import Recorder
+from guidance.session.daemon import Equipment
+from guidance.session.fly import fly
+from guidance.session.plan import plan_of
+from guidance.session.result import outcome_of_flight
+from guidance.sim.scenario import Pursuit
+from guidance.sim.stepped import SteppedWorld
+from tests.harness.flights import NEAR, flown
+
+EAST_M = 60.0
+
+
+def moved(scenario, east_m):
+    """The same game elsewhere."""
+    (px, py, pz), (ex, ey) = scenario.pursuer.position_m, scenario.evader.position_m
+    pursuer = scenario.pursuer.model_copy(update={"position_m": (px + east_m, py, pz)})
+    evader = scenario.evader.model_copy(update={"position_m": (ex + east_m, ey)})
+    return scenario.model_copy(update={"pursuer": pursuer, "evader": evader})
+
+
+@pytest.fixture(scope="module")
+def several(tmp_path_factory):
+    """Two vehicles, each with its own evader, and the record of each."""
+    folder, clock = tmp_path_factory.mktemp("several"), VirtualClock()
+    pursuits = (Pursuit(NEAR, "north", "rover1"), Pursuit(moved(NEAR, EAST_M), "south", "rover2"))
+    world = SteppedWorld(pursuits, clock)
+    records = {one.vehicle: Recorder(folder / f"{one.vehicle}.mcap", {"seed": "1"}) for one in pursuits}
+    shown = []
+    result = fly(
+        pursuits,
+        world,
+        clock,
+        equipment={name: Equipment(record=record) for name, record in records.items()},
+        show=shown.append,
+    )
+    world.close()
+    for record in records.values():
+        record.close()
+    return pursuits, result, folder, shown
+
+
+@pytest.mark.flight
+def test_two_vehicles_capture_an_evader_each_in_one_world(several):
+    pursuits, result, _, _ = several
+    assert list(result.vehicles) == ["north", "south"]
+    assert list(result.evaders) == ["rover1", "rover2"]
+    for pursuit in pursuits:
+        one, evader = result.vehicles[pursuit.vehicle], result.evaders[pursuit.evader]
+        assert (one.ended, outcome_of_flight(one, "fast").end) == (State.LANDED, "captured")
+        assert evader.captured_by == pursuit.vehicle
+        assert one.samples[0].pursuer_m == pytest.approx((*pursuit.scenario.home_m, 0.0), abs=0.5)
+        assert evader.track[0][1][:2] == pytest.approx(pursuit.scenario.evader.position_m, abs=0.5)
+        assert all(later > sooner for (sooner, _), (later, _) in pairwise(evader.track))
+
+
+@pytest.mark.flight
+def test_a_vehicle_among_several_plays_as_it_plays_alone(several):
+    _, result, _, _ = several
+    alone = flown(NEAR)
+    together = result.vehicles["north"]
+    assert together.predicted == pytest.approx(alone.predicted, abs=0.1)
+    assert together.achieved == pytest.approx(alone.achieved, abs=0.3)
+
+
+@pytest.mark.flight
+def test_every_vehicle_has_its_own_record_that_names_it_and_replays_bit_for_bit(several):
+    pursuits, result, folder, _ = several
+    for pursuit in pursuits:
+        path = folder / f"{pursuit.vehicle}.mcap"
+        assert {cycle.vehicle for cycle in cycles_of(path)} == {pursuit.vehicle}
+        raw = {item.topic.partition("/")[0] for item in scan(path) if item.topic.endswith(("/in", "/out"))}
+        assert raw == {pursuit.vehicle, "rover1", "rover2"}
+        settings = plan_of(scenario=pursuit.scenario).flight
+        comparison, _ = compare(path, lambda _, settings=settings: settings)
+        assert (comparison.differing, comparison.setpoints) == (0, result.vehicles[pursuit.vehicle].setpoints_sent)
+
+
+@pytest.mark.flight
+def test_progress_names_the_vehicle(several):
+    _, _, _, shown = several
+    assert {progress.vehicle for progress in shown} == {"north", "south"}
