@@ -25,7 +25,7 @@ from guidance.links.evaders.zenoh import ODOMETRY_TYPE, POSE_TYPE
 from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT
 from guidance.monitor import Violation
-from guidance.session.control_client import control_key
+from guidance.session.control_bus import control_key
 from guidance.session.control_socket import WORDS
 from guidance.session.metrics import Metrics
 from sitl_mock.cli import app as mock_app

@@ -119,7 +119,7 @@ def _ask(order: str, endpoint: str, name: str | None, token_file: Path | None, z
     if answer is not None:
         return answer
     from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
-    from guidance.session.control_client import ask  # noqa: PLC0415
+    from guidance.session.control_bus import ask  # noqa: PLC0415
 
     credentials = read_credentials(zenoh)
     return ask(order, endpoint=endpoint, name=name, token_file=token_file, credentials=credentials, by=by)

@@ -20,9 +20,8 @@ from guidance.files import private_file
 from guidance.flight import State
 from guidance.screen import pairs, redraws
 from guidance.session.control_socket import ENDPOINT
-from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
+from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, Stopped
 from guidance.session.mission import Progress
-from guidance.session.recording import Stopped
 from guidance.session.result import FlightResult, ending_words
 from guidance.sim.outcome import Outcome, outcome_json
 

@@ -1,7 +1,7 @@
 """Replies to operators: the status of a flight, reasons of refused orders, and advice."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from guidance.clock import Clock
@@ -281,8 +281,8 @@ def rounded(value: Any) -> Any:  # noqa: ANN401 - plain values
     return [rounded(part) for part in value] if isinstance(value, list) else value
 
 
-class StartupResponder:
-    """Answers every order before the loop runs.
+def startup_answers(name: str, waiting_for: str, limit_s: float, clock: Clock) -> Callable[[str], Answer]:
+    """Return what answers every order before the loop runs: the status, or a refusal until the vehicle is there.
 
     Args:
         name: The vehicle's.
@@ -290,27 +290,16 @@ class StartupResponder:
         limit_s: Time limit of the wait.
         clock: The process's.
     """
+    since_s = clock.now_s()
 
-    def __init__(self, name: str, waiting_for: str, limit_s: float, clock: Clock) -> None:
-        self._name = name
-        self._for = waiting_for
-        self._limit_s = limit_s
-        self._clock = clock
-        self._since_s = clock.now_s()
-
-    def answer(self, order: str) -> Answer:
-        """Answer a status query; refuse every order until the vehicle is there."""
-        waited_s = round(self._clock.now_s() - self._since_s, 1)
-        shown = {
-            "order": order,
-            "name": self._name,
-            "state": "waiting",
-            "waiting_for": self._for,
-            "waited_s": waited_s,
-            "connect_timeout_s": self._limit_s,
-        }
-        if order == STATUS:
-            return {"accepted": True, **shown}
+    def answer(order: str) -> Answer:
+        waited_s = round(clock.now_s() - since_s, 1)
+        shown: dict[str, Any] = {"order": order, "name": name, "state": "waiting", "waiting_for": waiting_for}
+        shown |= {"waited_s": waited_s, "connect_timeout_s": limit_s, "accepted": order == STATUS}
         if order not in WORDS:
-            return {"accepted": False, **shown, "reason": f"order = {order!r}: allowed are {', '.join(WORDS)}"}
-        return {"accepted": False, **shown, "reason": f"waiting for {self._for}, {waited_s:g} s so far"}
+            shown["reason"] = f"order = {order!r}: allowed are {', '.join(WORDS)}"
+        elif order != STATUS:
+            shown["reason"] = f"waiting for {waiting_for}, {waited_s:g} s so far"
+        return shown
+
+    return answer

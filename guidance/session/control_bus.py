@@ -1,4 +1,4 @@
-"""Control of a daemon: orders over Zenoh on loopback, and by a socket on this computer, to the loop and back.
+"""Orders over a Zenoh bus, the daemon's side and the client's: a query on `guidance/<name>/ctl/<order>`, and JSON back.
 
 A liveliness token says that the vehicle has an owner. It vanishes with the owner's process, however that ends.
 """
@@ -15,50 +15,60 @@ from typing import Any, Final, NamedTuple
 
 import zenoh
 
-from guidance.errors import LinkError
-from guidance.links.wires.zenoh import is_over
+from guidance.errors import ConfigError, GuidanceError, LinkError
+from guidance.links.wires.zenoh import is_over, open_session
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.log.broadcast import Broadcast
 from guidance.session import control_token
-from guidance.session.control_client import control_key, join_session
-from guidance.session.control_socket import ANSWER_LIMIT_S, ControlSocket, late_answer, name_in
+from guidance.session.control_socket import (
+    ANSWER_LIMIT_S,
+    STATUS,
+    TIMEOUT_S,
+    WORDS,
+    ControlSocket,
+    ask_here,
+    late_answer,
+    name_in,
+)
 from guidance.session.control_token import ControlToken
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Answer, Mailbox, Question
 
+JOIN_LIMIT_S: Final = 3.0
 _LOOK_EVERY_S: Final = 0.5
 
 
-def hosting_config(endpoint: str, token: ControlToken | None = None) -> zenoh.Config:
-    """Return the configuration of a router that listens at one endpoint only and asks for the token."""
-    return zenoh.Config.from_json5(
-        json.dumps(
-            {
-                "mode": "router",
-                "listen": {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True},
-                "connect": {"endpoints": []},
-                "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                "transport": {
-                    "shared_memory": {"enabled": False},
-                    **({} if token is None else {"auth": token.for_server()}),
-                },
-            }
-        )
-    )
-
-
 def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Session":
-    """Listen at an endpoint; without a token every user of this computer may join.
+    """Listen as a router at one endpoint only; without a token every user of this computer may join.
 
     Raises:
-        LinkError: If it cannot listen there; probably another daemon owns the vehicle.
+        LinkError: If it cannot listen there.
     """
+    transport = {"shared_memory": {"enabled": False}} | ({} if token is None else {"auth": token.for_server()})
+    document = {
+        "mode": "router",
+        "listen": {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True},
+        "connect": {"endpoints": []},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": transport,
+    }
     try:
-        return zenoh.open(hosting_config(endpoint, token))
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
     except zenoh.ZError as error:
         raise LinkError(
-            f"control.endpoint = {endpoint!r}: cannot listen there; does another daemon own this vehicle? "
-            "`guidance ctl status` asks it"
+            f"control.endpoint = {endpoint!r}: cannot listen there{_listener(endpoint)}; "
+            "end it, or choose another port with control.endpoint"
         ) from error
+
+
+def _listener(endpoint: str) -> str:
+    """Say who answers at an endpoint, if anyone does."""
+    try:
+        answer = ask_here(STATUS, endpoint=endpoint, name=None)
+    except GuidanceError:
+        answer = None
+    if answer is None:
+        return ": another program has the port"
+    return f": a daemon or a `guidance fly` that flies {answer['name']!r} ({answer['state']}) has it"
 
 
 class OwnerToken:
@@ -111,6 +121,9 @@ class ControlBus:
         token_file: Path of the token; the default is the one that `guidance ctl` uses.
         credentials: For a router that judges certificates.
 
+    Attributes:
+        session: The Zenoh session, for the broadcast; closed with this.
+
     Raises:
         OutputError: If the token cannot be written.
         LinkError: If no session can be opened, or another daemon owns the vehicle.
@@ -135,25 +148,20 @@ class ControlBus:
         self._issued: ControlToken | None = None
         self._socket: ControlSocket | None = None
         if host:
-            self._session, self._issued = _hosted(endpoint, token_file)
+            self.session, self._issued = _hosted(endpoint, token_file or control_token.default_path(endpoint))
         else:
-            self._session = join_session(endpoint, token_file, credentials)
+            self.session = join_session(endpoint, token_file, credentials)
         self._closed = False
         try:
-            self._token = OwnerToken(self._session, f"guidance/{name}")
-            self._queryable = self._session.declare_queryable(control_key(name, "*"), self._hear)
+            self._token = OwnerToken(self.session, f"guidance/{name}")
+            self._queryable = self.session.declare_queryable(control_key(name, "*"), self._hear)
             if self._issued is not None:
                 self._socket = ControlSocket(name, mailbox, self._issued)
         except BaseException:
-            self._session.close()  # type: ignore[no-untyped-call]
+            self.session.close()  # type: ignore[no-untyped-call]
             raise
         self._thread = threading.Thread(target=self._serve, name="control")
         self._thread.start()
-
-    @property
-    def session(self) -> "zenoh.Session":
-        """The Zenoh session, for the broadcast. It is closed with this."""
-        return self._session
 
     def _hear(self, query: "zenoh.Query") -> None:
         """On Zenoh's thread, which must not wait: only queue it."""
@@ -202,14 +210,13 @@ class ControlBus:
         self._token.close()
         with contextlib.suppress(zenoh.ZError):
             self._queryable.undeclare()  # type: ignore[no-untyped-call]
-            self._session.close()  # type: ignore[no-untyped-call]
+            self.session.close()  # type: ignore[no-untyped-call]
         if self._issued is not None:
             control_token.discard(self._issued)
 
 
-def _hosted(endpoint: str, token_file: Path | None) -> tuple["zenoh.Session", ControlToken]:
+def _hosted(endpoint: str, path: Path) -> tuple["zenoh.Session", ControlToken]:
     """Listen at an endpoint with a new token; publish the token once that works."""
-    path = control_token.default_path(endpoint) if token_file is None else token_file
     drawn = control_token.draw(path)
     try:
         session = host_session(endpoint, drawn)
@@ -223,13 +230,9 @@ def _hosted(endpoint: str, token_file: Path | None) -> tuple["zenoh.Session", Co
 def opened(
     name: str, mailbox: Mailbox, endpoint: str | None, on_open: Callable[[str], None] = lambda _: None
 ) -> Iterator[ControlBus | None]:
-    """Take orders at an endpoint, or at a free one if another process listens there.
+    """Take orders for a vehicle at an endpoint, or at a free one if another process listens there; None takes none.
 
-    Args:
-        name: The vehicle's.
-        mailbox: Where orders go.
-        endpoint: The wanted one; None takes no orders.
-        on_open: Called with the endpoint.
+    `on_open` is called with the endpoint.
 
     Raises:
         OutputError: If the token or the socket cannot be written.
@@ -263,3 +266,87 @@ def free_endpoint() -> str:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def control_key(name: str, order: str) -> str:
+    """Return the query key of an order."""
+    return f"guidance/{name}/ctl/{order}"
+
+
+def join_session(
+    endpoint: str,
+    token_file: Path | None = None,
+    credentials: Credentials = NO_CREDENTIALS,
+    *,
+    timeout_s: float = JOIN_LIMIT_S,
+) -> "zenoh.Session":
+    """Join the control bus of a daemon, with its token where it has one, or by a router that knows our certificate.
+
+    Raises:
+        ConfigError: If the token may not be read by us.
+        LinkError: If no daemon listens at the endpoint, or the token is wrong.
+    """
+    if credentials.tls is not None:
+        return open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
+    path = control_token.default_path(endpoint) if token_file is None else token_file
+    token = control_token.read(path)
+    try:
+        shown = Credentials(auth=None if token is None else token.for_client())
+        return open_session(endpoint, timeout_s=timeout_s, credentials=shown)
+    except LinkError as error:
+        used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
+        raise LinkError(
+            f"control {endpoint}: no session within {timeout_s:g} s: no daemon is there, or it does not let us in "
+            f"({used}); is `guidance run` running, by the same user? "
+            "--token-file says where another daemon's token lies"
+        ) from error
+
+
+def ask(
+    order: str,
+    *,
+    endpoint: str,
+    name: str | None,
+    token_file: Path | None = None,
+    credentials: Credentials = NO_CREDENTIALS,
+    by: str = "",
+) -> Mapping[str, Any]:
+    """Give an order to the daemon called `name`; without a name, to the only one there is.
+
+    Args:
+        order: One of `WORDS`.
+        endpoint: Where the daemon listens for orders.
+        name: The daemon's; None takes the only one there is.
+        token_file: Path of the token, if not the default.
+        credentials: For a router that judges certificates, in place of a token.
+        by: Name of the person or program, for log and record.
+
+    Raises:
+        ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
+        LinkError: If no answer comes, or the token is wrong.
+    """
+    if order not in WORDS:
+        raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
+    session = join_session(endpoint, token_file, credentials)
+    try:
+        if name is None:
+            # Never an order to all: first find out who is there.
+            there = answers(session, control_key("*", STATUS), TIMEOUT_S)
+            names = sorted(str(answer["name"]) for answer in there)
+            if not names:
+                raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
+            if len(names) > 1:
+                raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
+            name = names[0]
+        answered = answers(session, control_key(name, order), TIMEOUT_S, by)
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+    if not answered:
+        raise LinkError(f"{name} at {endpoint}: no answer within {TIMEOUT_S:g} s; is its daemon running?")
+    return answered[0]
+
+
+def answers(session: Any, key: str, timeout_s: float, by: str = "") -> list[dict[str, Any]]:  # noqa: ANN401 - zenoh.Session
+    """Ask on the control key of one daemon, or of several, and return every answer; `by` names who orders."""
+    replies = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=by.encode() if by else None)
+    return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]

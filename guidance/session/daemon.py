@@ -16,12 +16,12 @@ from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
+from guidance.session.flight_files import Recording
 from guidance.session.log import SILENT, Logger, say_outputs
 from guidance.session.metrics import Metrics
 from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
 from guidance.session.process import Notifier
-from guidance.session.recording import Recording
 
 HEARTBEAT_EVERY_S: Final = 1.0
 PREFLIGHT_EVERY_S: Final = 0.5

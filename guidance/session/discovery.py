@@ -1,7 +1,9 @@
 """Finds out which autopilot a running vehicle has and where it stands, before any order."""
 
-from collections.abc import Callable
-from typing import Final
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple
 
 from guidance.autopilots import (
     AUTOPILOTS,
@@ -16,11 +18,14 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import State
 from guidance.frames import LocalFrame
-from guidance.links.opening import Found
-from guidance.links.port import VehicleLink
+from guidance.links.opening import Found, find_autopilot, open_wire
+from guidance.links.port import VehicleLink, Wire
 from guidance.messages import Heartbeat, Home, LandedState, Message, Origin, StatusText
 from guidance.session.mission import Progress
 from guidance.vehicle import VehicleState, local_frame, observe
+
+FOUND_WITHIN_S: Final = 15.0
+_CONNECTED_WITHIN_S: Final = 5.0
 
 PLACED_WITHIN_S: Final = 120.0
 """Longest wait for a position. An ArduCopter takes 25 to 45 s after its start."""
@@ -35,6 +40,33 @@ _NAMES: Final[dict[type[Message], str]] = {
     Origin: "GPS_GLOBAL_ORIGIN",
     LandedState: "EXTENDED_SYS_STATE",
 }
+
+
+class AtUrl(NamedTuple):
+    """An autopilot that answered: its wire, what its HEARTBEAT said, and its description."""
+
+    wire: Wire
+    found: Found
+    autopilot: Autopilot
+
+
+@contextlib.contextmanager
+def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iterator[AtUrl]:
+    """Find the autopilot at a URL; the wire is closed in the end.
+
+    Args:
+        url: See `guidance.links.endpoint`.
+        asked: Name of the expected autopilot; None accepts any.
+        clock: The clock.
+        who: Names it in errors.
+
+    Raises:
+        ConfigError: If the URL is wrong, or `identify` refuses the autopilot.
+        LinkError: If nothing answers.
+    """
+    with contextlib.closing(open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)) as wire:
+        found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=who)
+        yield AtUrl(wire, found, identify(found, url, asked))
 
 
 def identify(found: Found, url: str, asked: str | None) -> Autopilot:

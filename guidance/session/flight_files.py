@@ -1,4 +1,4 @@
-"""The files of a flight: folders, record metadata, and the settings that replay reads from the metadata."""
+"""The files of a flight: its folder, record and broadcast, and the settings that replay reads from the metadata."""
 
 import contextlib
 import itertools
@@ -7,18 +7,21 @@ import logging
 import os
 import time
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from guidance.clock import Clock
+from guidance.clock import Clock, Timing
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.files import private_folder, writing
-from guidance.flight import FlightSettings
+from guidance.flight import Authority, FlightSettings, Inputs, Outputs
+from guidance.links.wires.shared import CapturedFrame
+from guidance.log.entries import BEGUN, STOPPED, cycle_entry
 from guidance.log.provenance import versions
 from guidance.log.reader import CONFIG, SCENARIO
-from guidance.log.writer import BackgroundRecorder, NullRecorder, Recorder, started_utc
+from guidance.log.writer import BackgroundRecorder, NullRecorder, Record, Recorder, started_utc
+from guidance.preflight import Finding, Verdict
 from guidance.session.log import Logger
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
@@ -115,6 +118,92 @@ def daemon_recording(
         recorder.close()
         if recorder.failed is not None or recorder.dropped:
             log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)
+
+
+class Stopped(NamedTuple):
+    """When and why the record stopped. The flight goes on."""
+
+    now_s: float
+    reason: str
+
+
+class Recording:
+    """The record and the broadcast of one vehicle; either may be left out.
+
+    Args:
+        vehicle: Its name.
+        record: On disk.
+        broadcast: To views and panels.
+        required: Whether nothing flies without the record.
+
+    Attributes:
+        stopped: When and why the record stopped; None while it goes on.
+    """
+
+    def __init__(
+        self, vehicle: str, record: Record | None, broadcast: Record | None = None, *, required: bool = False
+    ) -> None:
+        self._vehicle = vehicle
+        self._record = record
+        self._each = [one for one in (record, broadcast) if one is not None]
+        self._required = required
+        self._begun = False
+        self.stopped: Stopped | None = None
+
+    def begin(self) -> None:
+        """The next cycle is the first of another flight."""
+        self._begun = False
+
+    def cycle(self, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> Stopped | None:
+        """Keep a cycle with its events; at the one at which the record stops, return why."""
+        if not self._each:
+            return None
+        now_s = inputs.now_s
+        if not self._begun:
+            self._begun = True
+            self.event(now_s, BEGUN)
+        entry = cycle_entry(inputs, outputs, timing, self._vehicle)
+        for one in self._each:
+            one.cycle(entry)
+        for happening in outputs.happenings:
+            by = "" if happening.by is Authority.FLIGHT else f"by {happening.by}"
+            details = (f"{happening.before} -> {happening.after}", by or happening.detail)
+            self.event(happening.now_s, str(happening.event), ": ".join(filter(None, details)))
+        if outputs.alarm is not None:
+            self.event(now_s, str(outputs.alarm.violation), outputs.alarm.by)
+        return self._stops(now_s)
+
+    def _stops(self, now_s: float) -> Stopped | None:
+        if self._record is None or self._record.failed is None or self.stopped is not None:
+            return None
+        self.stopped = Stopped(now_s, self._record.failed)
+        self.event(now_s, STOPPED, self._record.failed)
+        return self.stopped
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep an event."""
+        for one in self._each:
+            one.event(now_s, event, detail)
+
+    def frames(self, passed: Iterable[CapturedFrame]) -> None:
+        """Keep raw frames; a broadcast has none."""
+        if self._record is not None:
+            for frame in passed:
+                self._record.frame(*frame)
+
+    @property
+    def words(self) -> str:
+        """State of the record, for people."""
+        if self._record is None:
+            return "off"
+        return "on" if self._record.failed is None else f"stopped: {self._record.failed}"
+
+    def rows(self) -> tuple[Finding, ...]:
+        """A refusal if a required record has failed. In flight a failed record is only reported."""
+        if self._record is None or self._record.failed is None or not self._required:
+            return ()
+        mend = "free the disk, or have record.folder written by this user, or set record.required = false"
+        return (Finding("record", self._record.failed, "written", Verdict.REFUSE, mend),)
 
 
 def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | None = None) -> FlightSettings:

@@ -13,12 +13,11 @@ from guidance.log.entries import FLIGHT_OVER
 from guidance.log.writer import BackgroundRecorder
 from guidance.session.control_bus import broadcasting, opened
 from guidance.session.daemon import Equipment
-from guidance.session.flight_files import RECORD, flight_metadata, recording
+from guidance.session.flight_files import RECORD, Stopped, flight_metadata, recording
 from guidance.session.loop import Signals, World, run
 from guidance.session.mission import Mission, Show
 from guidance.session.orders import Mailbox
 from guidance.session.plan import FlightPlan
-from guidance.session.recording import Stopped
 from guidance.session.result import FlightResult, MissionResult, closing_detail
 from guidance.session.sequencer import MOCKED, MissionPolicy
 from guidance.sim.live import OVER, ZENOH, LiveWorld

@@ -14,16 +14,16 @@ from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame, ned_from_game
 from guidance.links.endpoint import parse
-from guidance.links.opening import KINDS, find_autopilot, open_wire
+from guidance.links.opening import KINDS
 from guidance.links.port import Wire
 from guidance.links.wires.udp import UdpWire
 from guidance.log.entries import FLIGHT_OVER
 from guidance.messages import Home
-from guidance.session.answers import StartupResponder
+from guidance.session.answers import startup_answers
 from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus, broadcasting, opened
 from guidance.session.daemon import Equipment
-from guidance.session.discovery import identify, wait_until_placed
+from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
 from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
 from guidance.session.log import Log
@@ -39,8 +39,6 @@ from guidance.session.vehicle_world import VehicleWorld, open_all, open_control
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario, Site, Wind
 from guidance.sim.stepped import EvaderHere
 
-FOUND_WITHIN_S: Final = 15.0
-_CONNECTED_WITHIN_S: Final = 5.0
 ENDS: Final = ("return", "land")
 """Endings of a flight at a URL: fly home and land, or land at once."""
 
@@ -140,7 +138,7 @@ def fly_url(
     for_whom = f"a HEARTBEAT at {asked.url}, {FOUND_WITHIN_S:g} s at most"
     show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom))
     mailbox = Mailbox()
-    mailbox.meanwhile(StartupResponder(PURSUER, for_whom, FOUND_WITHIN_S, MonotonicClock()).answer)
+    mailbox.meanwhile(startup_answers(PURSUER, for_whom, FOUND_WITHIN_S, MonotonicClock()))
     with (
         opened(PURSUER, mailbox, control, on_control) as bus,
         reach(scenario, asked) as (own, world, clock, radio),
@@ -208,12 +206,8 @@ def reach(scenario: Scenario, asked: Asked) -> Iterator[Reached]:
     """
     clock = MonotonicClock()
     with contextlib.ExitStack() as closing:
-        wire = open_wire(asked.url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)
-        closing.callback(wire.close)
-        found = find_autopilot(
-            wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=f"--vehicle {asked.url}"
-        )
-        autopilot = identify(found, asked.url, asked.autopilot)
+        at_url = autopilot_at(asked.url, asked.autopilot, clock, who=f"--vehicle {asked.url}")
+        wire, found, autopilot = closing.enter_context(at_url)
         ears = UdpWire(clock.now_s, host="127.0.0.1", port=0, listen=True, systems=(EVADER_ID,))
         closing.callback(ears.close)
         radio = UdpWire(clock.now_s, host="127.0.0.1", port=ears.port, listen=False)

@@ -18,10 +18,10 @@ from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
 from guidance.session.answers import missing, next_words
 from guidance.session.daemon import Daemon, Equipment
+from guidance.session.flight_files import Stopped
 from guidance.session.loop import PERIOD_S, World
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.recording import Stopped
 from guidance.session.result import EvaderResult, FlightResult, MissionResult, conclude, note
 from guidance.session.sequencer import MOCKED, MissionPolicy, MissionSequencer
 from guidance.sim.scenario import Flown, Pursuit, pursuits_of

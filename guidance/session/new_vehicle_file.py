@@ -1,8 +1,8 @@
 """Writes a first vehicle file: the bundled one with the limits of a running autopilot."""
 
+import contextlib
 import math
 import re
-import time
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,16 +12,14 @@ from guidance.autopilots import Autopilot, autopilot_named
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError, OutputError
-from guidance.links.opening import Found, find_autopilot, open_link, open_wire
+from guidance.links.opening import Found, open_link
 from guidance.links.port import VehicleLink
 from guidance.messages import Parameter, ParameterRequest
-from guidance.session.discovery import identify
-from guidance.session.fly_vehicle import FOUND_WITHIN_S
+from guidance.session.discovery import autopilot_at
 from guidance.session.vehicle_file import Config
 
 _ASK_EVERY_S: Final = 2.0
 READ_WITHIN_S: Final = 10.0
-_CONNECTED_WITHIN_S: Final = 5.0
 _LOOK_EVERY_S: Final = 0.02
 _BEHIND_M: Final = 5.0
 """Distance of our fence from the autopilot's fence around it."""
@@ -50,10 +48,7 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
         LinkError: If nothing answers.
     """
     clock = MonotonicClock()
-    wire = open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)
-    try:
-        found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=url)
-        profile = identify(found, url, asked)
+    with autopilot_at(url, asked, clock, who=url) as (wire, found, profile):
         link = open_link(
             wire,
             "pymavlink",
@@ -62,13 +57,8 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
             clock=clock.now_s,
             who=f"{url}: system {found.system_id}",
         )
-    except BaseException:
-        wire.close()
-        raise
-    try:
-        return Surveyed(profile.name, found, _read(link, profile, clock))
-    finally:
-        link.close()
+        with contextlib.closing(link):
+            return Surveyed(profile.name, found, _read(link, profile, clock))
 
 
 def _read(link: VehicleLink, profile: Autopilot, clock: Clock) -> dict[str, float]:

@@ -9,6 +9,7 @@ process that ends: it hands the vehicle to the autopilot and waits until HEARTBE
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from guidance.autopilots import Finding, Mode, Wants
@@ -37,6 +38,7 @@ READ_WITHIN_S: Final = 1.5
 _BEING_READ: Final = ("parameters read again",)
 
 
+@dataclass(eq=False, slots=True)
 class Question:
     """One order or query, until it is answered.
 
@@ -47,25 +49,18 @@ class Question:
         authority: Whether a person asks or a mission.
     """
 
-    def __init__(
-        self,
-        order: str,
-        by: str = "",
-        told: Callable[[], None] = lambda: None,
-        authority: Authority = Authority.OPERATOR,
-    ) -> None:
-        self.order = order
-        self.by = by
-        self.authority = authority
-        self._told = told
-        self._answer: Answer | None = None
-        self._answered = threading.Event()
+    order: str
+    by: str = ""
+    told: Callable[[], None] = lambda: None
+    authority: Authority = Authority.OPERATOR
+    _answer: Answer | None = None
+    _answered: threading.Event = field(default_factory=threading.Event)
 
     def answer(self, answer: Answer) -> None:
         """Answer it."""
         self._answer = answer
         self._answered.set()
-        self._told()
+        self.told()
 
     def wait(self, timeout_s: float) -> Answer | None:
         """Wait for the answer; None if there is none in time."""

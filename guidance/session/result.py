@@ -18,8 +18,7 @@ from guidance.flight import Authority, Event, Happening, Outputs, State
 from guidance.frames import Vector
 from guidance.game import solve
 from guidance.monitor import Alarm
-from guidance.session.flight_files import RECORD
-from guidance.session.recording import Stopped
+from guidance.session.flight_files import RECORD, Stopped
 from guidance.session.sequencer import MissionSequencer
 from guidance.sim.batch import stack
 from guidance.sim.maths import game_of
@@ -224,28 +223,14 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
 
 
 def _never_engaged(result: FlightResult, way: str) -> Outcome:
-    nan = math.nan
     ends = {State.HOLDING, State.LANDING, State.RETURNING, State.YIELDED, State.FAILED}
     cause = next((each for each in result.happenings if each.after in ends), None)
     by_pilot = cause is not None and cause.event is Event.PILOT
     why = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
     if result.said:
         why += f'; the autopilot said "{result.said}"'
-    return outcome_of(
-        result.scenario,
-        way,
-        end="yielded" if by_pilot else "failed",
-        game_time_s=nan,
-        distance_to_disc_m=nan,
-        evader_to_target_m=nan,
-        predicted=nan,
-        predicted_winner="none",
-        time_needed_s=nan,
-        min_standoff_m=nan,
-        min_altitude_m=nan,
-        duration_s=result.duration_s,
-        reason=f"never engaged: {why}",
-    )
+    end, reason = "yielded" if by_pilot else "failed", f"never engaged: {why}"
+    return outcome_of(result.scenario, way, end=end, duration_s=result.duration_s, reason=reason)
 
 
 def _unfinished(result: FlightResult) -> str:

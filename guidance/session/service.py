@@ -13,7 +13,7 @@ from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
-from guidance.session.answers import StartupResponder
+from guidance.session.answers import startup_answers
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import daemon_recording, flight_metadata
 from guidance.session.log import Log
@@ -52,7 +52,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
         closing.callback(notifier.close)
         wanted = config.vehicle
         waiting_for = f"a HEARTBEAT of system {wanted.system_id}, component {wanted.component_id} at {wanted.url}"
-        mailbox.meanwhile(StartupResponder(config.name, waiting_for, wanted.connect_timeout_s, clock).answer)
+        mailbox.meanwhile(startup_answers(config.name, waiting_for, wanted.connect_timeout_s, clock))
         control = open_control(config, mailbox)
         closing.callback(control.close)
         if config.metrics.port is not None:

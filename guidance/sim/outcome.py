@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol, TypedDict, Unpack
 
 from guidance.game import Winner
 from guidance.sim.expect import WINNERS
@@ -49,30 +49,30 @@ class Outcome(NamedTuple):
 
     scenario: str
     run: str
-    game: str
-    pursuer_policy: str
-    evader_policy: str
-    seed: int
-    end: str
-    winner: str
-    predicted_winner: str
-    game_time_s: float
-    capture_time_s: float
-    distance_to_disc_m: float
-    evader_to_target_m: float
-    predicted_capture_time_s: float
-    predicted_evader_to_target_m: float
-    predicted_short_m: float
-    time_needed_s: float
-    regret: float
-    ratio: float
-    reachable_speed_m_s: float
-    min_standoff_m: float
-    min_altitude_m: float
-    limits: tuple[str, ...]
-    alarms: int
-    events: tuple[str, ...]
-    duration_s: float
+    game: str = ""
+    pursuer_policy: str = ""
+    evader_policy: str = ""
+    seed: int = 0
+    end: str = "invalid"
+    winner: str = "none"
+    predicted_winner: str = "none"
+    game_time_s: float = math.nan
+    capture_time_s: float = math.nan
+    distance_to_disc_m: float = math.nan
+    evader_to_target_m: float = math.nan
+    predicted_capture_time_s: float = math.nan
+    predicted_evader_to_target_m: float = math.nan
+    predicted_short_m: float = math.nan
+    time_needed_s: float = math.nan
+    regret: float = math.nan
+    ratio: float = math.nan
+    reachable_speed_m_s: float = math.nan
+    min_standoff_m: float = math.nan
+    min_altitude_m: float = math.nan
+    limits: tuple[str, ...] = ()
+    alarms: int = 0
+    events: tuple[str, ...] = ()
+    duration_s: float = math.nan
     reason: str = ""
 
     @property
@@ -88,46 +88,45 @@ class Outcome(NamedTuple):
         return self.evader_to_target_m if self.end in {"captured", "arrived"} else math.nan
 
 
+class Measured(TypedDict, total=False):
+    """Columns of an `Outcome` that a run measures; NaN or empty where it does not."""
+
+    distance_to_disc_m: float
+    time_needed_s: float
+    min_standoff_m: float
+    min_altitude_m: float
+    duration_s: float
+    reachable_speed_m_s: float
+    alarms: int
+    reason: str
+
+
 def outcome_of(
     scenario: Scenario,
     run: str,
     *,
     end: str,
-    game_time_s: float,
-    distance_to_disc_m: float,
-    evader_to_target_m: float,
-    predicted: float,
-    predicted_winner: str,
-    time_needed_s: float,
-    min_standoff_m: float,
-    min_altitude_m: float,
-    duration_s: float,
-    reachable_speed_m_s: float = math.nan,
+    game_time_s: float = math.nan,
+    evader_to_target_m: float = math.nan,
+    predicted: float = math.nan,
+    predicted_winner: str = "none",
     limits: Iterable[str] = (),
-    alarms: int = 0,
     events: Iterable[str] = (),
-    reason: str = "",
+    **measured: Unpack[Measured],
 ) -> Outcome:
     """Complete a row with what follows from the rest, the same for every kind of run.
 
     Args:
         scenario: Of the run.
         run: `maths`, `fast`, `live` or `vehicle`.
-        end: As in `Outcome`.
+        end: See `Outcome`; so are the others.
         game_time_s: From engagement to the end.
-        distance_to_disc_m: See `Outcome`; so are the others.
         evader_to_target_m: At the end.
         predicted: The game's value at engagement, whoever is predicted to win.
         predicted_winner: `pursuer`, `evader` or `none`.
-        time_needed_s: What this vehicle promised.
-        min_standoff_m: Least horizontal distance of the players in the game.
-        min_altitude_m: Least height of the pursuer.
-        duration_s: Of the whole run.
-        reachable_speed_m_s: Smallest one of the game.
         limits: Names of those that were active.
-        alarms: How many sounded.
         events: What happened, in order.
-        reason: Why there was no game.
+        **measured: Other columns.
     """
     pe, winnable, nan = scenario.game == "pe", predicted_winner != "evader", math.nan
     achieved, regret = achieved_and_regret(scenario.game, end, game_time_s, evader_to_target_m, predicted)
@@ -143,22 +142,15 @@ def outcome_of(
         predicted_winner=predicted_winner,
         game_time_s=game_time_s,
         capture_time_s=game_time_s if end == "captured" else nan,
-        distance_to_disc_m=distance_to_disc_m,
         evader_to_target_m=evader_to_target_m,
         predicted_capture_time_s=predicted if pe else nan,
         predicted_evader_to_target_m=predicted if winnable and not pe else nan,
         predicted_short_m=nan if winnable or pe else predicted,
-        time_needed_s=time_needed_s,
         regret=regret if winnable else nan,
         ratio=achieved / predicted if winnable and predicted else nan,
-        reachable_speed_m_s=reachable_speed_m_s,
-        min_standoff_m=min_standoff_m,
-        min_altitude_m=min_altitude_m,
         limits=tuple(limits),
-        alarms=alarms,
         events=tuple(events),
-        duration_s=duration_s,
-        reason=reason,
+        **measured,
     )
 
 
@@ -196,13 +188,6 @@ def evader_to_target_m(scenario: Scenario, evader_m: Sequence[float]) -> float:
 def winner_name(winner: int) -> str:
     """Return the name of a `guidance.game.Winner`."""
     return {int(Winner.PURSUER): "pursuer", int(Winner.EVADER): "evader"}.get(winner, "none")
-
-
-def invalid(title: str, run: str, reason: str) -> Outcome:
-    """Return the row of a scenario that allows no game."""
-    nan = math.nan
-    numbers = (nan,) * 13
-    return Outcome(title, run, "", "", "", 0, "invalid", "none", "none", *numbers, (), 0, (), nan, reason)
 
 
 def rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ from guidance.config import explain, parse
 from guidance.errors import ConfigError, GuidanceError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
 from guidance.sim.maths import play
-from guidance.sim.outcome import Outcome, invalid
+from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.team_maths import TeamOutcome, invalid_teams, play_teams
 from guidance.sim.teams import TeamScenario
@@ -278,7 +278,7 @@ def _outcomes(plan: Plan, cases: Cases) -> tuple[Cases, list[Any]]:
     outcomes: list[Outcome] = []
     for scenario, pair, seed in zip(found, cases.pair.tolist(), cases.seed.tolist(), strict=True):
         if isinstance(scenario, str):
-            none = invalid(plan.scenario["title"], plan.way, scenario)
+            none = Outcome(plan.scenario["title"], plan.way, reason=scenario)
             pursuer, evader = plan.pairs[pair]
             names = {"game": plan.scenario["game"], "pursuer_policy": pursuer, "evader_policy": evader, "seed": seed}
             outcomes.append(none._replace(**names))
@@ -307,7 +307,7 @@ def _flown(scenario: Scenario) -> Outcome:
     try:
         return flown(scenario)
     except GuidanceError as error:
-        return invalid(scenario.title, "fast", str(error))._replace(
+        return Outcome(scenario.title, "fast", reason=str(error))._replace(
             game=scenario.game,
             pursuer_policy=scenario.pursuer.policy,
             evader_policy=scenario.evader.policy,

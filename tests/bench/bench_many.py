@@ -27,8 +27,7 @@ from footprint import footprint
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.log.writer import Recorder
-from guidance.session.control_bus import ControlBus
-from guidance.session.control_client import answers, ask, control_key, join_session
+from guidance.session.control_bus import ControlBus, answers, ask, control_key, join_session
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.fly import fly
 from guidance.session.orders import Mailbox

@@ -23,7 +23,7 @@ import numpy as np
 
 from guidance.errors import GuidanceError
 from guidance.log import cycles_of, survey_of
-from guidance.session.control_client import ask
+from guidance.session.control_bus import ask
 from sitl_mock.child import RunningFleet, running
 from tests.harness.vehicle import mocked, write_file
 

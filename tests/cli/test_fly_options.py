@@ -73,6 +73,21 @@ def test_so_it_is_with_other_commands(arguments, words):
     assert words in str(done.exception)
 
 
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_ctrl_c_names_the_record_if_there_is_one(begun, tmp_path, monkeypatch):
+    def interrupted(_scenario, _how, *, on_record, **_):
+        if begun:
+            on_record(tmp_path / RECORD)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fly_scenario, "fly_scenario", interrupted)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    done = CliRunner().invoke(app, ["fly", "pe"])
+    assert done.exit_code == 130
+    kept = f"the record so far is {tmp_path / RECORD}" if begun else "nothing was recorded"
+    assert kept in done.output
+
+
 @pytest.mark.parametrize("vehicle", [(), ("--vehicle", "udpin://127.0.0.1:14540")])
 def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_path, monkeypatch):
     seen = []

@@ -99,6 +99,24 @@ main()
     assert done.stderr.strip() == b""
 
 
+def test_a_ctrl_c_while_the_command_is_still_imported_prints_no_traceback():
+    code = """
+import sys
+
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupting())
+sys.argv = ["guidance", "fly"]
+from guidance.cli import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (130, "error: interrupted before anything began\n")
+
+
 @pytest.fixture
 def main(monkeypatch):
     def called(*arguments):

@@ -7,7 +7,7 @@ from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.writer import Record
 from guidance.session.daemon import HEARTBEAT_EVERY_S
-from guidance.session.recording import Recording
+from guidance.session.flight_files import Recording
 
 
 class FlownByHand:

@@ -13,9 +13,8 @@ import zenoh
 from guidance.errors import ConfigError, LinkError
 from guidance.session import control_bus as buses
 from guidance.session import control_socket
-from guidance.session.control_bus import ControlBus, OwnerToken, opened
-from guidance.session.control_client import answers, ask, control_key
-from guidance.session.control_client import join_session as open_session
+from guidance.session.control_bus import ControlBus, OwnerToken, answers, ask, control_key, opened
+from guidance.session.control_bus import join_session as open_session
 from guidance.session.control_socket import ANSWER_LIMIT_S, TIMEOUT_S, ask_here
 from guidance.session.orders import Mailbox
 
@@ -127,8 +126,9 @@ def test_nobody_there_is_one_clear_error(daemon, endpoint, monkeypatch):
     with pytest.raises(LinkError, match="no session within"):
         ask("hold", endpoint=endpoint, name="uav1")
     daemon("uav1")
+    monkeypatch.setattr(buses, "TIMEOUT_S", 0.5)
     with pytest.raises(LinkError, match=r"uav9 at .*: no answer"):
-        ask("hold", endpoint=endpoint, name="uav9", timeout_s=0.5)
+        ask("hold", endpoint=endpoint, name="uav9")
 
 
 def test_what_is_no_order_is_not_even_sent():

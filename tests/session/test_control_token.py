@@ -11,8 +11,7 @@ import pytest
 from guidance.errors import ConfigError, LinkError, OutputError
 from guidance.links.wires.zenoh import open_session
 from guidance.session import control_token
-from guidance.session.control_bus import ControlBus
-from guidance.session.control_client import join_session
+from guidance.session.control_bus import ControlBus, join_session
 from guidance.session.orders import Mailbox
 
 

@@ -9,6 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.monitor import Alarm, Violation
 from guidance.session.control_socket import WORDS
+from guidance.session.daemon import Daemon, Equipment
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 
@@ -28,6 +29,17 @@ ENDED_BY = [
     ("land", State.LANDING, "LAND"),
     ("abort", State.LANDING, "LAND"),
 ]
+
+
+def test_a_daemon_restarted_in_the_air_does_not_say_that_its_vehicle_is_ready(base):
+    base = base.standing_by()
+    used = Equipment(mailbox=base.mailbox, log=base.log)
+    base.daemon = base.pilot = Daemon(base.config.name, plan_of(base.config), base.link, base.evader, used)
+    base.until(State.READY)
+    assert base.order("status")["state"] == "not taken over"
+    refused = base.order("engage")
+    assert (refused["accepted"], refused["state"]) == (False, "not taken over")
+    assert base.order("hold")["state"] == "holding"
 
 
 def test_nothing_arms_and_nothing_engages_without_an_order(base):

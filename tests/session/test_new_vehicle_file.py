@@ -89,6 +89,6 @@ def test_the_limits_of_a_vehicle_that_runs_are_read(flavour, mock_vehicle):
 
 
 def test_a_port_where_nobody_is_is_said(monkeypatch):
-    monkeypatch.setattr("guidance.session.new_vehicle_file.FOUND_WITHIN_S", 0.2)
+    monkeypatch.setattr("guidance.session.discovery.FOUND_WITHIN_S", 0.2)
     with pytest.raises(LinkError, match="no autopilot's HEARTBEAT"):
         survey("udpout://127.0.0.1:9")

@@ -1,7 +1,7 @@
 """Orders' mailbox: an order is answered once, by whom it was asked, before the loop runs and when it hangs."""
 
 from guidance.clock import VirtualClock
-from guidance.session.answers import StartupResponder
+from guidance.session.answers import startup_answers
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, Mailbox
 
 
@@ -17,7 +17,7 @@ def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
 
 def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
     clock, mailbox = VirtualClock(), Mailbox()
-    mailbox.meanwhile(StartupResponder("uav1", "a HEARTBEAT of system 1 at udp://", 30.0, clock).answer)
+    mailbox.meanwhile(startup_answers("uav1", "a HEARTBEAT of system 1 at udp://", 30.0, clock))
     clock.sleep_until(2.5)
     status = mailbox.ask("status").wait(0.0)
     assert (status["accepted"], status["name"], status["state"], status["waited_s"]) == (True, "uav1", "waiting", 2.5)

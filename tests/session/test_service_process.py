@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from guidance.errors import LinkError
 from guidance.links.opening import open_link, open_wire
 from guidance.messages import Parameter, ParameterRequest, ParameterSet
-from guidance.session.control_client import ask
+from guidance.session.control_bus import ask
 from guidance.session.control_socket import STATUS
 from sitl_mock.child import running
 from tests.harness.command import guidance

@@ -19,8 +19,7 @@ from guidance.log import cycles_of, metadata_of
 from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
 from guidance.log.entries import CYCLE
 from guidance.log.reader import Item
-from guidance.session.control_bus import host_session
-from guidance.session.control_client import join_session
+from guidance.session.control_bus import host_session, join_session
 from guidance.viz.subprocesses import command
 from guidance.viz.view import ViewerBeside
 from guidance.viz.view.serving import Front, free_port, recording_server

@@ -21,7 +21,7 @@ from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.log.broadcast import FLIGHT, TOPICS, broadcast_key
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.reader import Item
-from guidance.session.control_client import JOIN_LIMIT_S, answers, control_key, join_session
+from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session
 from guidance.session.control_socket import ALIVE, STATUS
 
 MAX_QUEUED_NEWS: Final = 1024
