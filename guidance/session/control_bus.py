@@ -68,7 +68,7 @@ def _listener(endpoint: str) -> str:
         answer = None
     if answer is None:
         return ": another program has the port"
-    return f": a daemon or a `guidance fly` that flies {answer['name']!r} ({answer['state']}) has it"
+    return f": a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
 
 
 class OwnerToken:
