@@ -5,7 +5,7 @@ import json
 import math
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +21,7 @@ from guidance.flight import State
 from guidance.screen import pairs, redraws
 from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, Stopped
-from guidance.session.mission import Progress
+from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, ending_words
 from guidance.sim.outcome import Outcome, outcome_json
 
@@ -37,19 +37,29 @@ _WITH_CAUSE: Final = frozenset(
 )
 """States that are shown with what led to them."""
 
-Show = Callable[[Progress], None]
-
 
 class LiveLine:
-    """The live line: the flight's state, or the age of the last update."""
+    """The live line: the flight's state, or the age of the last update. Without redrawing, a plain line per change."""
 
-    def __init__(self) -> None:
+    def __init__(self, console: Console) -> None:
+        self._console = console
         self._last: Progress | None = None
-        self._told_s = 0.0
+        self._told_s = self._printed_s = 0.0
+        self._printed = ""
+        self._record_told = False
+        self.redrawn = redraws(console)
 
-    def tell(self, progress: Progress) -> None:
+    def show(self, progress: Progress) -> None:
         """Update from one cycle."""
         self._last, self._told_s = progress, time.perf_counter()
+        if progress.record_stopped is not None and not self._record_told:
+            self._record_told = True
+            self._console.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
+        news = plain(progress)
+        waits = progress.waiting and self._told_s - self._printed_s < _PLAIN_S
+        if not (self.redrawn or waits or news == self._printed):
+            self._printed, self._printed_s = news, self._told_s
+            self._console.print(f"{progress.now_s:7.1f} s  {news}", soft_wrap=True, highlight=False)
 
     def __rich__(self) -> Text:
         """Draw it. A stalled loop shows as old."""
@@ -64,27 +74,9 @@ class LiveLine:
 @contextlib.contextmanager
 def live_line(console: Console) -> Iterator[Show]:
     """Show one live line, redrawn ten times a second; where nothing can be redrawn, a plain line at every change."""
-    line = LiveLine()
-    drawn_s = 0.0
-    shown = ""
-    told = False
-    redrawn = redraws(console)
-    with Live(line, console=console, auto_refresh=redrawn, refresh_per_second=REDRAWS_HZ, transient=True):
-
-        def show(progress: Progress) -> None:
-            nonlocal drawn_s, shown, told
-            line.tell(progress)
-            if progress.record_stopped is not None and not told:
-                told = True
-                console.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
-            if redrawn:
-                return
-            news = plain(progress)
-            if news != shown and not (progress.waiting and time.perf_counter() - drawn_s < _PLAIN_S):
-                shown, drawn_s = news, time.perf_counter()
-                console.print(f"{progress.now_s:7.1f} s  {shown}", soft_wrap=True, highlight=False)
-
-        yield show
+    line = LiveLine(console)
+    with Live(line, console=console, auto_refresh=line.redrawn, refresh_per_second=REDRAWS_HZ, transient=True):
+        yield line.show
 
 
 def record_words(stopped: Stopped | None) -> str:

@@ -34,7 +34,8 @@ LONGEST_NAME: Final = 64
 """Longest name of a sender, in characters; it is recorded."""
 
 _ASKED_WITHIN_S: Final = 1.0
-_MOST_BYTES: Final = 4096
+_LONGEST_ORDER: Final = 4096
+_LONGEST_ANSWER: Final = 1 << 20
 _MOST_AT_ONCE: Final = 64
 _LONGEST_PATH: Final = 100
 """Bytes of a socket's path that the kernel takes, with some to spare."""
@@ -112,7 +113,7 @@ def ask_here(
             there.connect(address)
             asked = {"token": token.secret, "order": order, "name": name, "by": by}
             there.sendall(json.dumps(asked).encode() + b"\n")
-            answer = json.loads(_line_of(there, 1 << 20))
+            answer = json.loads(there.makefile("rb").readline(_LONGEST_ANSWER))
     except (FileNotFoundError, NotADirectoryError, ConnectionRefusedError):
         return None
     except (OSError, ValueError) as error:
@@ -181,7 +182,7 @@ class ControlSocket:
             with there:
                 there.settimeout(_ASKED_WITHIN_S)
                 with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # the data may be anything
-                    asked = json.loads(_line_of(there, _MOST_BYTES))
+                    asked = json.loads(there.makefile("rb").readline(_LONGEST_ORDER))
                     there.sendall(json.dumps(self._answer_to(asked)).encode() + b"\n")
         finally:
             self._slots.release()
@@ -195,17 +196,6 @@ class ControlSocket:
         question = self._mailbox.ask(order, name_in(str(asked.get("by", "")).encode()))
         answer = question.wait(ANSWER_LIMIT_S)
         return late_answer(order, self._name) if answer is None else answer
-
-
-def _line_of(there: socket.socket, most_bytes: int) -> bytes:
-    """Read one line, of bounded length."""
-    data = b""
-    while not data.endswith(b"\n") and len(data) < most_bytes:
-        part = there.recv(65536)
-        if not part:
-            break
-        data += part
-    return data
 
 
 @contextlib.contextmanager

@@ -53,28 +53,29 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
         *_urls(config),
         _control(Control() if config is None else config.control),
         *_serial_ports(config),
-        _record_folder(folder),
-        _disk(folder),
+        *_record_folder(folder),
         _extras(),
     )
 
 
+def _row(name: str, found: str, wanted: str, good: bool, advice: str = "", bad: Verdict = Verdict.WARN) -> Finding:
+    """Return a row; without a fault it has no advice."""
+    return Finding(name, found, wanted, Verdict.PASS if good else bad, "" if good else advice)
+
+
 def _software() -> Finding:
     found = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
-    return Finding("software", found, "Linux, Python 3.11 or later", _warn_unless(sys.platform == "linux"))
+    return _row("software", found, "Linux, Python 3.11 or later", sys.platform == "linux")
 
 
 def _calendar() -> Finding:
     """Whether a time service keeps the system clock: signing and the evader's time stamps need the date."""
-    wanted = "synchronized"
     try:
-        state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024))
+        kept = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024)) != _TIME_ERROR
     except (AttributeError, OSError):
-        return Finding("calendar", "not known", wanted, Verdict.WARN, "see that a time service runs")
-    if state != _TIME_ERROR:
-        return Finding("calendar", "synchronized", wanted, Verdict.PASS)
-    advice = "timedatectl set-ntp true, or the time from GPS"
-    return Finding("calendar", "not synchronized", wanted, Verdict.WARN, advice)
+        return _row("calendar", "not known", "synchronized", good=False, advice="see that a time service runs")
+    found = "synchronized" if kept else "not synchronized"
+    return _row("calendar", found, "synchronized", kept, "timedatectl set-ntp true, or the time from GPS")
 
 
 def _cadence() -> Finding:
@@ -84,24 +85,23 @@ def _cadence() -> Finding:
         due_s += PERIOD_S
         time.sleep(max(0.0, due_s - time.monotonic()))
         worst_s = max(worst_s, time.monotonic() - due_s)
-    good = worst_s <= LATE_S
-    advice = "" if good else "end what else runs, or allow real-time scheduling (the next row)"
     found = f"{1e3 * worst_s:.1f} ms late at worst in {CYCLES} cycles"
-    return Finding("cadence", found, f"at most {1e3 * LATE_S:g} ms", _warn_unless(good), advice)
+    advice = "end what else runs, or allow real-time scheduling (the next row)"
+    return _row("cadence", found, f"at most {1e3 * LATE_S:g} ms", worst_s <= LATE_S, advice)
 
 
 def _scheduling() -> Finding:
-    wanted = f"realtime {PRIORITY}"
+    name, wanted = "scheduling", f"realtime {PRIORITY}"
     if not hasattr(os, "sched_setscheduler"):
-        return Finding("scheduling", "none on this system", wanted, Verdict.WARN, "fly on Linux")
+        return _row(name, "none on this system", wanted, good=False, advice="fly on Linux")
     policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
     except PermissionError:
         advice = "CPUSchedulingPolicy=rr, or rtprio in limits.conf"
-        return Finding("scheduling", "not permitted", wanted, Verdict.WARN, advice)
+        return _row(name, "not permitted", wanted, good=False, advice=advice)
     os.sched_setscheduler(0, policy, parameter)
-    return Finding("scheduling", "permitted", wanted, Verdict.PASS)
+    return _row(name, "permitted", wanted, good=True)
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
@@ -133,14 +133,15 @@ def _control(control: Control) -> Finding:
 
 def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str) -> Finding:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    found = "free"
     with contextlib.closing(socket.socket(family, kind)) as probe:
         if kind == socket.SOCK_STREAM:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((host, port))
         except OSError as error:
-            return Finding(name, str(error.strerror), "free", Verdict.REFUSE, advice)
-    return Finding(name, "free", "free", Verdict.PASS)
+            found = str(error.strerror)
+    return _row(name, found, "free", found == "free", advice, Verdict.REFUSE)
 
 
 def _serial_ports(config: Config | None) -> Iterator[Finding]:
@@ -150,32 +151,21 @@ def _serial_ports(config: Config | None) -> Iterator[Finding]:
         yield Finding(asked.host, "not there", wanted, Verdict.REFUSE, "plug it in; ls /dev/serial/by-id lists what is")
     for port in sorted(one.device for one in list_ports.comports()):
         good = os.access(port, os.R_OK | os.W_OK)
-        used = asked is not None and asked.host == port
-        verdict = Verdict.PASS if good else Verdict.REFUSE if used else Verdict.WARN
-        advice = "" if good else "usermod -aG dialout USER, and log in again"
-        yield Finding(port, wanted if good else "no rights", wanted, verdict, advice)
+        bad = Verdict.REFUSE if asked is not None and asked.host == port else Verdict.WARN
+        advice = "usermod -aG dialout USER, and log in again"
+        yield _row(port, wanted if good else "no rights", wanted, good, advice, bad)
 
 
-def _record_folder(folder: Path) -> Finding:
+def _record_folder(folder: Path) -> Iterator[Finding]:
     there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
     good = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
-    verdict = Verdict.PASS if good else Verdict.REFUSE
-    return Finding(
-        "record folder",
-        f"{folder.absolute()}: {'writable' if good else 'not writable'}",
-        "writable",
-        verdict,
-        "" if good else "set record.folder, or change the rights",
-    )
-
-
-def _disk(folder: Path) -> Finding:
-    there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
+    found = f"{folder.absolute()}: {'writable' if good else 'not writable'}"
+    advice = "set record.folder, or change the rights"
+    yield _row("record folder", found, "writable", good, advice, Verdict.REFUSE)
     free = shutil.disk_usage(there).free
-    good = free >= FLIGHT_BYTES
-    advice = "" if good else "make room: a full disk ends the record, never the flight"
-    found = f"{free / 1e9:.1f} GB free"
-    return Finding("disk", found, f"{FLIGHT_BYTES / 1e6:g} MB for an hour", _warn_unless(good), advice)
+    advice = "make room: a full disk ends the record, never the flight"
+    wanted = f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
+    yield _row("disk", f"{free / 1e9:.1f} GB free", wanted, free >= FLIGHT_BYTES, advice)
 
 
 def _extras() -> Finding:
@@ -183,7 +173,3 @@ def _extras() -> Finding:
     absent = ",".join(extra for extra in EXTRAS if extra not in there)
     advice = f"pip install 'pursuit-guidance[{absent}]'" if absent else ""
     return Finding("extras", ", ".join(there) or "none", "as you like", Verdict.PASS, advice)
-
-
-def _warn_unless(good: bool) -> Verdict:
-    return Verdict.PASS if good else Verdict.WARN

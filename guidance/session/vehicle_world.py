@@ -140,16 +140,11 @@ def _open_wire(config: Config, clock: Clock, credentials: Credentials) -> Wire:
     systems = {vehicle.system_id}
     if evader.url is None and evader.system_id is not None:
         systems.add(evader.system_id)
-    key = _vehicle_key(config)
+    key = signing_key(vehicle.signing_key_file)
     keys = {} if key is None else dict.fromkeys(systems, key)
     return open_wire(
         vehicle.url, clock=clock.now_s, systems=systems, keys=keys, credentials=credentials, timeout_s=_WIRE_LIMIT_S
     )
-
-
-def _vehicle_key(config: Config) -> SigningKey | None:
-    path = config.vehicle.signing_key_file
-    return None if path is None else signing_key(path)
 
 
 def _open_link(
@@ -171,7 +166,7 @@ def _open_link(
         who=f"{vehicle.url}: system {vehicle.system_id}",
         system_id=vehicle.system_id,
         component_id=vehicle.component_id,
-        signing_key=_vehicle_key(config),
+        signing_key=signing_key(vehicle.signing_key_file),
         timeout_s=vehicle.connect_timeout_s,
     )
     return link, spare
@@ -239,16 +234,18 @@ def _evader_key(config: Config) -> SigningKey | None:
     """Return the key that signs the evader's reports; on the vehicle's link the vehicle's key."""
     evader, vehicle = config.evader, config.vehicle
     if evader.kind not in ON_ZENOH and evader.url is None and vehicle.signing_key_file is not None:
-        return _vehicle_key(config)
-    return None if evader.signing_key_file is None else signing_key(evader.signing_key_file, "evader")
+        return signing_key(vehicle.signing_key_file)
+    return signing_key(evader.signing_key_file, "evader")
 
 
-def signing_key(path: Path, section: str = "vehicle") -> SigningKey:
-    """Read a signing key; `section` of the file names it.
+def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | None:
+    """Read a signing key, None if there is none; `section` of the file names it.
 
     Raises:
         ConfigError: If it cannot be read, others may read it too, or it is not 64 hexadecimal digits.
     """
+    if path is None:
+        return None
     try:
         mode = path.stat().st_mode
         text = path.read_text(encoding="ascii")

@@ -30,9 +30,9 @@ def test_where_nothing_can_be_redrawn_a_wait_is_said_once():
 def test_a_live_line_of_a_loop_that_stands_still_says_so(monkeypatch):
     now_s = [0.0]
     monkeypatch.setattr("time.perf_counter", lambda: now_s[0])
-    line = LiveLine()
+    line = LiveLine(Console(file=io.StringIO()))
     assert line.__rich__().plain == ""
-    line.tell(Progress(5.0, State.CLIMBING, "TAKEOFF", None, "s"))
+    line.show(Progress(5.0, State.CLIMBING, "TAKEOFF", None, "s"))
     now_s[0] = 0.5
     assert line.__rich__().plain.startswith("   5.0 s  climbing")
     now_s[0] = 4.0

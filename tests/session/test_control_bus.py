@@ -89,7 +89,7 @@ def test_a_second_daemon_of_the_same_vehicle_is_refused(daemon, endpoint):
     first = daemon()
     with pytest.raises(LinkError, match="another daemon owns this vehicle"):
         daemon(host=False, answering=False)
-    with pytest.raises(LinkError, match="cannot listen there: .* flies 'uav1'; end it, or choose another port"):
+    with pytest.raises(LinkError, match=r"cannot listen there: .* flies 'uav1'; end it, or choose another port"):
         daemon(answering=False)
     first.close()
     daemon(answering=False).close()
