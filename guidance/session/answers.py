@@ -128,10 +128,15 @@ def _not_taken(order: Event, flight: Flight) -> str:
     return "airborne, and not taken over yet: order start first, then engage"
 
 
+def failed_checks(flight: Flight, now_s: float) -> str:
+    """Name every failed check, and what it found."""
+    return ", ".join(f"{check.name} ({check.found})" for check in flight.checks(now_s) if not check.passed)
+
+
 def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
     """Name every failed check and every refused preflight row."""
-    checks = [f"{check.name} ({check.found})" for check in flight.checks(now_s) if not check.passed]
-    return "; ".join(filter(None, (", ".join(checks), advice(rows)))) or "the checks have just passed, order again"
+    both = (failed_checks(flight, now_s), advice(rows))
+    return "; ".join(filter(None, both)) or "the checks have just passed, order again"
 
 
 def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[str, str]]:
@@ -141,17 +146,9 @@ def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[st
         for check in flight.checks(now_s)
         if not check.passed
     ]
-    return [
-        {
-            "name": row.name,
-            "found": row.value,
-            "wanted": row.wanted,
-            "verdict": str(row.verdict),
-            "advice": row.advice,
-        }
-        for row in (*failing, *rows)
-        if row.verdict is not Verdict.PASS
-    ]
+    keys = ("name", "found", "wanted", "verdict", "advice")
+    not_passed = [row for row in (*failing, *rows) if row.verdict is not Verdict.PASS]
+    return [dict(zip(keys, map(str, row), strict=True)) for row in not_passed]
 
 
 def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequence[str]) -> dict[str, str]:

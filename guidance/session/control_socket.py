@@ -46,7 +46,6 @@ class Asked(Protocol):
 
     def wait(self, timeout_s: float) -> Mapping[str, Any] | None:
         """Wait for the answer; None if there is none in time."""
-        ...
 
 
 class Asking(Protocol):
@@ -54,7 +53,6 @@ class Asking(Protocol):
 
     def ask(self, order: str, by: str = "") -> Asked:
         """Put an order to the loop."""
-        ...
 
 
 def socket_path(token: Path) -> Path:

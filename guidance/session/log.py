@@ -152,7 +152,6 @@ class Logger(Protocol):
 
     def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
         """Log a message with fields."""
-        ...
 
 
 class NullLogger:

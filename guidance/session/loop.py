@@ -39,19 +39,15 @@ class EvaderPlayer(Protocol):
     @property
     def ready(self) -> bool:
         """Whether it can begin to play."""
-        ...
 
     def position_game_m(self) -> Vector | None:
         """Its position in the game frame, None until it knows."""
-        ...
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Move on to the present, playing against these pursuers or standing still."""
-        ...
 
     def stop(self) -> None:
         """The flight is over: disarm."""
-        ...
 
 
 class World(Protocol):
@@ -60,22 +56,18 @@ class World(Protocol):
     @property
     def real_time(self) -> bool:
         """Whether time is real."""
-        ...
 
     @property
     def links(self) -> Mapping[str, VehicleLink]:
         """The vehicles."""
-        ...
 
     @property
     def evaders(self) -> Mapping[str, Mapping[str, EvaderSource]]:
         """What each vehicle hears: by its name, the reports of evaders by theirs."""
-        ...
 
     @property
     def players(self) -> Mapping[str, EvaderPlayer]:
         """The evaders that this process plays."""
-        ...
 
     def advance(self) -> None:
         """Bring the world up to the clock's present.
@@ -83,19 +75,15 @@ class World(Protocol):
         Raises:
             LinkError: If the world has ended: the mock autopilot died, say.
         """
-        ...
 
     def engage(self, vehicle: str) -> None:
         """A vehicle's game has begun: start the faults that count from its engagement."""
-        ...
 
     def drain(self) -> Sequence[CapturedFrame]:
         """Return the raw frames that passed since the last call, for the records."""
-        ...
 
     def close(self) -> None:
         """End everything this world has started."""
-        ...
 
 
 class Signals:
@@ -153,15 +141,12 @@ class CycleHooks(Protocol):
     @property
     def finished(self) -> bool:
         """Whether no further cycle is wanted."""
-        ...
 
     def before(self, now_s: float) -> None:
         """Prepare a cycle."""
-        ...
 
     def after(self, now_s: float, late_s: float) -> None:
         """Follow a cycle that began `late_s` later than due."""
-        ...
 
 
 def run(

@@ -16,7 +16,7 @@ from guidance.flight import Authority, Event, Outputs, State
 from guidance.frames import Vector
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
-from guidance.session.answers import missing, next_words
+from guidance.session.answers import failed_checks, missing, next_words
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import Stopped
 from guidance.session.loop import PERIOD_S, World
@@ -279,9 +279,9 @@ class VehicleMission:
         flight = self.daemon.flight
         if flight.state is State.READY:
             return ""
-        failed = [f"{check.name} ({check.found})" for check in flight.checks(now_s) if not check.passed]
+        failed = failed_checks(flight, now_s)
         if failed:
-            return ", ".join(failed) + self._said("it says")
+            return failed + self._said("it says")
         if not self.daemon.surveyed:
             return "its parameters are being read"
         return f"preflight refuses {', '.join(refusals(self.daemon.rows)) or 'nothing any more'}"
