@@ -88,21 +88,11 @@ def _judged(verdicts: Sequence[CheckedExpectation], row: Any, run: Run, console:
 
 
 def _refuse_others(run: Run) -> None:
-    given = {
-        "--config": run.config,
-        "--engage": run.engage,
-        "--yes": run.yes,
-        "--link": run.link,
-        "--over": run.over,
-        "--port": run.port,
-        "--out": run.out,
-    }
+    given = {f"--{option}": value for option, value in run._asdict().items()}
     ways: dict[str, tuple[str, ...]] = dict.fromkeys(("--config", "--engage", "--yes"), ("vehicle",))
     ways |= dict.fromkeys(("--link", "--over", "--port"), ("live",)) | {"--out": ("fast", "live", "vehicle")}
-    elsewhere = {option: of for option, of in ways.items() if run.way not in of}
-    refuse_others(
-        f"--as {run.way}", given, {option: f"with --as {' or '.join(of)}" for option, of in elsewhere.items()}
-    )
+    elsewhere = {option: f"with --as {' or '.join(of)}" for option, of in ways.items() if run.way not in of}
+    refuse_others(f"--as {run.way}", given, elsewhere)
     if not run.engage:
         refuse_others("orders by hand", given, {"--yes": "with --engage, which arms"})
 

@@ -44,16 +44,13 @@ class FlightSample(NamedTuple):
 class FlightResult:
     """Result of a flight.
 
-    `engaged` is the first certificate, `predicted` what it said (s in PE, m in TAD), to the disc itself,
-    `time_needed_s` when this vehicle would be there, and `achieved` what was flown, NaN where it did not come to that.
+    `engaged` is the first certificate, and `achieved` what was flown, NaN where it did not come to that.
     What is compared with other runs is the `Outcome` made of it. `said` is the autopilot's last warning before it flew;
     `interrupted` whether a person ended the run.
     """
 
     scenario: Scenario
     ended: State
-    predicted: float = math.nan
-    time_needed_s: float = math.nan
     achieved: float = math.nan
     capture_time_s: float = math.nan
     reachable_speed_m_s: float = math.nan
@@ -73,6 +70,16 @@ class FlightResult:
     record_dropped: int = 0
     said: str = ""
     interrupted: bool = False
+
+    @property
+    def predicted(self) -> float:
+        """What the first certificate said, to the disc itself: s in PE, m in TAD."""
+        return math.nan if self.engaged is None else self.engaged.value
+
+    @property
+    def time_needed_s(self) -> float:
+        """When this vehicle would be there, by the first certificate."""
+        return math.nan if self.engaged is None else self.engaged.time_needed_s
 
 
 @dataclass(slots=True)
@@ -121,7 +128,7 @@ def note(
     result.ended = outputs.state
     result.happenings.extend(outputs.happenings)
     if any(map(_begins_game, outputs.happenings)):
-        result.predicted = result.time_needed_s = result.achieved = result.capture_time_s = math.nan
+        result.achieved = result.capture_time_s = math.nan
         result.engaged, result.captured = None, False
     if outputs.alarm is not None:
         result.alarms.append((now_s, outputs.alarm))
@@ -134,15 +141,10 @@ def note(
     result.reachable_speed_m_s = min((each for each in reachable if not math.isnan(each)), default=math.nan)
     result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
     if math.isnan(result.predicted):
-        result.predicted, result.time_needed_s = certificate.value, certificate.time_needed_s
         result.engaged = certificate
     if certificate.captured and not result.captured:
         result.captured = True
-        result.achieved = _distance_to_target(result.scenario, certificate.evader_game_m)
-
-
-def _distance_to_target(scenario: Scenario, evader_m: Vector) -> float:
-    return math.nan if scenario.target is None else math.dist(evader_m[:2], scenario.target.position_m)
+        result.achieved = evader_to_target_m(result.scenario, certificate.evader_game_m)
 
 
 def conclude(result: FlightResult, director: MissionSequencer, duration_s: float) -> None:
