@@ -149,6 +149,18 @@ class CycleHooks(Protocol):
         """Follow a cycle that began `late_s` later than due."""
 
 
+class _NoMission:
+    """Only people give orders."""
+
+    finished = False
+
+    def before(self, now_s: float) -> None:
+        """Nothing."""
+
+    def after(self, now_s: float, late_s: float) -> None:
+        """Nothing."""
+
+
 def run(
     daemons: Sequence[Daemon],
     world: World,
@@ -173,6 +185,7 @@ def run(
         LinkError: If the world ends before the flight does.
     """
     daemons = sorted(daemons, key=lambda daemon: daemon.name)
+    hooks = _NoMission() if mission is None else mission
     garbage = GcScheduler(enabled=world.real_time)
     if signals is not None:
         signals.begin()
@@ -180,36 +193,34 @@ def run(
     worked_s = 0.0
     garbage.begin(due_s)
     try:
-        while (flying := [one for one in daemons if not one.finished]) and not (mission and mission.finished):
+        while (flying := [one for one in daemons if not one.finished]) and not hooks.finished:
             clock.sleep_until(due_s)
             world.advance()
             now_s = clock.now_s()
             if signals is not None:
                 signals.act(flying, now_s)
-            if mission is not None:
-                mission.before(now_s)
+            hooks.before(now_s)
             for daemon in flying:
-                _step(daemon, now_s, Timing(now_s - due_s, worked_s))
-            if mission is not None:
-                mission.after(now_s, now_s - due_s)
+                try:
+                    daemon.step(now_s, Timing(now_s - due_s, worked_s))
+                except Exception as error:  # of any kind: no other program flies this vehicle
+                    daemon.survive(error, now_s)
+            hooks.after(now_s, now_s - due_s)
             _record_frames(world, daemons)
             done_s = clock.now_s()
             worked_s = done_s - now_s
             due_s, missed = next_due(due_s, done_s)
             due_s += nudge_s(flying[0].position_age_s) if world.real_time else 0.0
-            for daemon in flying:
-                daemon.metrics.work.observe(worked_s)
-                daemon.metrics.late.inc(missed)
+            _count(flying, worked_s, missed)
             garbage.between(done_s, due_s - done_s)
     finally:
         garbage.end()
 
 
-def _step(daemon: Daemon, now_s: float, timing: Timing) -> None:
-    try:
-        daemon.step(now_s, timing)
-    except Exception as error:  # of any kind: no other program flies this vehicle
-        daemon.survive(error, now_s)
+def _count(daemons: Sequence[Daemon], worked_s: float, missed: int) -> None:
+    for daemon in daemons:
+        daemon.metrics.work.observe(worked_s)
+        daemon.metrics.late.inc(missed)
 
 
 def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:
