@@ -36,6 +36,8 @@ LONGEST_NAME: Final = 64
 _ASKED_WITHIN_S: Final = 1.0
 _LONGEST_ORDER: Final = 4096
 _LONGEST_ANSWER: Final = 1 << 20
+_BUFFER_BYTES: Final = 65536
+"""Read at once: bytes left unread would reset the connection before the answer arrives."""
 _MOST_AT_ONCE: Final = 64
 _LONGEST_PATH: Final = 100
 """Bytes of a socket's path that the kernel takes, with some to spare."""
@@ -180,7 +182,7 @@ class ControlSocket:
             with there:
                 there.settimeout(_ASKED_WITHIN_S)
                 with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # the data may be anything
-                    asked = json.loads(there.makefile("rb").readline(_LONGEST_ORDER))
+                    asked = json.loads(there.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
                     there.sendall(json.dumps(self._answer_to(asked)).encode() + b"\n")
         finally:
             self._slots.release()
