@@ -159,7 +159,8 @@ def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: 
     """Open the vehicle and show a waiting line."""
     from guidance.links.endpoint import parse  # noqa: PLC0415 - slow import
     from guidance.session.checkup import checkup_of  # noqa: PLC0415
-    from guidance.session.discovery import FOUND_WITHIN_S, Asked, checkup_at  # noqa: PLC0415
+    from guidance.session.discovery import FOUND_WITHIN_S  # noqa: PLC0415
+    from guidance.session.fly_vehicle import Asked, checkup_at  # noqa: PLC0415
     from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
