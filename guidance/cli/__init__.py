@@ -3,7 +3,6 @@
 import sys
 from typing import Any
 
-from guidance.cli.short_order import short_order
 from guidance.cli.streams import open_outlets, printable
 from guidance.errors import GuidanceError, OutputError
 
@@ -42,6 +41,8 @@ def main() -> None:
 
 def _run() -> None:
     try:
+        from guidance.cli.short_order import short_order  # noqa: PLC0415 - here a Ctrl-C prints no traceback
+
         code = short_order(sys.argv[1:])
         if code is None:
             from guidance.cli.program import app  # noqa: PLC0415 - typer takes a third of a second
