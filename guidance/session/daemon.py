@@ -1,4 +1,4 @@
-"""The daemon of one vehicle. Each cycle: orders in, the flight, then answers, status, log and metrics out."""
+"""The daemon of one vehicle. Each cycle takes orders, steps the flight, then gives answers, status, log and metrics."""
 
 import logging
 import re
@@ -31,7 +31,7 @@ _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equipment:
-    """What a daemon uses besides its links. Everything is optional.
+    """Optional parts of a daemon.
 
     Attributes:
         mailbox: Orders of people.
@@ -124,12 +124,12 @@ class Daemon:
 
     @property
     def judged(self) -> bool:
-        """Whether preflight judges the vehicle before it flies."""
+        """True if preflight judges the vehicle before it flies."""
         return self._plan.wants is not None
 
     @property
     def leaving(self) -> Authority | None:
-        """Whether a person or a mission asked the daemon to end; None while it goes on."""
+        """The one who asked the daemon to end, a person or a mission; None before that."""
         return None if self._leaving is None else self._leaving.authority
 
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
@@ -169,7 +169,7 @@ class Daemon:
         return False
 
     def _is_leaving(self, question: Question) -> bool:
-        """Whether the daemon ends. An operator's order cancels an end that a mission asked for."""
+        """Return True if the daemon ends. An operator's order cancels an end that a mission asked for."""
         if self.leaving is Authority.MISSION and question.authority is Authority.OPERATOR:
             self._leaving = None
         return self._leaving is not None
@@ -209,7 +209,7 @@ class Daemon:
 
     @property
     def _judging(self) -> bool:
-        """Whether preflight applies: on the ground, and for a vehicle found armed until it has passed once."""
+        """True while preflight applies: on the ground, and for a vehicle found armed until it has passed once."""
         return self.flight.state in ON_GROUND or (self.in_flight and not self.flight.checked)
 
     def _write(self, outputs: Outputs, timing: Timing) -> None:

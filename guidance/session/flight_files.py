@@ -47,7 +47,7 @@ def flight_metadata(scenario: "Scenario | None", config: Config | None, clock: C
 
 @contextlib.contextmanager
 def flight_folder(out: Path | None, stem: str, parent: Path = Path("flights")) -> Iterator[Path]:
-    """Yield the folder of a flight: `out`, or a new one, `flights/stem-001` and so on, removed if it stays empty.
+    """Yield the folder of a flight: `out`, or the next free one, `flights/stem-001`, say. A new one is removed if it stays empty.
 
     Raises:
         OutputError: If it cannot be created.
@@ -121,7 +121,7 @@ def daemon_recording(
 
 
 class Stopped(NamedTuple):
-    """When and why the record stopped. The flight goes on."""
+    """Time and reason of the record's end. The flight continues."""
 
     now_s: float
     reason: str
@@ -137,7 +137,7 @@ class Recording:
         required: Whether nothing flies without the record.
 
     Attributes:
-        stopped: When and why the record stopped; None while it goes on.
+        stopped: Time and reason of the record's end; None before it.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class Recording:
         self._begun = False
 
     def cycle(self, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> Stopped | None:
-        """Keep a cycle with its events; at the one at which the record stops, return why."""
+        """Keep a cycle with its events; return the reason once, when the record stops."""
         if not self._each:
             return None
         now_s = inputs.now_s

@@ -44,8 +44,8 @@ class FlightSample(NamedTuple):
 class FlightResult:
     """Result of a flight.
 
-    `engaged` is the first certificate, and `achieved` what was flown, NaN where it did not come to that.
-    What is compared with other runs is the `Outcome` made of it. `said` is the autopilot's last warning before it flew;
+    `engaged` is the first certificate, and `achieved` the value as flown, NaN without a capture.
+    Its `Outcome` is compared with other runs. `said` is the autopilot's last warning before it flew;
     `interrupted` whether a person ended the run.
     """
 
@@ -73,7 +73,7 @@ class FlightResult:
 
     @property
     def predicted(self) -> float:
-        """What the first certificate said, to the disc itself: s in PE, m in TAD."""
+        """Value of the first certificate, to the disc itself: s in PE, m in TAD."""
         return math.nan if self.engaged is None else self.engaged.value
 
     @property
@@ -84,7 +84,7 @@ class FlightResult:
 
 @dataclass(slots=True)
 class EvaderResult:
-    """What became of an evader: its track (time, position in the game frame), and who captured it when."""
+    """Result of one evader: its track (time, position in the game frame), and the vehicle and time of its capture."""
 
     track: list[tuple[float, Vector]] = field(default_factory=list)
     captured_by: str | None = None
@@ -204,7 +204,7 @@ def ending_words(outcome: Outcome) -> str:
 
 
 def _begins_game(happening: Happening) -> bool:
-    """Whether a game began; an operator may engage another one after a hold."""
+    """True if a game began; an operator may engage another one after a hold."""
     return happening.after is State.ENGAGED and happening.before not in _PLAYED
 
 

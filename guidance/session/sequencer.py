@@ -18,7 +18,7 @@ PATIENCE_S: Mapping[State, float] = {
     State.LANDING: 300.0,
     State.OUT_OF_CONTACT: 60.0,
 }
-"""Time after which a state without its own limit ends the run."""
+"""Longest stay in states without a limit of their own; then the run ends."""
 
 _PLAYED: Final = frozenset({State.ENGAGED, State.PAUSED, State.ON_STATION})
 
@@ -43,7 +43,7 @@ MOCKED: Final = MissionPolicy(engage=True, end_with=Event.LAND)
 
 
 class MissionSequencer:
-    """Start when everything is ready, engage when both stand by, end when the game is over or has lasted too long.
+    """Start when everything is ready, engage when both stand by, end after the game or its time limit.
 
     While an operator's order stands the mission orders nothing and does not end.
 
@@ -78,7 +78,7 @@ class MissionSequencer:
 
     @property
     def finished(self) -> bool:
-        """Whether the flight is over, or stays too long in a state."""
+        """True if the flight is over, or stays too long in a state."""
         waited_s = self._now_s - self._since_s
         if self._state is State.YIELDED:
             return waited_s >= LINGER_S  # the record then shows the silence
@@ -116,7 +116,7 @@ class MissionSequencer:
         return (self._end_with,) if now_s - self._since_s >= self._lingers_s() else ()
 
     def _lingers_s(self) -> float:
-        """Time in the present state after which the mission ends the flight."""
+        """Longest stay in the present state; then the mission ends the flight."""
         if self._state is State.ON_STATION:
             return self._hold_s
         if self._state is State.STANDING_BY and self._lost_contact:
