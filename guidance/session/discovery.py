@@ -112,7 +112,7 @@ def wait_until_placed(
         within_s: Longest wait.
 
     Raises:
-        FlightError: If it is in the air, armed, or has no position in time. Nothing was ordered then.
+        FlightError: If it is in the air, armed, or has no position in time. No order was given then.
     """
     state, said = VehicleState(), ""
     begun_s = now_s = clock.now_s()
@@ -150,9 +150,9 @@ def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
     if not state.armed:
         return
     if state.last(LandedState) is not None and not state.on_ground:
-        raise FlightError("the vehicle is in the air already: land and disarm it first; nothing was ordered")
+        raise FlightError("the vehicle is in the air already: land and disarm it first; no order was given")
     if state.last(LandedState) is not None or waited_s > _LANDED_STATE_WITHIN_S:
-        raise FlightError("the vehicle was armed by someone else: disarm it first; nothing was ordered")
+        raise FlightError("the vehicle was armed by someone else: disarm it first; no order was given")
 
 
 def _mode(state: VehicleState, profile: AutopilotProfile) -> str:

@@ -47,7 +47,7 @@ def flight_metadata(scenario: "Scenario | None", config: Config | None, clock: C
 
 @contextlib.contextmanager
 def flight_folder(out: Path | None, stem: str, parent: Path = Path("flights")) -> Iterator[Path]:
-    """Yield the folder of a flight: `out`, or the next free one, `flights/stem-001`, say. A new one is removed if it stays empty.
+    """Yield the folder of a flight: `out`, or a new one such as `flights/stem-001`. An empty new one is removed.
 
     Raises:
         OutputError: If it cannot be created.

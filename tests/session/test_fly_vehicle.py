@@ -231,7 +231,7 @@ def test_a_vehicle_that_another_hand_has_armed_is_refused(autopilot):
     world.sleep_until(4.0)
     guided = world.profile.set_mode(world.profile.arming_mode)
     world.by_hand(guided, world.profile.arm(), until=lambda: world.vehicle.armed)
-    with pytest.raises(FlightError, match="armed by someone else: disarm it first; nothing was ordered"):
+    with pytest.raises(FlightError, match="armed by someone else: disarm it first; no order was given"):
         world.meet()
     assert world.ordered() == []
 
@@ -244,7 +244,7 @@ def test_a_vehicle_in_the_air_is_refused():
     world.by_hand(world.profile.arm(), until=lambda: world.vehicle.armed)
     world.by_hand(takeoff, until=lambda: world.vehicle.truth.position_ned_m[2] < -8.0)
     world.ordered()
-    with pytest.raises(FlightError, match="in the air already: land and disarm it first; nothing was ordered"):
+    with pytest.raises(FlightError, match="in the air already: land and disarm it first; no order was given"):
         world.meet()
     assert world.ordered() == []
 
