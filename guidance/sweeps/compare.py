@@ -108,12 +108,7 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
             table.filter(pc.equal(table[PAIR], number)) for table, number in zip(tables, (one, other), strict=True)
         )
         if paired:
-            both = first.join(second, [POINT, SEED], join_type="inner", right_suffix=" in B").sort_by(ROW)
-            first, second = (
-                both,
-                both.select([f"{name} in B" for name in first.column_names if name not in (POINT, SEED)]),
-            )
-            second = second.rename_columns([name.removesuffix(" in B") for name in second.column_names])
+            first, second = _shared(first, second), _shared(second, first)
             largest += _largest(first, second, column, rows)
         if first.num_rows or second.num_rows:
             groups.append(_group(names[0][one], names[1][other], first, second, paired=paired))
@@ -123,6 +118,12 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
         {"paired": paired, "intervals": f"95 %: {means}", "groups": groups, "largest": largest[:rows]}
     )
     return found
+
+
+def _shared(rows: pa.Table, others: pa.Table) -> pa.Table:
+    """Return the rows whose grid point and seed occur in both tables, in order."""
+    keys = [POINT, SEED]
+    return rows.join(others.select(keys), keys, join_type="left semi").sort_by([(key, "ascending") for key in keys])
 
 
 def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:

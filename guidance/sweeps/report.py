@@ -15,7 +15,6 @@ import pyarrow.compute as pc
 import tomli_w
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
 
 from guidance.errors import OutputError
 from guidance.files import private_folder
@@ -86,15 +85,18 @@ def _read(folder: Folder) -> pa.Table:
     swept = [column for axis in folder.plan.axes for column in axis.columns()]
     teams = bool(folder.plan.teams)
     table = folder.table([ROW, *swept, *_COLUMNS, *(("predicted",) if teams else (*_VALUES, _DISC))])
-    if not teams:  # each game fills one of the two columns, the other one is NaN
-        time_s, distance_m = (table[name] for name in _VALUES)
-        table = table.append_column("predicted", pc.if_else(pc.is_nan(time_s), distance_m, time_s))
-        to_target_m, at = table["evader_to_target_m"], table.column_names.index("evader_to_target_m")
-        off_m = pc.if_else(pc.is_nan(to_target_m), table[_DISC], to_target_m)
-        table = table.set_column(at, "evader_to_target_m", off_m)
+    if not teams:  # PE and TAD fill different columns; the others are NaN
+        distance_m = _known(table["evader_to_target_m"], table[_DISC])
+        table = table.drop_columns(["evader_to_target_m"]).append_column("evader_to_target_m", distance_m)
+        table = table.append_column("predicted", _known(*(table[name] for name in _VALUES)))
     end = pc.cast(table["end"], pa.string())
-    table = table.append_column("game", pc.cast(pc.not_equal(end, "invalid"), pa.int64()))
-    return table.append_column(CAPTURED, pc.cast(pc.equal(end, CAPTURED), pa.int64()))
+    for name, counted in (("game", pc.not_equal(end, "invalid")), (CAPTURED, pc.equal(end, CAPTURED))):
+        table = table.append_column(name, pc.cast(counted, pa.int64()))
+    return table
+
+
+def _known(first: pa.ChunkedArray, second: pa.ChunkedArray) -> pa.ChunkedArray:
+    return pc.if_else(pc.is_nan(first), second, first)
 
 
 def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
@@ -102,12 +104,8 @@ def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
     if axis.distribution is None:
         if len(axis.values) < 2:
             return
-        size, before = plan.points, 0
-        for other in plan.axes:
-            size //= len(other.values) or 1
-            if other is axis:
-                break
-        before = size
+        after = plan.axes[plan.axes.index(axis) + 1 :]
+        before = math.prod(len(other.values) or 1 for other in after)
         labels = tuple(f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values)
         numbers = all(isinstance(value, (int, float)) for value in axis.values)
         centres = axis.values if numbers else range(len(labels))
@@ -277,15 +275,11 @@ def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> Non
     there.print(sheet(("policies", "games", "captured", "other ends"), ends, left=(0, 3)))
     there.print()
     there.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
-    alike = [one for one in report["policies"] if grid and _alike(one, grid)]
     for one in report["policies"]:
-        if one not in alike:
-            for title, table in _maps(one, grid) if len(grid) == 2 else (_curve(one, key) for key in grid):
-                there.print(f"\n[italic]{title}[/italic]")
-                there.print(table)
-    if alike:
-        names = ", ".join(map(_names, alike))
-        there.print(f"\nequal for all values of {', '.join(key.column for key in grid)}: {names}")
+        for title, headings, rows in _by_key(one, grid):
+            there.print(f"\n[italic]{_names(one)}{title}[/italic]")
+            equal = len({row[1:] for row in rows}) == 1
+            there.print(sheet(("", *headings), [("all", *rows[0][1:])] if equal else rows, left=()))
     for one in report["invalid"]:
         there.print(f"\n{one['rows']} rows are invalid or failed, as row {one['row']}: {one['reason']}", soft_wrap=True)
 
@@ -294,35 +288,30 @@ def _names(policies: Mapping[str, Any]) -> str:
     return f"{policies['pursuer']} against {policies['evader']}"
 
 
-def _alike(policies: Mapping[str, Any], grid: Sequence[Key]) -> bool:
-    """Return True if captures and regret are equal for all values of all keys."""
-    groups = [group for key in grid for group in policies["by_key"][key.column]]
-    found = [(one["capture"]["estimate"], *one["regret_quantiles"].values()) for one in groups]
-    return all(len(one) == len(found[0]) and np.allclose(one, found[0], atol=1e-6) for one in found)
-
-
-def _curve(policies: Mapping[str, Any], key: Key) -> tuple[str, Table]:
-    rows = []
-    for one in policies["by_key"][key.column]:
-        quantiles = [_number(one["regret_quantiles"].get(name)) for name in list(_SHOWN.values())[:3]]
-        rows.append((one["at"][key.column], _share(one["capture"]), _with_interval(one["regret_mean"]), *quantiles))
-    title = f"{_names(policies)}, by {key_label(key.column)}"
-    return title, sheet(("", "captured", "mean regret", *list(_SHOWN)[:3]), rows, left=())
-
-
-def _maps(policies: Mapping[str, Any], grid: Sequence[Key]) -> Iterator[tuple[str, Table]]:
-    first, second = grid
-    for measure, name in (("capture", "captured"), ("regret_mean", "mean regret")):
-        cells = {
-            tuple(one["at"].values()): _percent(one[measure]["estimate"])
-            if measure == "capture"
-            else _number(one[measure]["estimate"])
-            for one in policies["by_point"]
-        }
-        rows = [(down, *(cells.get((down, across), "") for across in second.labels)) for down in first.labels]
+def _by_key(
+    policies: Mapping[str, Any], grid: Sequence[Key]
+) -> Iterator[tuple[str, Sequence[str], list[tuple[str, ...]]]]:
+    """Yield title, headings and rows of the maps over two keys, or of the curve over each key."""
+    if len(grid) == 2:
+        first, second = grid
         keys = f"{key_label(first.column)} (down) and {key_label(second.column)} (across)"
-        title = f"{_names(policies)}: {name} by {keys}"
-        yield title, sheet(("", *second.labels), rows, left=())
+        for measure, name, shown in (("capture", "captured", _percent), ("regret_mean", "mean regret", _number)):
+            cells = {tuple(one["at"].values()): shown(one[measure]["estimate"]) for one in policies["by_point"]}
+            rows = [(down, *(cells.get((down, across), "") for across in second.labels)) for down in first.labels]
+            yield f": {name} by {keys}", second.labels, rows
+        return
+    names = list(_SHOWN)[:3]
+    for key in grid:
+        rows = [
+            (
+                one["at"][key.column],
+                _share(one["capture"]),
+                _with_interval(one["regret_mean"]),
+                *(_number(one["regret_quantiles"].get(_SHOWN[name])) for name in names),
+            )
+            for one in policies["by_key"][key.column]
+        ]
+        yield f", by {key_label(key.column)}", ("captured", "mean regret", *names), rows
 
 
 def _share(interval: Mapping[str, float | None]) -> str:
