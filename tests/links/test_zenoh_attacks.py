@@ -6,7 +6,6 @@ import threading
 from contextlib import closing, contextmanager
 
 import pytest
-from guidance.session.control_client import ask
 
 from guidance.config import config_folder
 from guidance.errors import LinkError
@@ -15,7 +14,7 @@ from guidance.links.keys import Validity, make_keys
 from guidance.links.opening import EvaderIdentity, open_source, open_wire
 from guidance.links.wires.zenoh import open_router, open_session
 from guidance.links.wires.zenoh_access import Credentials, read_credentials
-from guidance.session.control_bus import ControlBus, OwnerToken
+from guidance.session.control_bus import ControlBus, OwnerToken, ask
 from guidance.session.orders import Mailbox
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
