@@ -13,7 +13,7 @@ from guidance.flight.detection import EventContext, battery_low, detail_of, even
 from guidance.flight.heard import Heard
 from guidance.flight.inputs_outputs import ORDERS, Authority, Happening, Inputs, Outputs
 from guidance.flight.playing import Playing
-from guidance.flight.readiness import Check, checks, evader_refusal
+from guidance.flight.readiness import TELEMETRY_LIMIT_S, Check, checks, evader_refusal
 from guidance.flight.requests import Asking, HoldHandover
 from guidance.flight.settings import EngageOn, FlightSettings
 from guidance.flight.table import (
@@ -28,7 +28,7 @@ from guidance.flight.table import (
     next_state,
 )
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.messages import Setpoint, SystemStatus
+from guidance.messages import LocalPosition, Setpoint, SystemStatus
 from guidance.vehicle import VehicleState
 
 INVITE_AFTER_S = 1.0
@@ -312,10 +312,14 @@ class Flight:
         )
 
     def _sends(self, now_s: float) -> bool:
-        """Whether to send a setpoint: to command, to hover until the guided mode is left, or to invite a pilot."""
+        """Whether to send a setpoint: to command, to hover until the guided mode is left, or to invite a pilot.
+
+        Never from an old position: an order given without contact does not end the flight at once.
+        """
         leaving = self.state in HANDING_OVER and self._heard.mode is Mode.GUIDED and self._claimed
         inviting = self._invites and now_s - self._since_s > INVITE_AFTER_S
-        return self._heard.local is not None and (self.state in SETPOINT_STATES or leaving or inviting)
+        fresh = self._heard.vehicle.age_s(LocalPosition, now_s) <= TELEMETRY_LIMIT_S
+        return fresh and (self.state in SETPOINT_STATES or leaving or inviting)
 
     @property
     def _invites(self) -> bool:

@@ -341,7 +341,7 @@ class SecondJudge:
         guided = pursuer.mode in GUIDED
         if guided:
             flown = pursuer.autopilot.report.setpoint.velocity_ned_m_s
-            sent_s = max((at_s for at_s, one in self._sent if math.dist(one, flown) < 1e-3), default=-math.inf)
+            sent_s = next((at_s for at_s, one in reversed(self._sent) if math.dist(one, flown) < 1e-3), -math.inf)
             self._age_s = now_s - sent_s if math.isfinite(sent_s) else now_s - self._last_s
             if not math.isfinite(sent_s) and PROGRAMS & set(self.case.kinds):
                 self._free = True
@@ -456,7 +456,7 @@ def main(arguments: Sequence[str]) -> int:
     numbers = [given.only] if given.only is not None else range(given.first, given.first + given.flights)
     starts, bad, began_s = flying.Starts(), 0, time.process_time()
     largest = dict.fromkeys(WALLS, 0.0)
-    for number in numbers:
+    for done, number in enumerate(numbers, start=1):
         end, breaches, wrongs = judged(given.seed, number, starts)
         largest = {name: max(value, breaches[name]) for name, value in largest.items()}
         if wrongs:

@@ -167,6 +167,19 @@ def test_out_of_contact_the_vehicle_can_be_sent_somewhere(order, state):
     assert commands([outputs]) != []
 
 
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_hold_ordered_while_positions_are_missing_sends_no_setpoint_from_an_old_one(autopilot):
+    """HEARTBEAT still shows the guided mode; the hover that covers the mode change ends with the position's age."""
+    flown = Flown(settings_of(autopilot)).engaged()
+    flown.without_position = True
+    before = flown.cycles(0.5)
+    after = [flown.cycle(Event.HOLD), *flown.cycles(1.4)]
+    assert flown.state is State.YIELDED
+    sent = [outputs.setpoint is not None for outputs in [*before, *after]]
+    assert sum(sent) == pytest.approx(50, abs=1)
+    assert not any(sent[51:])
+
+
 YIELDS = [
     ("no telemetry for 1.0 s", {"silent": True}),
     ("no LOCAL_POSITION_NED for 1.0 s", {"without_position": True}),
