@@ -466,6 +466,8 @@ def main(arguments: Sequence[str]) -> int:
                 print(f"    {one.name} at {one.at_s:.2f} s: {one.size:.2f} ({one.text})", flush=True)
         elif given.only is not None:
             print(f"{number}: {end}")
+        if done % 20 == 0:
+            print(f"{done} of {len(numbers)} flights, {done - bad} as wanted", flush=True)
     print(
         f"{len(numbers) - bad} of {len(numbers)} flights as wanted, {time.process_time() - began_s:.0f} s of processor"
     )
