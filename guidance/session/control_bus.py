@@ -307,6 +307,7 @@ def ask(
     *,
     endpoint: str,
     name: str | None,
+    timeout_s: float = TIMEOUT_S,
     token_file: Path | None = None,
     credentials: Credentials = NO_CREDENTIALS,
     by: str = "",
@@ -317,6 +318,7 @@ def ask(
         order: One of `WORDS`.
         endpoint: Where the daemon listens for orders.
         name: The daemon's; None takes the only one there is.
+        timeout_s: Time limit for the answer.
         token_file: Path of the token, if not the default.
         credentials: For a router that judges certificates, in place of a token.
         by: Name of the person or program, for log and record.
@@ -331,18 +333,18 @@ def ask(
     try:
         if name is None:
             # Never an order to all: first find out who is there.
-            there = answers(session, control_key("*", STATUS), TIMEOUT_S)
+            there = answers(session, control_key("*", STATUS), timeout_s)
             names = sorted(str(answer["name"]) for answer in there)
             if not names:
                 raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
             if len(names) > 1:
                 raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
             name = names[0]
-        answered = answers(session, control_key(name, order), TIMEOUT_S, by)
+        answered = answers(session, control_key(name, order), timeout_s, by)
     finally:
         session.close()  # type: ignore[no-untyped-call]
     if not answered:
-        raise LinkError(f"{name} at {endpoint}: no answer within {TIMEOUT_S:g} s; is its daemon running?")
+        raise LinkError(f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?")
     return answered[0]
 
 

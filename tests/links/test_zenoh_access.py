@@ -26,7 +26,6 @@ from guidance.links.wires.zenoh_access import (
     read_credentials,
 )
 from guidance.log.broadcast import Broadcast, LiveFlight
-from guidance.session import control_bus
 from guidance.session.control_bus import ControlBus, OwnerToken, ask, join_session
 from guidance.session.orders import Mailbox
 from sitl_mock.errors import ConfigError as MockConfigError
@@ -124,8 +123,7 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
         mock.close()
 
 
-def test_an_operator_orders_and_a_viewer_looks_on(keys, port, monkeypatch):
-    monkeypatch.setattr(control_bus, "TIMEOUT_S", 0.5)
+def test_an_operator_orders_and_a_viewer_looks_on(keys, port):
     endpoint, mailbox = f"tls/127.0.0.1:{port}", Mailbox()
     mailbox.meanwhile(lambda order: {"accepted": True, "order": order, "name": "uav1"})
     bus = ControlBus("uav1", mailbox, endpoint=endpoint, host=False, credentials=of(keys, "uav1-guidance"))
@@ -135,7 +133,7 @@ def test_an_operator_orders_and_a_viewer_looks_on(keys, port, monkeypatch):
         assert ask("hold", endpoint=endpoint, name=None, credentials=operator)["order"] == "hold"
         for other in ("viewer", "evader1", "uav1"):
             with pytest.raises(LinkError, match="no answer"):
-                ask("land", endpoint=endpoint, name="uav1", credentials=of(keys, other))
+                ask("land", endpoint=endpoint, name="uav1", timeout_s=0.3, credentials=of(keys, other))
         view = LiveFlight(join_session(endpoint, credentials=of(keys, "viewer")))
         try:
             assert view.metadata(lambda: False) == {"seed": "3"}
