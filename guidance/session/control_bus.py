@@ -72,11 +72,7 @@ def _listener(endpoint: str) -> str:
 
 
 class OwnerToken:
-    """A claim on the vehicle, until it is closed.
-
-    Args:
-        session: A bus shared by all possible owners.
-        vehicle: Key of the vehicle on it.
+    """A claim on a vehicle, by its key on a bus that all possible owners share, until it is closed.
 
     Raises:
         LinkError: If another daemon owns it already.
