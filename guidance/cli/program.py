@@ -80,7 +80,7 @@ def _version(asked: bool) -> None:
         return
     from importlib.metadata import version  # noqa: PLC0415 - for this only
 
-    from guidance.log.provenance import PACKAGE, commit  # noqa: PLC0415 - for this only
+    from guidance.log.writer import PACKAGE, commit  # noqa: PLC0415 - for this only
 
     known = commit()
     typer.echo(f"{PACKAGE} {version(PACKAGE)}" + (f", commit {known[:12]}" if known else ""))

@@ -118,13 +118,12 @@ def replay(
     - `guidance replay record.mcap --with policy=pure_pursuit`: another policy on the same inputs
     - `guidance replay record.mcap --with pursuer.speed_m_s=4.0 --out both.csv`
     """
-    from guidance.log import record_errors  # noqa: PLC0415 - numpy loads slowly
-    from guidance.log.replay import compare_into  # noqa: PLC0415
+    from guidance.log import compare, record_errors  # noqa: PLC0415 - numpy loads slowly
     from guidance.session.flight_files import changes_of, recorded_settings  # noqa: PLC0415
 
     changed = changes_of(changes or [])
     with record_errors(file):
-        comparison, survey = compare_into(file, partial(recorded_settings, changes=changed), out, what_if=bool(changed))
+        comparison, survey = compare(file, partial(recorded_settings, changes=changed), out, what_if=bool(changed))
     if survey.torn is not None:
         typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
     if survey.missing:

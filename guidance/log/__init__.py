@@ -13,8 +13,7 @@ Replay:
     SettingsOf: type of the function that makes settings from metadata.
 """
 
-from guidance.log.aggregation import Aggregator, Cycle
-from guidance.log.entries import CycleEntry, EventEntry
+from guidance.log.entries import Aggregator, Cycle, CycleEntry, EventEntry
 from guidance.log.reader import (
     Item,
     SettingsOf,

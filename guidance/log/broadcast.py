@@ -9,8 +9,8 @@ import contextlib
 import json
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import zenoh
 
@@ -30,7 +30,7 @@ _MAX_QUERIES: Final = 16
 
 MAX_ARRIVED: Final = 4096
 TIMEOUT_S: Final = 4.0
-TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
+_TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
 """Last part of a broadcast key -> topic in a record."""
 
 
@@ -140,6 +140,34 @@ def is_watched(publisher: "zenoh.Publisher") -> bool:
     return bool(status.matching)
 
 
+class FoundFlight(NamedTuple):
+    """A daemon's flight: its name, its metadata, and its last cycle with the latest message of each kind."""
+
+    name: str
+    metadata: Mapping[str, str]
+    last_cycle: Item | None
+
+
+def find_flights(session: "zenoh.Session", name: str, timeout_s: float) -> Sequence[FoundFlight]:
+    """Ask a daemon, or all of a bus ("*"), for the flight. One that waits for its vehicle does not answer yet."""
+    replies = session.get(broadcast_key(name, FLIGHT), timeout=timeout_s, target=zenoh.QueryTarget.ALL)
+    answers = [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+    return [
+        FoundFlight(
+            str(answer["name"]),
+            dict(answer["metadata"]),
+            Item(0.0, CYCLE_TOPIC, "json", json.dumps(answer["heard"]).encode()) if "heard" in answer else None,
+        )
+        for answer in answers
+    ]
+
+
+def item_of(sample: "zenoh.Sample") -> Item | None:
+    """Return a cycle or event as published, without its time; None for anything else. The content is not checked."""
+    topic = _TOPICS.get(str(sample.key_expr).rpartition("/")[2])
+    return None if topic is None else Item(0.0, topic, "json", sample.payload.to_bytes())
+
+
 class LiveFlight:
     """The running flight of a daemon, seen by a viewer.
 
@@ -156,11 +184,11 @@ class LiveFlight:
     trusted = False
 
     def __init__(self, session: "zenoh.Session", name: str | None = None) -> None:
-        self._arrived: deque[tuple[str, bytes]] = deque(maxlen=MAX_ARRIVED)
+        self._arrived: deque[Item] = deque(maxlen=MAX_ARRIVED)
         self._session = session
         try:
             self._flight = self._find(name)
-            self.name = str(self._flight["name"])
+            self.name = self._flight.name
             self._session.declare_subscriber(broadcast_key(self.name, "*"), self._hear)
         except BaseException:
             self.close()
@@ -168,19 +196,15 @@ class LiveFlight:
 
     def metadata(self, _idle: Idle) -> Mapping[str, str]:
         """Return the metadata of the flight, as in its record."""
-        return dict(self._flight["metadata"])
+        return self._flight.metadata
 
     def items(self, idle: Idle) -> Iterator[Item]:
         """Yield what arrives until `idle` returns True, beginning with the vehicle's latest messages."""
-        if "heard" in self._flight:
-            yield _item(CYCLE_TOPIC, self._flight["heard"])
+        if self._flight.last_cycle is not None:
+            yield self._flight.last_cycle
         while True:
             while self._arrived:
-                topic, data = self._arrived.popleft()
-                try:
-                    yield _item(topic, json.loads(data))
-                except (ValueError, KeyError, TypeError):  # others on the bus may publish anything
-                    continue
+                yield self._arrived.popleft()
             if idle():
                 return
 
@@ -188,8 +212,8 @@ class LiveFlight:
         """Leave the bus; may be called twice."""
         self._session.close()  # type: ignore[no-untyped-call]
 
-    def _find(self, name: str | None) -> dict[str, Any]:
-        found = {str(one["name"]): one for one in self._ask(name or "*")}
+    def _find(self, name: str | None) -> FoundFlight:
+        found = {one.name: one for one in find_flights(self._session, name or "*", TIMEOUT_S)}
         if len(found) > 1:
             raise ConfigError(f"--name: which vehicle? daemons on this bus: {', '.join(sorted(found))}")
         if not found:
@@ -197,16 +221,8 @@ class LiveFlight:
             raise LinkError(f"{who}: no answer within {TIMEOUT_S:g} s; is it running?")
         return found.popitem()[1]
 
-    def _ask(self, name: str) -> list[dict[str, Any]]:
-        replies = self._session.get(broadcast_key(name, FLIGHT), timeout=TIMEOUT_S, target=zenoh.QueryTarget.ALL)
-        return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
-
     def _hear(self, sample: "zenoh.Sample") -> None:
         """Queue a sample; Zenoh's thread must not wait."""
-        topic = TOPICS.get(str(sample.key_expr).rpartition("/")[2])
-        if topic is not None:
-            self._arrived.append((topic, sample.payload.to_bytes()))
-
-
-def _item(topic: str, row: Mapping[str, Any]) -> Item:
-    return Item(float(row["now_s"]), topic, "json", json.dumps(row).encode())
+        item = item_of(sample)
+        if item is not None:
+            self._arrived.append(item)

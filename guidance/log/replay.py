@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from guidance.certificate import Certificate
-from guidance.errors import ConfigError, OutputError
+from guidance.errors import ConfigError
+from guidance.files import writing
 from guidance.flight import Flight, Inputs, Outputs
 from guidance.frames import Vector
 from guidance.log.entries import (
@@ -29,7 +29,7 @@ from guidance.log.entries import (
     cycle_entry,
 )
 from guidance.log.reader import CONFIG, SettingsOf, Survey, entry_of, metadata_of, scan
-from guidance.messages import PositionTarget, Setpoint
+from guidance.messages import PositionTarget
 
 COMPARED: Final = ("setpoint", "state", "requests", "by")
 """Compared parts of each cycle; `by` is absent in older records and then not compared."""
@@ -143,22 +143,15 @@ def replay(
         yield ReplayedCycle(row, outputs, tuple(_differing(row, outputs)))
 
 
-def compare(path: Path, settings_of: SettingsOf, *, what_if: bool = False) -> tuple[Comparison, Survey]:
+def compare(
+    path: Path, settings_of: SettingsOf, out: Path | None = None, *, what_if: bool = False
+) -> tuple[Comparison, Survey]:
     """Replay a whole record and count the differences.
-
-    Raises:
-        ConfigError: As `replay`.
-    """
-    return compare_into(path, settings_of, None, what_if=what_if)
-
-
-def compare_into(path: Path, settings_of: SettingsOf, out: Path | None, *, what_if: bool) -> tuple[Comparison, Survey]:
-    """Replay a record, and write the recorded and replayed velocities to a CSV file if one is given.
 
     Args:
         path: The record.
         settings_of: Makes a flight's settings from a record's metadata.
-        out: The CSV file, or None.
+        out: A CSV file for the recorded and replayed velocities, or None.
         what_if: See `replay`.
 
     Raises:
@@ -167,26 +160,21 @@ def compare_into(path: Path, settings_of: SettingsOf, out: Path | None, *, what_
     """
     comparison, survey = Comparison(), Survey()
     steps = replay(path, settings_of, survey, what_if=what_if)
-    if out is None:
-        for step in steps:
-            comparison.add(step)
-        return comparison, survey
-    try:
+    for step in steps if out is None else _written(steps, out):
+        comparison.add(step)
+    return comparison, survey
+
+
+def _written(steps: Iterator[ReplayedCycle], out: Path) -> Iterator[ReplayedCycle]:
+    """Pass the cycles on, and write their velocities to a CSV file."""
+    with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with out.open("w", newline="", encoding="utf-8") as stream:
             table = csv.writer(stream)
             table.writerow(["now_s", "state", *_COLUMNS])
             for step in steps:
-                comparison.add(step)
-                row, outputs = step.row, step.outputs
-                velocities = (
-                    *_velocities(row.certificate, row.setpoint),
-                    *_velocities(outputs.certificate, outputs.setpoint),
-                )
-                table.writerow([row.now_s, row.state, *velocities])
-    except OSError as error:
-        raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another file") from error
-    return comparison, survey
+                table.writerow([step.row.now_s, step.row.state, *_velocities(step.row), *_velocities(step.outputs)])
+                yield step
 
 
 def angle_between_rad(a: Vector, b: Vector) -> float:
@@ -215,6 +203,6 @@ def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     return [name for name in COMPARED if json.dumps(before.get(name)) != json.dumps(now.get(name))]
 
 
-def _velocities(certificate: Certificate | None, setpoint: Setpoint | None) -> tuple[object, ...]:
-    wanted = _NO_VELOCITY if certificate is None else certificate.desired_ned_m_s
-    return (*wanted, *(_NO_VELOCITY if setpoint is None else setpoint.velocity_ned_m_s))
+def _velocities(made: CycleEntry | Outputs) -> tuple[object, ...]:
+    wanted = _NO_VELOCITY if made.certificate is None else made.certificate.desired_ned_m_s
+    return (*wanted, *(_NO_VELOCITY if made.setpoint is None else made.setpoint.velocity_ned_m_s))

@@ -12,7 +12,7 @@ from guidance.certificate import Certificate
 from guidance.frames import Vector
 from guidance.log.codec import DIALECT, Schema
 from guidance.log.entries import CycleEntry
-from guidance.messages import EvaderReport, GlobalPosition
+from guidance.messages import GlobalPosition
 
 EVERY_S: Final = 0.1
 SCENE_EVERY_S: Final = 0.2
@@ -22,14 +22,16 @@ GAME_FRAME: Final = "game"
 _CORNERS: Final = 36
 _UNKNOWN: Final = 0
 _DIAGONAL_KNOWN: Final = 2
+_CLOSED_LINE: Final = 1
+_ZERO: Final[Vector] = (0.0, 0.0, 0.0)
 _UNUSED: Final = ("metadata", "arrows", "cubes", "cylinders", "triangles", "texts", "models")
 """Lists of a scene entity that viewers expect and that stay empty here."""
 
 Json = dict[str, Any]
 
 
-def _color(r: float, g: float, b: float) -> dict[str, float]:
-    return {"r": r, "g": g, "b": b, "a": 1.0}
+def _color(red: float, green: float, blue: float) -> Json:
+    return {"r": red, "g": green, "b": blue, "a": 1.0}
 
 
 _PURSUER, _EVADER = _color(0.70, 0.15, 0.12), _color(0.04, 0.37, 0.65)
@@ -38,23 +40,23 @@ _MEETING, _DISC = _color(0.90, 0.80, 0.20), _color(0.18, 0.49, 0.20)
 
 def time_of(now_s: float) -> dict[str, int]:
     """Split seconds; viewers have no negative times, which become zero."""
-    nanoseconds = max(0, round(now_s * 1e9))
-    return {"sec": nanoseconds // 1_000_000_000, "nsec": nanoseconds % 1_000_000_000}
+    seconds, nanoseconds = divmod(max(0, round(now_s * 1e9)), 1_000_000_000)
+    return {"sec": seconds, "nsec": nanoseconds}
 
 
-def _vector(place: Vector) -> dict[str, float]:
-    return {"x": place[0], "y": place[1], "z": place[2]}
+def _vector(place: Vector) -> Json:
+    return dict(zip("xyz", place, strict=True))
 
 
 def _pose(place: Vector) -> Json:
-    return {"position": _vector(place), "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+    return {"position": _vector(place), "orientation": {**_vector(_ZERO), "w": 1.0}}
 
 
-def _ball(place: Vector, diameter_m: float, color: dict[str, float]) -> Json:
+def _ball(place: Vector, diameter_m: float, color: Json) -> Json:
     return {"pose": _pose(place), "size": _vector((diameter_m, diameter_m, diameter_m)), "color": color}
 
 
-def _fix(now_s: float, name: str, place: tuple[float, float, float], sd_m: float) -> Json:
+def _fix(now_s: float, name: str, place: Vector, sd_m: float) -> Json:
     """A place on the map: latitude and longitude in degrees, altitude above mean sea level, left out if unknown."""
     variance, kind = (0.0, _UNKNOWN) if math.isnan(sd_m) else (sd_m * sd_m, _DIAGONAL_KNOWN)
     return {
@@ -73,12 +75,7 @@ def _pose_in_frame(now_s: float, place: Vector) -> Json:
 
 
 def _scene(now_s: float, balls: Sequence[Json], rim: Sequence[Vector]) -> Json:
-    line: Json = {
-        "type": 1,
-        "pose": _pose((0.0, 0.0, 0.0)),
-        "thickness": 2.0,
-        "scale_invariant": True,
-    }  # closed, 2 pixels
+    line: Json = {"type": _CLOSED_LINE, "pose": _pose(_ZERO), "thickness": 2.0, "scale_invariant": True}  # 2 pixels
     line |= {"points": [_vector(corner) for corner in rim], "color": _DISC, "colors": [], "indices": []}
     entity: Json = {"timestamp": time_of(now_s), "frame_id": GAME_FRAME, "id": "game", "lifetime": time_of(0.0)}
     entity |= {"frame_locked": False, "spheres": balls, "lines": [line], **dict.fromkeys(_UNUSED, ())}
@@ -107,11 +104,9 @@ def _schema_like(example: Any) -> Schema:  # noqa: ANN401 - any JSON
     return {"type": {bool: "boolean", int: "integer", float: "number", str: "string"}[type(example)]}
 
 
-_ZERO: Final = (0.0, 0.0, 0.0)
 FIX: Final = _shape("foxglove.LocationFix", _fix(0.0, "", _ZERO, math.nan))
 POSE: Final = _shape("foxglove.PoseInFrame", _pose_in_frame(0.0, _ZERO))
 SCENE: Final = _shape("foxglove.SceneUpdate", _scene(0.0, [_ball(_ZERO, 1.0, _PURSUER)], [_ZERO]))
-SHAPES: Final = (FIX, POSE, SCENE)
 
 
 class Drawn(NamedTuple):
@@ -130,31 +125,25 @@ class Scene:
 
     def of(self, entry: CycleEntry) -> Iterator[Drawn]:
         """Draw one cycle."""
-        for message in entry.inputs.messages:
-            if isinstance(message, GlobalPosition):
-                yield from self._on_map("pursuer", message, math.nan)
-        for report in entry.inputs.reports:
-            yield from self._on_map("evader", report, report.position_sd_m)
+        fixes = [("pursuer", one, math.nan) for one in entry.inputs.messages if isinstance(one, GlobalPosition)]
+        for name, seen, sd_m in (*fixes, *(("evader", one, one.position_sd_m) for one in entry.inputs.reports)):
+            if self._is_due(f"guidance/map/{name}", seen.received_s, EVERY_S):
+                place = (seen.latitude_deg, seen.longitude_deg, seen.altitude_amsl_m)
+                yield Drawn(f"guidance/map/{name}", FIX, _fix(seen.received_s, name, place, sd_m))
         now_s, certificate = entry.now_s, entry.certificate
         if certificate is None:
             return
         pursuer, evader = certificate.pursuer_game_m, certificate.evader_game_m
-        if self._is_due("guidance/pose", now_s):
+        if self._is_due("guidance/pose", now_s, EVERY_S):
             yield Drawn("guidance/pose/pursuer", POSE, _pose_in_frame(now_s, pursuer))
             yield Drawn("guidance/pose/evader", POSE, _pose_in_frame(now_s, evader))
-        if self._is_due("guidance/scene", now_s, every_s=SCENE_EVERY_S):
+        if self._is_due("guidance/scene", now_s, SCENE_EVERY_S):
             balls = [_ball(pursuer, 1.0, _PURSUER), _ball(evader, 1.0, _EVADER)]
             if not certificate.no_game:
                 balls.append(_ball(certificate.meeting_point_game_m, 0.6, _MEETING))
             yield Drawn("guidance/scene", SCENE, _scene(now_s, balls, disc(certificate)))
 
-    def _on_map(self, name: str, report: GlobalPosition | EvaderReport, sd_m: float) -> Iterator[Drawn]:
-        topic = f"guidance/map/{name}"
-        if self._is_due(topic, report.received_s):
-            place = (report.latitude_deg, report.longitude_deg, report.altitude_amsl_m)
-            yield Drawn(topic, FIX, _fix(report.received_s, name, place, sd_m))
-
-    def _is_due(self, topic: str, now_s: float, every_s: float = EVERY_S) -> bool:
+    def _is_due(self, topic: str, now_s: float, every_s: float) -> bool:
         # A tenth of a period early is accepted, since cycles do not fall on this grid.
         due = now_s - self._drawn_s.get(topic, -math.inf) >= 0.9 * every_s
         if due:

@@ -6,11 +6,18 @@ written never disturbs the flight: recording stops and `failed` says why.
 """
 
 import calendar
+import json
 import math
+import os
+import platform
+import re
+import subprocess
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
+from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -37,6 +44,11 @@ MAX_WAITING: Final = 4096
 """Entries that may wait for the recorder's thread; further ones are dropped and counted."""
 
 _LOOK_EVERY_S: Final = 0.03
+
+PACKAGE: Final = "pursuit-guidance"
+_RECORDED: Final = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
+_HASH: Final = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
+_GIT_LIMIT_S: Final = 5.0
 
 
 class Record(Protocol):
@@ -156,9 +168,12 @@ class BackgroundRecorder:
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
-        self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
+        self._waiting: deque[Callable[[], None]] = deque()
         self._stop = threading.Event()
         self.dropped = 0
+        self.frame = partial(self._add, recorder.frame)
+        self.cycle = partial(self._add, recorder.cycle)
+        self.event = partial(self._add, recorder.event)
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -166,18 +181,6 @@ class BackgroundRecorder:
     def failed(self) -> str | None:
         """Why recording has stopped; None while it works."""
         return self._recorder.failed
-
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Keep one raw MAVLink frame."""
-        self._add(self._recorder.frame, now_s, topic, frame)
-
-    def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle."""
-        self._add(self._recorder.cycle, entry)
-
-    def event(self, now_s: float, event: str, detail: str = "") -> None:
-        """Keep one event."""
-        self._add(self._recorder.event, now_s, event, detail)
 
     def close(self) -> None:
         """Write what waits and finish the file; may be called twice."""
@@ -189,7 +192,7 @@ class BackgroundRecorder:
         if len(self._waiting) >= MAX_WAITING:
             self.dropped += 1
         else:
-            self._waiting.append((write, what))
+            self._waiting.append(partial(write, *what))
 
     def _run(self) -> None:
         while not self._stop.wait(_LOOK_EVERY_S):
@@ -198,9 +201,8 @@ class BackgroundRecorder:
 
     def _write(self) -> None:
         while self._waiting:
-            write, what = self._waiting.popleft()
             try:
-                write(*what)
+                self._waiting.popleft()()
             except (OSError, ValueError, TypeError) as error:  # a row that cannot be encoded ends only the record
                 self._recorder.failed = self._recorder.failed or str(error)
 
@@ -217,3 +219,43 @@ class NullRecorder:
         """Do nothing."""
 
     cycle = event = close = frame
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, of the packages that determine the recorded data, and the commit if known."""
+    made_at = commit()
+    packages = {name: version(name) for name in _RECORDED}
+    return {"python": platform.python_version(), **packages, **({} if made_at is None else {"commit": made_at})}
+
+
+def commit() -> str | None:
+    """Return the commit of the installed project, or None if unknown.
+
+    In a checkout it is HEAD; uncommitted changes are not considered. Otherwise it is the commit that pip recorded when
+    installing from a repository (PEP 610, `direct_url.json`).
+    """
+    return commit_of_checkout(Path(__file__).parents[2]) or commit_of_install()
+
+
+def commit_of_checkout(root: Path) -> str | None:
+    """Return the commit of HEAD of the repository at `root`, or None if there is none, or no git."""
+    if not (root / "pyproject.toml").is_file() or not (root / ".git").exists():
+        return None  # installed inside another repository
+    # git refuses a repository of another user, such as a service's, unless it is named safe. HEAD runs nothing of it.
+    words = ["git", "-c", "safe.directory=*", f"--git-dir={root / '.git'}", "rev-parse", "--verify", "HEAD"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, timeout=_GIT_LIMIT_S, check=True, env=environment)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+def commit_of_install() -> str | None:
+    """Return the commit of the repository that pip installed, or None."""
+    try:
+        noted = distribution(PACKAGE).read_text("direct_url.json")
+        found = str(json.loads(noted or "{}")["vcs_info"]["commit_id"])
+    except (PackageNotFoundError, OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if _HASH.fullmatch(found) else None

@@ -18,9 +18,8 @@ from guidance.files import private_folder, writing
 from guidance.flight import Authority, FlightSettings, Inputs, Outputs
 from guidance.links.wires.shared import CapturedFrame
 from guidance.log.entries import BEGUN, STOPPED, cycle_entry
-from guidance.log.provenance import versions
 from guidance.log.reader import CONFIG, SCENARIO
-from guidance.log.writer import BackgroundRecorder, NullRecorder, Record, Recorder, started_utc
+from guidance.log.writer import BackgroundRecorder, NullRecorder, Record, Recorder, started_utc, versions
 from guidance.preflight import Finding, Verdict
 from guidance.session.log import Logger
 from guidance.session.plan import plan_of

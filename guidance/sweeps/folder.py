@@ -22,7 +22,7 @@ from pyarrow import parquet
 
 from guidance.errors import ConfigError, OutputError
 from guidance.files import private_file, private_folder
-from guidance.log.provenance import PACKAGE, commit
+from guidance.log.writer import PACKAGE, commit
 from guidance.sweeps.plan import ROW, Plan, plan_of
 
 MANIFEST: Final = "sweep.json"

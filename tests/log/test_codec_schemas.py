@@ -16,11 +16,11 @@ from guidance.log import cycles_of, reports_of, scan
 from guidance.log.codec import Codec, form_of
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, REPORT
 from guidance.log.reader import Item
-from guidance.log.scene import EVERY_S, SHAPES, disc, time_of
+from guidance.log.scene import EVERY_S, FIX, POSE, SCENE, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
 
-SCHEMAS = {codec.title: codec.schema for codec in (CYCLE, EVENT, REPORT, *SHAPES)}
+SCHEMAS = {codec.title: codec.schema for codec in (CYCLE, EVENT, REPORT, FIX, POSE, SCENE)}
 SETPOINT = Codec("setpoint", Setpoint)
 RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
 

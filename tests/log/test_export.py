@@ -28,8 +28,7 @@ from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import Aggregator, cycles_of, metadata_of, reports_of, scan, survey_of
 from guidance.log.entries import EVADER_TOPIC
-from guidance.log.export import EXPORTS, export, started_unix_s, write_tlog
-from guidance.log.maps import Feature, features_of, write_geojson
+from guidance.log.export import EXPORTS, Feature, export, features_of, started_unix_s, write_geojson, write_tlog
 from guidance.log.table import SCHEMA
 from guidance.log.writer import Recorder
 from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition
@@ -187,14 +186,8 @@ def test_the_kml_is_well_formed_and_has_the_same_places(exported):
         assert said == {"Point": [coordinates], "Polygon": coordinates[0]}.get(kind, coordinates)
 
 
-def test_without_settings_the_map_has_no_fence(flight):
-    names = {feature.name for feature in features_of(flight[1], None)}
-    assert "fence" not in names
-    assert "pursuer" in names
-
-
 def test_an_unknown_altitude_is_left_out_of_a_place(tmp_path):
-    feature = Feature("evader", "place", ((8.0, 47.0, math.nan),), {})
+    feature = Feature("evader", "Point", [(8.0, 47.0, math.nan)])
     write_geojson([feature], "t", tmp_path / "t.geojson")
     assert json.loads((tmp_path / "t.geojson").read_text())["features"][0]["geometry"]["coordinates"] == [8.0, 47.0]
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from guidance.log import provenance as commits
-from guidance.log.provenance import commit, commit_of_checkout, commit_of_install, versions
+from guidance.log import writer as commits
+from guidance.log.writer import commit, commit_of_checkout, commit_of_install, versions
 
 HASH = "0123456789abcdef0123456789abcdef01234567"
 GIT = ["git", "-c", "user.name=t", "-c", "user.email=t@example.org", "-c", "init.defaultBranch=main"]

@@ -16,8 +16,7 @@ from guidance.flight import State
 from guidance.log import writer as record
 from guidance.log.codec import plain
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, CycleEntry, InputsEntry
-from guidance.log.provenance import versions
-from guidance.log.writer import Recorder, started_utc
+from guidance.log.writer import Recorder, started_utc, versions
 
 
 class Pair(NamedTuple):

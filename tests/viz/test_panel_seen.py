@@ -14,12 +14,13 @@ from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.game import Ball, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
+from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, FLIGHT_OVER, RELOADED
 from guidance.log.reader import Item
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel import levels
-from guidance.viz.panel.bus import BroadcastItem, FoundDaemon, StatusAnswer
+from guidance.viz.panel.bus import BroadcastItem, StatusAnswer
 from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub
 from guidance.viz.panel.levels import Level
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
@@ -81,7 +82,7 @@ def told(record):
     def read(*, whole=False):
         return json.loads(hub.message(whole=whole))
 
-    tell(FoundDaemon("uav1", metadata_of(record), None))
+    tell(FoundFlight("uav1", metadata_of(record), None))
     return SimpleNamespace(hub=hub, bus=bus, clock=clock, tell=tell, read=read)
 
 
@@ -192,7 +193,7 @@ def test_a_new_page_gets_everything_and_then_only_changes(told, record):
     (again,) = told.read()["daemons"]
     assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact", "over"}
     # A daemon that starts or restarts while pages are open is sent in full.
-    told.tell(FoundDaemon("uav1", metadata_of(record), items[-1]), FoundDaemon("uav2", metadata_of(record), items[-1]))
+    told.tell(FoundFlight("uav1", metadata_of(record), items[-1]), FoundFlight("uav2", metadata_of(record), items[-1]))
     for one in told.read()["daemons"]:
         assert one["history"] == {"columns": list(HISTORY), "rows": []}
 
@@ -221,7 +222,7 @@ def test_the_end_of_a_flight_is_shown_until_the_next_flight(told, record):
         data = {"now_s": 2.0, "event": event, "detail": detail}
         told.tell(BroadcastItem("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(data).encode())))
         assert told.read()["daemons"][0]["over"] == over
-    told.tell(FoundDaemon("uav1", metadata_of(record), None))
+    told.tell(FoundFlight("uav1", metadata_of(record), None))
     assert told.read()["daemons"][0]["over"] is None
 
 
@@ -252,7 +253,7 @@ def test_unreadable_messages_are_ignored_and_daemons_are_bounded(told):
     for data in (b"", b"{", b"[]", b'{"now_s": 1}', b'{"now_s": "x", "event": 3}'):
         for topic in (CYCLE_TOPIC, EVENT_TOPIC):
             told.tell(BroadcastItem("uav1", 100.0, Item(0.0, topic, "json", data)))
-    told.tell(FoundDaemon("odd", {"config": "no JSON"}, None), StatusAnswer("odd", 100.0, {"state": "waiting"}))
+    told.tell(FoundFlight("odd", {"config": "no JSON"}, None), StatusAnswer("odd", 100.0, {"state": "waiting"}))
     told.tell(*(StatusAnswer(f"uav{number}", 100.0, {}) for number in range(2 * MAX_DAEMONS)))
     daemons = told.read(whole=True)["daemons"]
     assert len(daemons) == MAX_DAEMONS

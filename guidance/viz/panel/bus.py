@@ -5,7 +5,6 @@ bounded queue for the thread of the web server.
 """
 
 import contextlib
-import json
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -18,8 +17,7 @@ from guidance.clock import Clock
 from guidance.errors import GuidanceError, LinkError
 from guidance.links.wires.zenoh import is_over
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
-from guidance.log.broadcast import FLIGHT, TOPICS, broadcast_key
-from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.reader import Item
 from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session
 from guidance.session.control_socket import ALIVE, STATUS
@@ -42,14 +40,6 @@ MAX_UNANSWERED: Final = 3
 """Consecutive status queries without an answer; then the client reconnects."""
 
 
-class FoundDaemon(NamedTuple):
-    """A daemon that appeared: its name, the metadata of its flight, and its last cycle."""
-
-    name: str
-    metadata: Mapping[str, str]
-    last_cycle: Item | None
-
-
 class StatusAnswer(NamedTuple):
     """A daemon's answer to a status query, and the time of its arrival (panel's clock)."""
 
@@ -66,7 +56,7 @@ class BroadcastItem(NamedTuple):
     item: Item
 
 
-News = FoundDaemon | StatusAnswer | BroadcastItem
+News = FoundFlight | StatusAnswer | BroadcastItem
 
 
 class DaemonBus:
@@ -175,21 +165,15 @@ class DaemonBus:
                 answers(session, control_key(name, ALIVE), ANSWER_LIMIT_S)
 
     def _find(self, session: "zenoh.Session", name: str) -> None:
-        """Query the metadata of a flight. A daemon that waits for its vehicle does not answer yet."""
-        replies = session.get(broadcast_key(name, FLIGHT), timeout=ANSWER_LIMIT_S)
-        for reply in replies:
-            if reply.ok is not None:
-                answer = json.loads(reply.ok.payload.to_bytes())
-                cycle = answer.get("heard")
-                item = None if cycle is None else Item(0.0, CYCLE_TOPIC, "json", json.dumps(cycle).encode())
-                self._news.append(FoundDaemon(name, dict(answer["metadata"]), item))
-                self._known.add(name)
+        """Query the flight of a daemon."""
+        for found in find_flights(session, name, ANSWER_LIMIT_S):
+            self._news.append(found)
+            self._known.add(name)
 
     def _queue(self, sample: "zenoh.Sample") -> None:
         """Queue a cycle or event. Runs in Zenoh's thread, so it must not block; the reader checks the content."""
-        _, name, _, topic = str(sample.key_expr).split("/", 3)
-        if topic in TOPICS:
-            item = Item(0.0, TOPICS[topic], "json", sample.payload.to_bytes())
+        item, name = item_of(sample), str(sample.key_expr).split("/")[1]
+        if item is not None:
             self._news.append(BroadcastItem(name, self._clock.now_s(), item))
 
     def _disconnect(self) -> None:

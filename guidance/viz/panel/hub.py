@@ -13,8 +13,9 @@ from typing import Any, Final
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
 from guidance.log import CycleEntry, EventEntry, Item, SettingsOf
+from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import BEGUN, FLIGHT_OVER
-from guidance.viz.panel.bus import DaemonBus, FoundDaemon, StatusAnswer
+from guidance.viz.panel.bus import DaemonBus, StatusAnswer
 from guidance.viz.panel.levels import of_age, of_operator
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
 
@@ -49,7 +50,7 @@ class DaemonView:
         self._heard_s = now_s
         self._over: Plain | None = None
 
-    def reset(self, found: FoundDaemon) -> None:
+    def reset(self, found: FoundFlight) -> None:
         """Start again with the metadata of a flight."""
         self._fold, self._scene_sent, self._reset_new = None, 0, True
         self._over = None
@@ -149,7 +150,7 @@ class Hub:
                 view = self._view(news.name, bus)
                 if view is None:
                     continue
-                if isinstance(news, FoundDaemon):
+                if isinstance(news, FoundFlight):
                     view.reset(news)
                 elif isinstance(news, StatusAnswer):
                     view.set_status(news)
