@@ -67,12 +67,21 @@ class LandedState(NamedTuple):
 
 
 class SystemStatus(NamedTuple):
-    """SYS_STATUS: bits of MAV_SYS_STATUS_SENSOR and the battery, NaN where unknown."""
+    """SYS_STATUS: bits of MAV_SYS_STATUS_SENSOR and the battery (0 to 1, volts), NaN where unknown."""
 
     received_s: float
     sensors_present: int
     sensors_health: int
     battery_remaining: float
+    voltage_v: float = math.nan
+
+
+class GpsFix(NamedTuple):
+    """GPS_RAW_INT: GPS_FIX_TYPE (3 is a position in three dimensions) and satellites used. For display only."""
+
+    received_s: float
+    fix_type: int
+    satellites: int | None
 
 
 class Home(NamedTuple):
@@ -175,6 +184,7 @@ Message = (
     | Odometry
     | LandedState
     | SystemStatus
+    | GpsFix
     | Home
     | Origin
     | CommandAck

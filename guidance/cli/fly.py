@@ -12,7 +12,7 @@ from guidance.cli import INTERRUPTED
 from guidance.cli.arguments import agree, refuse_others
 
 if TYPE_CHECKING:
-    from guidance.viz.panel import PanelBeside
+    from guidance.viz.subprocesses import PanelBeside
     from guidance.viz.view import ViewerBeside
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
+from guidance.extras import require
 
 if TYPE_CHECKING:
     from guidance.log.broadcast import LiveFlight
@@ -94,8 +95,11 @@ def panel(
         Path | None, typer.Option(help="A file with the password in its first line, readable only by you.")
     ] = None,
     tiles: Annotated[
-        str, typer.Option(help="Map tiles under the plan view, as https://HOST/{z}/{x}/{y}.png; loaded from that host.")
-    ] = "",
+        str,
+        typer.Option(
+            help="Map under the plan view: a folder with Z/X/Y.png, or https://HOST/{z}/{x}/{y}.png on another host."
+        ),
+    ] = "tiles",
     with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
 ) -> None:
     """Serve the operator's page: map, state, checks, reasons and orders.
@@ -109,7 +113,9 @@ def panel(
     - `guidance panel --host 192.168.1.7 --certificate cert.pem --key key.pem --password-file password`: for a tablet
     """
     from guidance.session.flight_files import recorded_settings  # noqa: PLC0415 - slow import
-    from guidance.viz.panel import PanelOptions, serve_panel  # noqa: PLC0415 - slow import
+
+    require("guidance panel", "panel")
+    from guidance.viz.panel.server import PanelOptions, serve_panel  # noqa: PLC0415 - slow import
 
     endpoints = endpoint or ["tcp/127.0.0.1:7448"]
     options = PanelOptions(

@@ -19,6 +19,7 @@ from guidance.messages import (
     FenceRefused,
     FenceRequest,
     GlobalPosition,
+    GpsFix,
     Heartbeat,
     Home,
     LandedState,
@@ -53,6 +54,7 @@ IGNORE_ACCELERATION: Final = 64 | 128 | 256
 IGNORE_YAW: Final = 1024
 IGNORE_YAW_RATE: Final = 2048
 
+_UNKNOWN_U8, _UNKNOWN_U16 = 0xFF, 0xFFFF
 _ZERO: Final = (0.0, 0.0, 0.0)
 
 
@@ -102,7 +104,13 @@ def _system_status(m: Decoded, received_s: float) -> Message:
     percent = m.battery_remaining
     remaining = percent / 100.0 if 0 <= percent <= 100 else math.nan  # -1: not sent
     present, health = m.onboard_control_sensors_present, m.onboard_control_sensors_health
-    return SystemStatus(received_s, present, health, remaining)
+    voltage_v = math.nan if m.voltage_battery in {0, _UNKNOWN_U16} else m.voltage_battery / 1e3
+    return SystemStatus(received_s, present, health, remaining, voltage_v)
+
+
+def _gps_fix(m: Decoded, received_s: float) -> Message:
+    satellites = None if m.satellites_visible == _UNKNOWN_U8 else m.satellites_visible
+    return GpsFix(received_s, m.fix_type, satellites)
 
 
 def _home(m: Decoded, received_s: float) -> Message:
@@ -148,6 +156,7 @@ def _fence_refused(m: Decoded, received_s: float) -> Message:
 DECODERS: Final[Mapping[str, Callable[[Decoded, float], Message]]] = {
     "HEARTBEAT": _heartbeat,
     "SYS_STATUS": _system_status,
+    "GPS_RAW_INT": _gps_fix,
     "ATTITUDE": lambda m, at_s: Attitude(at_s, m.time_boot_ms / 1e3, m.yaw),
     "LOCAL_POSITION_NED": _local_position,
     "GLOBAL_POSITION_INT": _global_position,

@@ -12,7 +12,7 @@ from guidance.certificate import Certificate
 from guidance.frames import Vector
 from guidance.log.codec import DIALECT, Schema
 from guidance.log.entries import CycleEntry
-from guidance.messages import GlobalPosition
+from guidance.messages import EvaderReport, GlobalPosition
 
 EVERY_S: Final = 0.1
 SCENE_EVERY_S: Final = 0.2
@@ -125,11 +125,11 @@ class Scene:
 
     def of(self, entry: CycleEntry) -> Iterator[Drawn]:
         """Draw one cycle."""
-        fixes = [("pursuer", one, math.nan) for one in entry.inputs.messages if isinstance(one, GlobalPosition)]
-        for name, seen, sd_m in (*fixes, *(("evader", one, one.position_sd_m) for one in entry.inputs.reports)):
-            if self._is_due(f"guidance/map/{name}", seen.received_s, EVERY_S):
-                place = (seen.latitude_deg, seen.longitude_deg, seen.altitude_amsl_m)
-                yield Drawn(f"guidance/map/{name}", FIX, _fix(seen.received_s, name, place, sd_m))
+        for message in entry.inputs.messages:
+            if isinstance(message, GlobalPosition):
+                yield from self._on_map("pursuer", message, math.nan)
+        for report in entry.inputs.reports:
+            yield from self._on_map("evader", report, report.position_sd_m)
         now_s, certificate = entry.now_s, entry.certificate
         if certificate is None:
             return
@@ -142,6 +142,12 @@ class Scene:
             if not certificate.no_game:
                 balls.append(_ball(certificate.meeting_point_game_m, 0.6, _MEETING))
             yield Drawn("guidance/scene", SCENE, _scene(now_s, balls, disc(certificate)))
+
+    def _on_map(self, name: str, seen: GlobalPosition | EvaderReport, sd_m: float) -> Iterator[Drawn]:
+        topic = f"guidance/map/{name}"
+        if self._is_due(topic, seen.received_s, EVERY_S):
+            place = (seen.latitude_deg, seen.longitude_deg, seen.altitude_amsl_m)
+            yield Drawn(topic, FIX, _fix(seen.received_s, name, place, sd_m))
 
     def _is_due(self, topic: str, now_s: float, every_s: float) -> bool:
         # A tenth of a period early is accepted, since cycles do not fall on this grid.

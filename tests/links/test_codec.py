@@ -16,6 +16,7 @@ from guidance.messages import (
     FenceItem,
     FenceRefused,
     GlobalPosition,
+    GpsFix,
     Heartbeat,
     Home,
     LocalPosition,
@@ -47,6 +48,18 @@ def test_units_become_metres_seconds_and_degrees():
     assert decode(position, 9.0) == GlobalPosition(9.0, 2.5, 47.3977418, -8.5455939, 488.125, 20.25, (1.5, -0.25, 0.75))
     local = dialect.MAVLink_local_position_ned_message(1500, 1.0, 2.0, -3.0, 0.5, -0.5, 0.25)
     assert decode(local, 9.0) == LocalPosition(9.0, 1.5, (1.0, 2.0, -3.0), (0.5, -0.5, 0.25))
+
+
+@pytest.mark.parametrize(("sent", "volts"), [(15_800, 15.8), (0, math.nan), (65_535, math.nan)])
+def test_a_battery_without_a_voltage_has_none(sent, volts):
+    status = decode(message_of("SYS_STATUS", voltage_battery=sent, battery_remaining=63), 1.0)
+    assert status.battery_remaining == 0.63
+    assert status.voltage_v == pytest.approx(volts, nan_ok=True)
+
+
+@pytest.mark.parametrize(("sent", "satellites"), [(14, 14), (255, None)])
+def test_a_gps_fix_has_its_kind_and_its_satellites(sent, satellites):
+    assert decode(message_of("GPS_RAW_INT", fix_type=3, satellites_visible=sent), 1.0) == GpsFix(1.0, 3, satellites)
 
 
 @pytest.mark.parametrize("field", ["x", "y", "z", "vx", "vy", "vz"])

@@ -16,10 +16,10 @@ from guidance.log import cycles_of
 from guidance.session.control_bus import free_endpoint
 from guidance.session.flight_files import RECORD, recorded_settings
 from guidance.session.fly import MockOptions, fly_mock
-from guidance.viz.panel import playback
+from guidance.viz.panel import playback, records
 from guidance.viz.panel.bus import BroadcastItem, DaemonBus
 from guidance.viz.panel.hub import Hub
-from guidance.viz.panel.records import RecordFolder, RecordRoutes
+from guidance.viz.panel.records import RecordFolder
 from guidance.viz.panel.snapshot import HISTORY
 from guidance.viz.subprocesses import options_of
 from tests.harness.flights import NEAR
@@ -38,7 +38,11 @@ def folder(record, tmp_path):
 
 
 async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monkeypatch):
-    rows = {row["record"]: row for row in await folder.listed()}
+    first = folder.listed()  # at once, without details
+    assert [row["reading"] for row in first] == [True] * 3
+    assert all(row["megabytes"] >= 0.0 for row in first)
+    await folder.read_all()
+    rows = {row["record"]: row for row in folder.listed()}
     assert rows.keys() == {"uav1.mcap", "pe-001/record.mcap", "strange.mcap"}
     whole, torn = rows["uav1.mcap"], rows["pe-001/record.mcap"]
     assert (whole["captured"], whole["ended"], whole["torn"]) == (True, "landed", None)
@@ -48,12 +52,26 @@ async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monk
     assert not torn["captured"]
     assert "not an MCAP file" in rows["strange.mcap"]["error"]
 
-    async def never(*_):
+    def never(*_):
         pytest.fail("an unchanged record was read again")
 
-    monkeypatch.setattr(folder, "_run", never)
-    assert {row["record"]: row for row in await folder.listed()} == rows
-    folder.close()
+    monkeypatch.setattr(records, "_lines", never)
+    assert {row["record"]: row for row in folder.listed()} == rows
+    await folder.close()
+
+
+async def test_a_reader_that_dies_leaves_an_error_for_each_record_that_it_did_not_read(folder, monkeypatch):
+    async def dies(*_arguments):
+        yield json.dumps([str(folder.folder / "uav1.mcap"), {"ended": "landed"}]).encode()
+        raise OutputError("killed")
+
+    monkeypatch.setattr(records, "_lines", dies)
+    folder.listed()
+    await folder.read_all()
+    rows = {row["record"]: row for row in folder.listed()}
+    assert rows["uav1.mcap"]["ended"] == "landed"
+    assert all("cannot be read" in rows[name]["error"] for name in ("pe-001/record.mcap", "strange.mcap"))
+    await folder.close()
 
 
 async def test_products_are_made_only_from_records_of_the_folder(folder):
@@ -70,25 +88,28 @@ async def test_products_are_made_only_from_records_of_the_folder(folder):
     assert made.name == "pe-001.txt"
     assert "vehicle heard" in made.path.read_text()
     assert await folder.product("pe-001/record.mcap", "events") == made
-    folder.close()
+    await folder.close()
     assert not made.path.exists()
 
 
 async def test_record_routes_answer_with_the_right_content_types(folder, monkeypatch):
     async def quick(*arguments):
         assert arguments[:2] == ("-m", "guidance.viz.panel.playback")
-        return json.dumps({name: {"ended": "landed"} for name in arguments[3:]}).encode()
+        for name in arguments[3:]:
+            yield json.dumps([name, {"ended": "landed"}]).encode()
 
-    monkeypatch.setattr(folder, "_run", quick)
+    monkeypatch.setattr(records, "_lines", quick)
     application = web.Application()
-    application.add_routes(RecordRoutes(folder).routes("/secret/"))
+    application.add_routes(folder.routes("/secret/"))
     async with TestClient(TestServer(application)) as client:
+        await client.get("/secret/records")
+        await folder.read_all()
         listed = await (await client.get("/secret/records")).json()
         assert {row["ended"] for row in listed["records"]} == {"landed"}
         assert (await client.get("/secret/records/events", params={"record": "nothing"})).status == 404
         frames = await client.get("/secret/records/frames", params={"record": "uav1.mcap"})
         assert frames.content_type == "application/json"
-    folder.close()
+    await folder.close()
 
 
 def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
@@ -98,8 +119,7 @@ def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
     assert times == sorted(times)
     assert 0.09 < min(after - before for before, after in itertools.pairwise(times)) < 0.13
     assert [said["frames"][0]["state"], said["frames"][-1]["state"]] == ["checking", "landed"]
-    assert said["columns"] == list(HISTORY)
-    assert {len(row) for row in said["rows"]} == {len(HISTORY)}
+    assert said["columns"] == {name: list(path) for name, path in HISTORY.items()}
     assert [event["event"] for event in said["events"]][:2] == ["flight begins", "vehicle heard"]
     assert [scene["from_s"] for scene in said["scenes"]] == sorted(scene["from_s"] for scene in said["scenes"])
     engaged = next(frame for frame in said["frames"] if frame["game"])

@@ -17,13 +17,12 @@ from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, FLIGHT_OVER, RELOADED
 from guidance.log.reader import Item
+from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
-from guidance.viz.panel import levels
 from guidance.viz.panel.bus import BroadcastItem, StatusAnswer
 from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub
-from guidance.viz.panel.levels import Level
-from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
+from guidance.viz.panel.snapshot import HISTORY, Level, SnapshotFold, history_row, of_age, of_share, reach_of
 from guidance.viz.shapes import isochron_at
 
 
@@ -99,7 +98,7 @@ def test_a_snapshot_of_the_chase_equals_the_record(record):
     assert seen["pursuer_m"] == pytest.approx(
         certificate.pursuer_game_m, abs=0.2
     )  # the certificate is for the next cycle
-    assert game["wins"] == "pursuer"
+    assert game["reach"] == "yes"
     # Both players reach each point of the isochron at the same time, so none is farther than the evader can run.
     run_m = 1.001 * max(math.dist(place, certificate.evader_game_m[:2]) for place in game["isochron_m"])
     assert math.dist(game["meeting_m"][:2], certificate.evader_game_m[:2]) <= run_m
@@ -113,7 +112,7 @@ def test_a_snapshot_of_the_chase_equals_the_record(record):
     home = scene["home_m"]
     reach = [math.dist(corner, home[:2]) for corner in scene["fence_m"][0]]
     assert max(reach) - min(reach) < 0.2
-    assert len(fold.history_row()) == len(HISTORY)
+    assert len(history_row(seen)) == len(HISTORY)
 
 
 def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
@@ -147,7 +146,6 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
 def test_unknown_values_are_null_before_the_first_message(record):
     fold = SnapshotFold(recorded_settings, metadata_of(record), "test")
     assert fold.snapshot() is None
-    assert fold.history_row() is None
     assert fold.scene["fence_m"] == []
     first = folded(record, lambda _: True).snapshot()
     assert first["game"] is None
@@ -159,24 +157,45 @@ def test_unknown_values_are_null_before_the_first_message(record):
 @pytest.mark.parametrize(
     ("level", "wanted"),
     [
-        (levels.of_state(State.YIELDED), Level.WARNING),
-        (levels.of_state(State.PAUSED), Level.CAUTION),
-        (levels.of_state(State.ENGAGED), Level.OK),
-        (levels.of_age(0.4, 1.0), Level.OK),
-        (levels.of_age(0.6, 1.0), Level.CAUTION),
-        (levels.of_age(1.1, 1.0), Level.WARNING),
-        (levels.of_age(math.inf, 1.0), Level.WARNING),
-        (levels.of_age(math.nan, 1.0), Level.UNKNOWN),
-        (levels.of_battery(0.19, 0.2), Level.WARNING),
-        (levels.of_battery(0.25, 0.2), Level.CAUTION),
-        (levels.of_battery(0.9, 0.2), Level.OK),
-        (levels.of_battery(math.nan, 0.2), Level.UNKNOWN),
-        (levels.of_winner(None, no_game=False), Level.UNKNOWN),
-        (levels.of_winner(1, no_game=True), Level.WARNING),
+        (of_age(0.4, 1.0), Level.OK),
+        (of_age(0.6, 1.0), Level.CAUTION),
+        (of_age(1.1, 1.0), Level.WARNING),
+        (of_age(math.inf, 1.0), Level.WARNING),
+        (of_age(math.nan, 1.0), Level.UNKNOWN),
+        (of_share(0.19, 0.2, 0.3), Level.WARNING),
+        (of_share(0.25, 0.2, 0.3), Level.CAUTION),
+        (of_share(0.9, 0.2, 0.3), Level.OK),
+        (of_share(math.nan, 0.2, 0.3), Level.UNKNOWN),
     ],
 )
 def test_levels_follow_the_limits_of_the_flight(level, wanted):
     assert level is wanted
+
+
+def test_the_page_says_whether_the_vehicle_can_reach_the_evader(record):
+    one = next(row.certificate for row in cycles_of(record) if row.certificate is not None)
+    for winner, vehicle, no_game, reach in (
+        (1, 1, False, "yes"), (1, 0, False, "uncertain"), (-1, -1, False, "no"), (1, 1, True, "too fast"),
+        (1, None, False, "yes"),
+    ):  # fmt: skip
+        assert reach_of(one._replace(winner=winner, vehicle_winner=vehicle, no_game=no_game)) == reach
+
+
+def test_the_vehicles_own_data_are_shown_with_their_levels(record):
+    seen = folded(record, lambda row: row.state is State.ON_STATION).snapshot()
+    assert seen["gps"]["fix"] >= 3
+    assert seen["gps"]["satellites"] > 5
+    assert seen["voltage_v"] > 10.0
+    assert seen["link"] > 0.8
+    first_armed = next(
+        row.now_s
+        for row in cycles_of(record)
+        for one in row.inputs.messages
+        if isinstance(one, Heartbeat) and one.armed
+    )
+    assert seen["flight_s"] == pytest.approx(seen["now_s"] - first_armed, abs=0.01)
+    assert [seen["levels"][name] for name in ("gps", "link", "reach", "state")] == ["ok"] * 4
+    assert folded(record).snapshot()["flight_s"] is None  # landed and disarmed
 
 
 def test_a_new_page_gets_everything_and_then_only_changes(told, record):
@@ -195,7 +214,7 @@ def test_a_new_page_gets_everything_and_then_only_changes(told, record):
     # A daemon that starts or restarts while pages are open is sent in full.
     told.tell(FoundFlight("uav1", metadata_of(record), items[-1]), FoundFlight("uav2", metadata_of(record), items[-1]))
     for one in told.read()["daemons"]:
-        assert one["history"] == {"columns": list(HISTORY), "rows": []}
+        assert one["history"] == {"columns": {name: list(path) for name, path in HISTORY.items()}, "rows": []}
 
 
 def test_events_before_a_page_opened_are_sent_once(told):

@@ -14,11 +14,17 @@ from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError,
 from guidance.cli import app
 from guidance.clock import VirtualClock
 from guidance.errors import ConfigError, GuidanceError, LinkError
-from guidance.viz.panel import listener
+from guidance.viz.panel import access as accesses
 from guidance.viz.panel import server as servers
-from guidance.viz.panel.access import PASSWORD_INTERVAL_S, Access, PasswordThrottle, origin_of, remote_access
-from guidance.viz.panel.listener import LOGIN_DEADLINE_S
-from guidance.viz.panel.server import MAX_QUEUED, PanelServer
+from guidance.viz.panel.access import (
+    LOGIN_DEADLINE_S,
+    PASSWORD_INTERVAL_S,
+    Access,
+    PasswordThrottle,
+    origin_of,
+    remote_access,
+)
+from guidance.viz.panel.server import MAX_QUEUED, PanelOptions, PanelServer
 
 PATHS = ("", "page/main.js", "page/index.html", "alive", "live", "order", "records", "nowhere")
 PASSWORD = "correct horse battery"
@@ -59,8 +65,9 @@ async def opened(monkeypatch):
             listening = closing.enter_context(socket.create_server(("127.0.0.1", 0)))
             port, hub, clock, printed = listening.getsockname()[1], StubHub(), VirtualClock(), []
             access = Access(port, security)
-            server = PanelServer(hub, access, clock, look=look, tiles=tiles, say=printed.append)
-            await closing.enter_async_context(server.serving(listening, "127.0.0.1"))
+            options = PanelOptions([], look=look, tiles=str(tiles))
+            server = PanelServer(hub, access, clock, options, printed.append)
+            await closing.enter_async_context(server.serving(listening))
             origin = f"{access.scheme}://127.0.0.1:{port}"
             client = ClientSession(f"{origin}{access.path}", cookie_jar=CookieJar(unsafe=True))
             await closing.enter_async_context(client)
@@ -182,6 +189,22 @@ async def test_the_tile_server_is_the_only_other_host_for_images(opened):
     for url in ("tiles.example/{z}/{x}/{y}", "https://a;b/{z}/{x}/{y}", "https://a/{z}/{x}", "ftp://a/{z}{x}{y}"):
         with pytest.raises(ConfigError, match="must be like https"):
             origin_of(url)
+
+
+async def test_map_tiles_come_from_the_local_folder_by_default(opened, tmp_path):
+    (tmp_path / "3" / "4").mkdir(parents=True)
+    (tmp_path / "3" / "4" / "2.png").write_bytes(b"a tile")
+    (tmp_path / "secret.png").write_bytes(b"no tile")
+    panel = await let_in(await opened(tiles=tmp_path))
+    async with panel.client.get("alive") as answer:
+        assert (await answer.json())["tiles"] == "tiles/{z}/{x}/{y}.png"
+        assert "img-src 'self' data:; connect" in answer.headers["Content-Security-Policy"]
+    for path, status in (("3/4/2", 200), ("3/4/1", 404), ("3/4/..%2F..%2Fsecret", 404), ("a/b/c", 404)):
+        async with panel.client.get(f"tiles/{path}.png") as answer:
+            assert answer.status == status
+    other = await let_in(await opened(tiles="no such folder"))
+    async with other.client.get("alive") as answer:
+        assert (await answer.json())["tiles"] == ""
 
 
 async def test_twenty_pages_get_a_snapshot_and_then_the_same_changes(opened):
@@ -312,7 +335,7 @@ async def test_a_connection_that_does_not_log_in_is_closed_at_the_deadline(opene
 
 
 async def test_idle_connections_are_capped_and_keep_no_page_out(opened, monkeypatch, certificate):
-    monkeypatch.setattr(listener, "MAX_CONNECTIONS", 8)
+    monkeypatch.setattr(accesses, "MAX_CONNECTIONS", 8)
     files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
     for security in (None, remote_access("0.0.0.0", *files)):  # over TLS, an idle one is in the handshake
         panel = await opened(security=security)

@@ -1,28 +1,42 @@
 """Access to the page: by a one-time URL on loopback, by a password over TLS on other addresses.
 
+Connections without a login are bounded in number and time.
+
 Both give a cookie for a secret path. Browsers send the cookies of a host to each of its ports, so a server of another
 program on 127.0.0.1 could receive ours. They do not send it to other paths, and that program does not know this one.
 Orders and the WebSocket must also come from a page of this origin.
 """
 
+import asyncio
 import hmac
 import ipaddress
 import re
 import secrets
+import socket
 import ssl
 import stat
 from collections.abc import Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import urlsplit
 
+from aiohttp import web
+
 from guidance.clock import Clock
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, LinkError
+from guidance.session.connections import ConnectionLimit
 
 MIN_PASSWORD_LENGTH: Final = 12
 PASSWORD_INTERVAL_S: Final = 1.0
 """Pause after a wrong password, for the address that sent it."""
 
+MAX_CONNECTIONS: Final = 256
+LOGIN_DEADLINE_S: Final = 10.0
+"""Time from a connection's first packet to a request with the cookie, including the TLS handshake."""
+
+_RETRY_S: Final = 0.1
+_CONTENT_TYPES: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _MAX_ADDRESSES: Final = 1024
 _LOOPBACK_NAMES: Final = ("127.0.0.1", "localhost", "[::1]")
 
@@ -161,10 +175,8 @@ def remote_access(
 
 def is_loopback(host: str) -> bool:
     """True if only this computer can reach the host."""
-    if host == "localhost":
-        return True
     try:
-        return ipaddress.ip_address(host).is_loopback
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
 
@@ -202,3 +214,97 @@ def origin_of(tiles: str) -> str:
     if parts.scheme not in {"http", "https"} or host is None or any(key not in tiles for key in ("{z}", "{x}", "{y}")):
         raise ConfigError(f"--tiles {tiles}: must be like https://tiles.example/{{z}}/{{x}}/{{y}}.png")
     return f"{parts.scheme}://{parts.netloc}"
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a listening TCP socket.
+
+    Raises:
+        LinkError: If the address cannot be used.
+    """
+    try:
+        return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except OSError as error:
+        raise LinkError(
+            f"--host {host} --port {port}: {error.strerror}; choose another, or port 0 for a free one"
+        ) from error
+
+
+def page_file(name: str, status: int = 200) -> web.Response:
+    """Return a file of the page.
+
+    Raises:
+        aiohttp.web.HTTPNotFound: If there is no such file.
+    """
+    kind = _CONTENT_TYPES.get(name[name.rfind(".") :])
+    file = resources.files("guidance.viz.panel") / "page" / name
+    if kind is None or "/" in name or "\\" in name or not file.is_file():
+        raise web.HTTPNotFound
+    return web.Response(status=status, body=file.read_bytes(), content_type=kind, charset="utf-8")
+
+
+class Listener:
+    """Passes accepted connections to a web server.
+
+    aiohttp's own sites neither bound the connections nor the time until a request header is complete.
+
+    Args:
+        server: Of an `aiohttp.web.AppRunner`.
+        clock: Time of the deadlines.
+        tls: TLS context; None for http.
+    """
+
+    def __init__(self, server: web.Server, clock: Clock, tls: ssl.SSLContext | None) -> None:
+        self._server = server
+        self._tls = tls
+        self._limit = ConnectionLimit(clock, max_connections=MAX_CONNECTIONS, deadline_s=LOGIN_DEADLINE_S)
+        self._connecting: dict[web.RequestHandler, asyncio.Task[None]] = {}
+        self._known: set[web.RequestHandler] = set()
+
+    async def run(self, listening: socket.socket) -> None:
+        """Accept connections until cancelled."""
+        loop = asyncio.get_running_loop()
+        listening.setblocking(False)
+        while True:
+            try:
+                accepted, _ = await loop.sock_accept(listening)
+            except OSError:  # out of file descriptors, or the peer has gone
+                await asyncio.sleep(_RETRY_S)
+                continue
+            self.close_late()
+            self._add(accepted)
+
+    def admit(self, handler: web.RequestHandler) -> None:
+        """Remove the deadline of a connection that showed the cookie."""
+        self._limit.admit(handler)
+
+    def close_late(self) -> None:
+        """Close the connections that missed the deadline, and forget those that ended."""
+        self._limit.close_late()
+        for handler in self._known - self._connecting.keys() - set(self._server.connections):
+            self._known.discard(handler)
+            self._limit.remove(handler)
+
+    def _add(self, accepted: socket.socket) -> None:
+        handler = self._server()
+        if not self._limit.add(handler, lambda: self._close(handler)):
+            accepted.close()
+            return
+        self._known.add(handler)
+        task = asyncio.create_task(self._connect(handler, accepted))
+        self._connecting[handler] = task
+        task.add_done_callback(lambda _: self._connecting.pop(handler, None))
+
+    async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        limit_s = None if self._tls is None else LOGIN_DEADLINE_S
+        try:
+            await loop.connect_accepted_socket(lambda: handler, accepted, ssl=self._tls, ssl_handshake_timeout=limit_s)
+        except OSError:  # no TLS, or the peer has gone
+            accepted.close()
+
+    def _close(self, handler: web.RequestHandler) -> None:
+        task = self._connecting.get(handler)
+        if task is not None:
+            task.cancel()
+        handler.force_close()

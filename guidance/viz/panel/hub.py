@@ -16,8 +16,7 @@ from guidance.log import CycleEntry, EventEntry, Item, SettingsOf
 from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import BEGUN, FLIGHT_OVER
 from guidance.viz.panel.bus import DaemonBus, StatusAnswer
-from guidance.viz.panel.levels import of_age, of_operator
-from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
+from guidance.viz.panel.snapshot import HISTORY, SnapshotFold, event_row, history_row, of_age, of_operator
 
 HISTORY_S: Final = 300.0
 HISTORY_INTERVAL_S: Final = 0.25
@@ -79,14 +78,13 @@ class DaemonView:
                 self._add_history(entry.now_s)
 
     def _add_event(self, event: EventEntry) -> None:
-        detail = event.detail
         if event.event == FLIGHT_OVER:
-            over = json.loads(detail)
+            over = json.loads(event.detail)
             self._over = {name: str(over.get(name, "")) for name in ("ended", "record", "replay")}
-            detail = self._over["ended"]
+            event = event._replace(detail=self._over["ended"])
         elif event.event == BEGUN:
             self._over = None
-        row = {"now_s": round(event.now_s, 2), "event": event.event, "detail": detail[:300]}
+        row = event_row(event)
         self._events.append(row)
         self._events_new.append(row)
         del self._events_new[:-MAX_EVENTS]
@@ -96,9 +94,9 @@ class DaemonView:
         if last_s is not None and now_s < last_s:
             self._history.clear()  # the daemon restarted
         if self._fold is not None and (last_s is None or not 0.0 <= now_s - last_s < HISTORY_INTERVAL_S):
-            row = self._fold.history_row()
-            if row is not None:
-                self._history.append(row)
+            seen = self._fold.snapshot()
+            if seen is not None:
+                self._history.append(history_row(seen))
 
     def message(self, now_s: float, *, whole: bool) -> Plain:
         """Return the changes since `mark_sent`, or everything."""

@@ -18,13 +18,12 @@ from guidance.log.entries import EVENT, EVENT_TOPIC
 from guidance.log.reader import Survey, entry_of
 from guidance.monitor import Violation
 from guidance.session.flight_files import recorded_settings
-from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
+from guidance.viz.panel.snapshot import HISTORY, SnapshotFold, event_row
 
 MAX_FRAMES: Final = 2500
 """Frames of a replay, spread over the flight. Enough for ten a second over four minutes."""
 
 MIN_STEP_S: Final = 0.1
-_FRAMES_PER_ROW: Final = 2
 
 
 def outcome_of(path: Path) -> dict[str, Any]:
@@ -41,7 +40,7 @@ def outcome_of(path: Path) -> dict[str, Any]:
                 continue
             event = entry_of(EVENT, item, path)
             captured |= event.event == Event.CAPTURED
-            alarms += _is_alarm(event)
+            alarms += event.event in set(Violation)
             state = _state_after(event) or state
         title = title_of(survey.metadata)
     return {
@@ -62,13 +61,8 @@ def _state_after(event: EventEntry) -> str:
     return after if arrow and after in set(State) else ""
 
 
-def _is_alarm(event: EventEntry) -> bool:
-    """Whether an event is an alarm of the monitor."""
-    return event.event in set(Violation)
-
-
 def frames_of(path: Path) -> dict[str, Any]:
-    """Return the frames, scenes, history rows and events of a record.
+    """Return the frames, scenes and events of a record, and the columns of the charts.
 
     Raises:
         ConfigError: If the record cannot be read.
@@ -78,15 +72,13 @@ def frames_of(path: Path) -> dict[str, Any]:
         fold = SnapshotFold(recorded_settings, metadata, str(path))
         step_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES)
         frames: list[dict[str, Any]] = []
-        rows: list[Any] = []
         events: list[dict[str, Any]] = []
         scenes: list[dict[str, Any]] = []
-        sent_scene = -1
-        last_s = -math.inf
+        sent_scene, last_s = -1, -math.inf
         for item in scan(path):
             entry = fold.take(item)
             if isinstance(entry, EventEntry):
-                events.append({"now_s": round(entry.now_s, 2), "event": entry.event, "detail": entry.detail[:300]})
+                events.append(event_row(entry))
             elif entry is not None and entry.now_s - last_s >= 0.99 * step_s:
                 last_s = entry.now_s
                 if fold.scenes != sent_scene:
@@ -95,37 +87,18 @@ def frames_of(path: Path) -> dict[str, Any]:
                 snapshot = fold.snapshot()
                 if snapshot is not None:
                     frames.append(snapshot)
-                if len(frames) % _FRAMES_PER_ROW == 1:
-                    rows.append(fold.history_row())
-    return {
-        "name": title_of(metadata),
-        "scenes": scenes,
-        "columns": HISTORY,
-        "rows": rows,
-        "frames": frames,
-        "events": events,
-    }
+    return {"name": title_of(metadata), "scenes": scenes, "columns": HISTORY, "frames": frames, "events": events}
 
 
 def main(what: str, *files: str) -> int:
-    """Write the outcomes or frames of files as JSON; unreadable files give `{"error": …}`."""
-    paths = [Path(name) for name in files]
-    if what == "frames":
+    """Write the frames of a file as JSON, or the outcome of each as a line; unreadable files give `{"error": …}`."""
+    for path in map(Path, files):
         try:
-            result: Any = frames_of(paths[0])
+            result = (frames_of if what == "frames" else outcome_of)(path)
         except GuidanceError as error:
             result = {"error": str(error)}
-    else:
-        result = {str(path): _outcome_or_error(path) for path in paths}
-    json.dump(plain(result), sys.stdout, separators=(",", ":"), allow_nan=False)
+        print(json.dumps(plain(result if what == "frames" else [str(path), result]), allow_nan=False), flush=True)  # noqa: T201
     return 0
-
-
-def _outcome_or_error(path: Path) -> dict[str, Any]:
-    try:
-        return outcome_of(path)
-    except GuidanceError as error:
-        return {"error": str(error)}
 
 
 if __name__ == "__main__":

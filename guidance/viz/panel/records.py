@@ -1,6 +1,6 @@
 """The records of a folder: a list, and reports, exports and replays of each.
 
-Child processes of low priority make them.
+Child processes of low priority read them. The list appears at once, and the details follow one record at a time.
 """
 
 import asyncio
@@ -10,7 +10,7 @@ import os
 import sys
 import tempfile
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -26,11 +26,23 @@ TIME_LIMIT_S: Final = 180.0
 NICE: Final = 15
 EXPORTS: Final = ("tlog", "csv", "parquet", "geojson", "kml")
 
-_GUIDANCE: Final = "from guidance.cli import main; main()"
-_PLAYBACK: Final = "guidance.viz.panel.playback"
+_GUIDANCE: Final = ("-c", "from guidance.cli import main; main()")
+_PLAYBACK: Final = ("-m", "guidance.viz.panel.playback")
+_MADE: Final[Mapping[str, tuple[tuple[str, ...], str, str]]] = {
+    "frames": ((*_PLAYBACK, "frames", "RECORD"), "", "application/json"),
+    "events": ((*_GUIDANCE, "log", "events", "RECORD"), "", "text/plain"),
+    "report": ((*_GUIDANCE, "report", "RECORD", "--out", "FOLDER"), "report.html", "text/html"),
+    **{
+        kind: ((*_GUIDANCE, "log", "export", "RECORD", f"FOLDER/flight.{kind}"), f"flight.{kind}", "")
+        for kind in EXPORTS
+    },
+}
+"""Kind -> command, the file it writes (or its output), content type (or a download)."""
 
-_KINDS: Final = {"frames": "application/json", "events": "text/plain", "report": "text/html"}
 _REPORT_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'"
+
+Key = tuple[str, int, int]
+"""Name, modification time (ns) and size of a record: the same key means the same content."""
 
 
 class Product(NamedTuple):
@@ -50,9 +62,14 @@ class RecordFolder:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._temporary = tempfile.TemporaryDirectory(prefix="guidance-panel-")
-        self._outcomes: dict[tuple[str, int, int], Mapping[str, Any]] = {}
-        self._products: OrderedDict[tuple[str, int, int, str], Path] = OrderedDict()
+        self._outcomes: dict[Key, Mapping[str, Any]] = {}
+        self._products: OrderedDict[tuple[Key, str], Path] = OrderedDict()
         self._one_at_a_time = asyncio.Lock()
+        self._reading: asyncio.Task[None] | None = None
+
+    def routes(self, path: str) -> list[web.RouteDef]:
+        """Return the routes below a path that ends with a slash."""
+        return [web.get(f"{path}records", self._list), web.get(f"{path}records/{{what}}", self._one)]
 
     def paths(self) -> Mapping[str, Path]:
         """Return the records by name, newest first."""
@@ -60,129 +77,121 @@ class RecordFolder:
         dated = sorted(((path.stat().st_mtime, path) for path in found if path.is_file()), reverse=True)
         return {path.relative_to(self.folder).as_posix(): path for _, path in dated[:MAX_LISTED]}
 
-    async def listed(self) -> Sequence[Mapping[str, Any]]:
-        """List the records with their outcomes. Unchanged files are not read again.
+    def listed(self) -> list[dict[str, Any]]:
+        """List the records with the outcomes read so far, and begin to read the others."""
+        paths = self.paths()
+        keys = {name: _key(name, path) for name, path in paths.items()}
+        self._outcomes = {key: self._outcomes[key] for key in keys.values() if key in self._outcomes}
+        unread = {paths[name]: key for name, key in keys.items() if key not in self._outcomes}
+        if unread and (self._reading is None or self._reading.done()):
+            self._reading = asyncio.create_task(self._read(unread))
+        unknown: Mapping[str, Any] = {"reading": True}
+        return [
+            {"record": name, "megabytes": round(key[2] / 1e6, 2), **self._outcomes.get(key, unknown)}
+            for name, key in keys.items()
+        ]
 
-        Raises:
-            OutputError: If reading failed.
-        """
-        async with self._one_at_a_time:
-            paths = self.paths()
-            keys = {name: _key(name, path) for name, path in paths.items()}
-            unread = [name for name, key in keys.items() if key not in self._outcomes]
-            if unread:
-                out = await self._run("-m", _PLAYBACK, "outcomes", *(str(paths[name]) for name in unread))
-                outcomes = json.loads(out)
-                fresh = {keys[name]: outcomes[str(paths[name])] for name in unread}
-                known = {key: self._outcomes[key] for key in keys.values() if key in self._outcomes}
-                self._outcomes = {**known, **fresh}
-            rows = [{"record": name, "megabytes": _megabytes(path)} for name, path in paths.items()]
-            return [{**row, **self._outcomes[keys[str(row["record"])]]} for row in rows]
+    async def read_all(self) -> None:
+        """Wait until the details of the listed records are read."""
+        if self._reading is not None:
+            await self._reading
+
+    async def _read(self, unread: Mapping[Path, Key]) -> None:
+        """Read the outcomes in one child, which prints each as a line."""
+        with contextlib.suppress(OutputError, TimeoutError, OSError, ValueError):
+            async for line in _lines(*_PLAYBACK, "outcomes", *map(str, unread)):
+                path, outcome = json.loads(line)
+                self._outcomes[unread[Path(path)]] = outcome
+        for path, key in unread.items():
+            self._outcomes.setdefault(key, {"error": f"{path}: cannot be read"})
 
     async def product(self, name: str, what: str) -> Product | None:
-        """Make `frames`, `events`, `report` or one of `EXPORTS` from a record; None if the record or kind is unknown.
+        """Make a file of a record, of a kind of `_MADE`; None if the record or kind is unknown.
 
         Raises:
             OutputError: If making it failed.
         """
         path = self.paths().get(name)
-        if path is None or what not in {"frames", "events", "report", *EXPORTS}:
+        if path is None or what not in _MADE:
             return None
-        key = (*_key(name, path), what)
+        key = (_key(name, path), what)
         async with self._one_at_a_time:
             if key not in self._products:
                 self._products[key] = await self._make(path, what)
             self._products.move_to_end(key)
             while len(self._products) > MAX_KEPT:
                 self._products.popitem(last=False)[1].unlink(missing_ok=True)
-            stem = path.parent.name if path.stem == "record" else path.stem
-            return Product(self._products[key], f"{stem}{self._products[key].suffix}")
+        stem = path.parent.name if path.stem == "record" else path.stem
+        return Product(self._products[key], f"{stem}{self._products[key].suffix}")
 
     async def _make(self, path: Path, what: str) -> Path:
         folder = Path(tempfile.mkdtemp(dir=self._temporary.name))
-        if what == "report":
-            await self._run("-c", _GUIDANCE, "report", str(path), "--out", str(folder))
-            return folder / "report.html"
-        if what in EXPORTS:
-            await self._run("-c", _GUIDANCE, "log", "export", str(path), str(folder / f"flight.{what}"))
-            return folder / f"flight.{what}"
-        arguments = ("-m", _PLAYBACK, "frames") if what == "frames" else ("-c", _GUIDANCE, "log", "events")
+        command, written, _ = _MADE[what]
+        words = [word.replace("FOLDER", str(folder)) for word in command]
+        lines = [line async for line in _lines(*(str(path) if word == "RECORD" else word for word in words))]
+        if written:
+            return folder / written
         made = folder / ("frames.json" if what == "frames" else "events.txt")
-        made.write_bytes(await self._run(*arguments, str(path)))
+        made.write_bytes(b"".join(lines))
         return made
 
-    async def _run(self, *arguments: str) -> bytes:
-        child = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-P",
-            *arguments,
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-        )
-        with contextlib.suppress(ProcessLookupError):
-            os.setpriority(os.PRIO_PROCESS, child.pid, NICE)
-        try:
-            out, err = await asyncio.wait_for(child.communicate(), TIME_LIMIT_S)
-        except BaseException:
-            if child.returncode is None:
-                child.kill()
-                await child.wait()
-            raise
-        if child.returncode != 0:
-            raise OutputError(err.decode(errors="replace").strip()[-500:] or f"ended with {child.returncode}")
-        return out
-
-    def close(self) -> None:
-        """Remove the files made here. May be called twice."""
-        self._temporary.cleanup()
-
-
-def _key(name: str, path: Path) -> tuple[str, int, int]:
-    found = path.stat()
-    return name, found.st_mtime_ns, found.st_size
-
-
-def _megabytes(path: Path) -> float:
-    return round(path.stat().st_size / 1e6, 2)
-
-
-class RecordRoutes:
-    """Routes under `records`.
-
-    Args:
-        records: The folder.
-    """
-
-    def __init__(self, records: RecordFolder) -> None:
-        self._records = records
-
-    def routes(self, path: str) -> list[web.RouteDef]:
-        """Return the routes below a path that ends with a slash."""
-        return [web.get(f"{path}records", self._list), web.get(f"{path}records/{{what}}", self._one)]
-
     async def _list(self, _: web.Request) -> web.StreamResponse:
-        try:
-            rows = await self._records.listed()
-        except (OutputError, TimeoutError, OSError, ValueError) as error:
-            return web.json_response({"folder": str(self._records.folder), "error": str(error), "records": []})
-        listing = {"folder": str(self._records.folder), "exports": EXPORTS, "records": rows}
-        return web.Response(text=json.dumps(listing), content_type="application/json")
+        return web.json_response({"folder": str(self.folder), "exports": EXPORTS, "records": self.listed()})
 
     async def _one(self, request: web.Request) -> web.StreamResponse:
         what, name = request.match_info["what"], request.query.get("record", "")
         try:
-            product = await self._records.product(name, what)
+            product = await self.product(name, what)
         except (OutputError, TimeoutError, OSError) as error:
             return web.Response(status=500, text=str(error) or f"not ready within {TIME_LIMIT_S:g} s")
         if product is None:
             return web.Response(status=404)
-        kind = _KINDS.get(what, "application/octet-stream")
-        answer = web.Response(body=product.path.read_bytes(), content_type=kind)
-        if what in EXPORTS:
+        kind = _MADE[what][2]
+        answer = web.Response(body=product.path.read_bytes(), content_type=kind or "application/octet-stream")
+        if not kind:
             answer.headers["Content-Disposition"] = f'attachment; filename="{product.name}"'
         elif what == "report":
             answer.headers["Content-Security-Policy"] = _REPORT_POLICY
         else:
             answer.enable_compression()
         return answer
+
+    async def close(self, _: web.Application | None = None) -> None:
+        """Stop reading and remove the files made here."""
+        if self._reading is not None:
+            self._reading.cancel()
+            await asyncio.gather(self._reading, return_exceptions=True)
+        self._temporary.cleanup()
+
+
+async def _lines(*arguments: str) -> AsyncIterator[bytes]:
+    """Run Python and yield its output, line by line.
+
+    Raises:
+        OutputError: If it fails.
+        TimeoutError: After `TIME_LIMIT_S`.
+    """
+    pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
+    words = (sys.executable, "-P", *arguments)
+    child = await asyncio.create_subprocess_exec(*words, stdin=none, stdout=pipe, stderr=pipe, limit=2**28)
+    assert child.stdout is not None
+    assert child.stderr is not None
+    with contextlib.suppress(ProcessLookupError):
+        os.setpriority(os.PRIO_PROCESS, child.pid, NICE)
+    try:
+        async with asyncio.timeout(TIME_LIMIT_S):
+            said = asyncio.create_task(child.stderr.read())
+            async for line in child.stdout:
+                yield line
+            error, code = (await said).decode(errors="replace").strip(), await child.wait()
+    finally:
+        if child.returncode is None:
+            child.kill()
+            await child.wait()
+    if code != 0:
+        raise OutputError(error[-500:] or f"ended with {code}")
+
+
+def _key(name: str, path: Path) -> Key:
+    found = path.stat()
+    return name, found.st_mtime_ns, found.st_size

@@ -1,23 +1,31 @@
-"""The panel's web server: the page, a WebSocket per page for its data, and one URL for orders."""
+"""The operator's page: its web server, a WebSocket per page for its data, and one URL for orders."""
 
 import asyncio
 import contextlib
 import json
+import os
+import signal
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from importlib import resources
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 from urllib.parse import parse_qs
 
-from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
-from guidance.clock import Clock
-from guidance.errors import LinkError
-from guidance.viz.panel.access import Access, PasswordThrottle, origin_of
+from guidance.clock import Clock, MonotonicClock
+from guidance.errors import ConfigError, LinkError
+from guidance.links.wires.zenoh_access import read_credentials
+from guidance.log import SettingsOf
+from guidance.viz.panel.access import Access, Listener, PasswordThrottle, listen, origin_of, page_file, remote_access
+from guidance.viz.panel.bus import DaemonBus
 from guidance.viz.panel.hub import Hub
-from guidance.viz.panel.listener import Listener
-from guidance.viz.panel.records import RecordFolder, RecordRoutes
+from guidance.viz.panel.records import RecordFolder
+from guidance.viz.subprocesses import end_with_parent
+
+NICE: Final = 5
+"""Lower priority than the flight, but not the lowest: orders pass through the panel."""
 
 SEND_INTERVAL_S: Final = 0.1
 MAX_PAGES: Final = 64
@@ -31,59 +39,67 @@ _MAX_BYTES: Final = 4096
 _MAX_NAME_LENGTH: Final = 24
 _MAX_ORDERS_AT_ONCE: Final = 16
 _PUBLIC: Final = frozenset({"/", "/login", "/door.css"})
-_CONTENT_TYPES: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+Queue = asyncio.Queue[str | None]
 
 
-class Pages:
-    """All open pages. Each has a queue, so that a slow page does not delay the others."""
+class PanelOptions(NamedTuple):
+    """Options of `guidance panel`; see its `--help`."""
 
-    def __init__(self) -> None:
-        self._joining: list[asyncio.Queue[str | None]] = []
-        self._open: dict[asyncio.Queue[str | None], web.WebSocketResponse] = {}
+    endpoints: Sequence[str]
+    token_file: Path | None = None
+    host: str = "127.0.0.1"
+    port: int = 8088
+    look: bool = False
+    records: Path | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+    password_file: Path | None = None
+    tiles: str = "tiles"
+    zenoh: Path | None = None
 
-    def __len__(self) -> int:
-        return len(self._open)
 
-    def add(self, page: web.WebSocketResponse) -> "asyncio.Queue[str | None]":
-        """Add a page and return its queue. Its first message is a snapshot of everything."""
-        queue: asyncio.Queue[str | None] = asyncio.Queue(MAX_QUEUED)
-        self._open[queue] = page
-        self._joining.append(queue)
-        return queue
+def serve_panel(
+    options: PanelOptions, settings_of: SettingsOf, say: Callable[[str], None], *, with_parent: bool = False
+) -> None:
+    """Serve until SIGINT or SIGTERM; with a parent, also until standard input closes.
 
-    def remove(self, queue: "asyncio.Queue[str | None]") -> None:
-        """Remove a page."""
-        self._open.pop(queue, None)
+    Args:
+        options: Options of the command line.
+        settings_of: Makes settings from the metadata of a record.
+        say: Prints a line.
+        with_parent: Whether standard input belongs to a parent process.
 
-    def send(self, hub: Hub) -> None:
-        """Send changes to the pages that have the previous message, and snapshots to the new ones."""
-        joining, self._joining = self._joining, []
-        if len(self._open) > len(joining):
-            changes = hub.message()
-            for queue in self._open:
-                if queue not in joining:
-                    self._put(queue, changes)
-        else:
-            hub.mark_sent()
-        if joining:
-            snapshot = hub.message(whole=True)
-            for queue in joining:
-                self._put(queue, snapshot)
+    Raises:
+        ConfigError: If an option is not allowed.
+        LinkError: If the port is in use.
+    """
+    if not 0 <= options.port <= 65535:
+        raise ConfigError(f"--port {options.port}: allowed is 0 (pick a free one) to 65535")
+    if "://" in options.tiles:
+        origin_of(options.tiles)
+    credentials = read_credentials(options.zenoh)
+    security = remote_access(options.host, options.certificate, options.key, options.password_file)
+    with contextlib.ExitStack() as closing:
+        listening = closing.enter_context(listen(options.host, options.port))
+        access = Access(listening.getsockname()[1], security)
+        os.nice(NICE)
+        clock = MonotonicClock()
+        buses = [DaemonBus(one, options.token_file, clock, credentials) for one in options.endpoints]
+        hub = Hub(buses, settings_of, clock)
+        closing.callback(hub.close)
+        asyncio.run(_serve(PanelServer(hub, access, clock, options, say), listening, with_parent=with_parent))
 
-    @staticmethod
-    def _put(queue: "asyncio.Queue[str | None]", message: str | None) -> None:
-        if queue.full():
-            while not queue.empty():
-                queue.get_nowait()
-            message = None
-        queue.put_nowait(message)
 
-    async def close(self) -> None:
-        """Close all pages."""
-        for page in list(self._open.values()):
-            await page.close(code=WSCloseCode.GOING_AWAY, message=b"the panel ends")
+async def _serve(server: "PanelServer", listening: socket.socket, *, with_parent: bool) -> None:
+    ended, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ended.set)
+    if with_parent:
+        end_with_parent(lambda: loop.call_soon_threadsafe(ended.set))
+    async with server.serving(listening):
+        await ended.wait()
 
 
 class PanelServer:
@@ -93,59 +109,37 @@ class PanelServer:
         hub: Source of the data; receives the orders.
         access: Access rules.
         clock: Time of login deadlines and password attempts.
-        look: Refuse all orders.
-        records: Finished flights; None if no folder is configured.
-        tiles: URL of map tiles with {z}, {x} and {y}; empty for no map.
+        options: Host, records, map tiles, and whether orders are refused.
         say: Prints a line.
     """
 
     def __init__(
-        self,
-        hub: Hub,
-        access: Access,
-        clock: Clock,
-        *,
-        look: bool = False,
-        records: RecordFolder | None = None,
-        tiles: str = "",
-        say: Callable[[str], None] = lambda _: None,
+        self, hub: Hub, access: Access, clock: Clock, options: PanelOptions, say: Callable[[str], None]
     ) -> None:
         self._hub = hub
         self._access = access
         self._clock = clock
-        self._look = look
-        self._records = records
-        self._tiles = tiles
+        self._options = options
         self._say = say
         self._address = ""
-        self._pages = Pages()
+        self._pages: dict[Queue, web.WebSocketResponse] = {}
         self._throttle = PasswordThrottle(clock)
         self._listener: Listener | None = None
         self._order_threads = ThreadPoolExecutor(_MAX_ORDERS_AT_ONCE, thread_name_prefix="order")
+        remote, local = "://" in options.tiles, bool(options.tiles) and Path(options.tiles).is_dir()
+        self._tile_url = options.tiles if remote else "tiles/{z}/{x}/{y}.png" if local else ""
+        images = f"img-src 'self' data: {origin_of(options.tiles) if remote else ''}".rstrip()
+        policy = f"default-src 'none'; script-src 'self'; style-src 'self'; {images}; connect-src 'self'"
         self._headers = {
-            "Content-Security-Policy": "; ".join((
-                "default-src 'none'",
-                "script-src 'self'",
-                "style-src 'self'",
-                f"img-src 'self' data: {origin_of(tiles) if tiles else ''}".rstrip(),
-                "connect-src 'self'",
-                "base-uri 'none'",
-                "form-action 'self'",
-                "frame-ancestors 'none'",
-            )),
+            "Content-Security-Policy": f"{policy}; base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
             "Referrer-Policy": "same-origin",  # with "no-referrer", browsers send no Origin with the login form
             "X-Content-Type-Options": "nosniff",
             "Cache-Control": "no-store",
-        }  # fmt: skip
+        }
 
     @contextlib.asynccontextmanager
-    async def serving(self, listening: socket.socket, host: str) -> AsyncIterator[None]:
-        """Serve on a listening socket, and print the address of the page.
-
-        Args:
-            listening: A listening TCP socket. The caller closes it.
-            host: Host name of the page's address.
-        """
+    async def serving(self, listening: socket.socket) -> AsyncIterator[None]:
+        """Serve on a listening TCP socket, which the caller closes, and print the address of the page."""
         runner = web.AppRunner(
             self._application(), access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEPALIVE_S
         )
@@ -153,6 +147,7 @@ class PanelServer:
         assert runner.server is not None
         self._listener = Listener(runner.server, self._clock, self._access.tls)
         tasks = [asyncio.create_task(one) for one in (self._listener.run(listening), self._send_changes())]
+        host = self._options.host
         named = f"[{host}]" if ":" in host else host
         self._address = f"{self._access.scheme}://{named}:{listening.getsockname()[1]}/"
         self._print_address()
@@ -180,16 +175,19 @@ class PanelServer:
         application.add_routes([
             web.get("/", self._enter),
             web.post("/login", self._login),
-            web.get("/door.css", self._door_style),
-            web.get(path, self._index),
-            web.get(f"{path}replay", self._index),
+            web.get("/door.css", self._file),
+            web.get(path, self._file),
+            web.get(f"{path}replay", self._file),
             web.get(f"{path}page/{{name}}", self._file),
+            web.get(rf"{path}tiles/{{tile:\d+/\d+/\d+}}.png", self._tile),
             web.get(f"{path}alive", self._alive),
             web.get(f"{path}live", self._live),
             web.post(f"{path}order", self._order),
         ])  # fmt: skip
-        if self._records is not None:
-            application.add_routes(RecordRoutes(self._records).routes(path))
+        if self._options.records is not None:
+            records = RecordFolder(self._options.records)
+            application.add_routes(records.routes(path))
+            application.on_shutdown.append(records.close)
         application.on_shutdown.append(self._shut_down)
         return application
 
@@ -225,9 +223,7 @@ class PanelServer:
 
     def _door(self, status: int, reason: str = "") -> web.Response:
         """Return the login page, or the page that asks for a new URL where no password is set."""
-        if not self._access.needs_password:
-            return page_file("denied.html", status)
-        answer = page_file("login.html", status)
+        answer = page_file("login.html" if self._access.needs_password else "denied.html", status)
         if reason:
             answer.text = (answer.text or "").replace(" hidden></p>", f">{reason}</p>", 1)
         return answer
@@ -253,56 +249,50 @@ class PanelServer:
         return self._door(403, "That was not the password.")
 
     def _let_in(self) -> web.Response:
-        answer = web.Response(status=303, headers={"Location": self._access.path})
-        answer.set_cookie(
-            self._access.cookie,
-            self._access.session,
-            path=self._access.path,
-            httponly=True,
-            # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
-            samesite="Lax",
-            secure=self._access.scheme == "https",
-        )
+        access = self._access
+        answer = web.Response(status=303, headers={"Location": access.path})
+        secure = access.scheme == "https"
+        # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
+        answer.set_cookie(access.cookie, access.session, path=access.path, httponly=True, samesite="Lax", secure=secure)
         return answer
 
-    async def _index(self, _: web.Request) -> web.StreamResponse:
-        return page_file("index.html")
-
-    async def _door_style(self, _: web.Request) -> web.StreamResponse:
-        return page_file("door.css")
-
     async def _file(self, request: web.Request) -> web.StreamResponse:
-        return page_file(request.match_info["name"])
+        default = "door.css" if request.path == "/door.css" else "index.html"
+        return page_file(request.match_info.get("name", default))
+
+    async def _tile(self, request: web.Request) -> web.StreamResponse:
+        """Return a map tile of the local folder."""
+        return web.FileResponse(Path(self._options.tiles, f"{request.match_info['tile']}.png"))
 
     async def _alive(self, _: web.Request) -> web.StreamResponse:
-        return web.json_response({"look": self._look, "records": self._records is not None, "tiles": self._tiles})
+        look, records = self._options.look, self._options.records is not None
+        return web.json_response({"look": look, "records": records, "tiles": self._tile_url})
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
-        """Send data to one page until it closes."""
+        """Send data to one page until it closes: everything, then changes. It returns the operator's signs of life."""
         if len(self._pages) >= MAX_PAGES:
             return web.Response(status=503)
         page = web.WebSocketResponse(heartbeat=15.0, max_msg_size=_MAX_BYTES)
         await page.prepare(request)
-        queue = self._pages.add(page)
+        self._send()
+        queue: Queue = asyncio.Queue(MAX_QUEUED)
+        queue.put_nowait(self._hub.message(whole=True))
+        self._pages[queue] = page
         sending = asyncio.create_task(_send_queued(page, queue))
         try:
             async for message in page:
-                self._note_operator(message)
+                if message.type is WSMsgType.TEXT and not self._options.look:
+                    self._hub.note_operator(str(message.data))  # the key of the daemon that the page shows
         finally:
-            self._pages.remove(queue)
+            del self._pages[queue]
             sending.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await sending
         return page
 
-    def _note_operator(self, message: WSMessage) -> None:
-        """Pass on an operator's sign of life. The message is the key of the daemon that the page shows."""
-        if message.type is WSMsgType.TEXT and not self._look:
-            self._hub.note_operator(str(message.data))
-
     async def _order(self, request: web.Request) -> web.StreamResponse:
         """Send an order, and answer with the daemon's answer."""
-        if self._look:
+        if self._options.look:
             return web.json_response({"accepted": False, "reason": "this panel takes no orders (--look)"}, status=403)
         try:
             form = json.loads(await request.read())
@@ -322,30 +312,32 @@ class PanelServer:
             if self._listener is not None:
                 self._listener.close_late()
             self._hub.receive()
-            self._pages.send(self._hub)
+            self._send()
             await asyncio.sleep(SEND_INTERVAL_S)
 
+    def _send(self) -> None:
+        """Queue the changes for all pages. A page with a full queue is closed."""
+        if not self._pages:
+            self._hub.mark_sent()
+            return
+        changes = self._hub.message()
+        for queue in self._pages:
+            if queue.full():
+                while not queue.empty():
+                    queue.get_nowait()
+                queue.put_nowait(None)
+            else:
+                queue.put_nowait(changes)
+
     async def _shut_down(self, _: web.Application) -> None:
-        await self._pages.close()
+        for page in list(self._pages.values()):
+            await page.close(code=WSCloseCode.GOING_AWAY, message=b"the panel ends")
         self._order_threads.shutdown(wait=False, cancel_futures=True)
 
 
-async def _send_queued(page: web.WebSocketResponse, queue: "asyncio.Queue[str | None]") -> None:
+async def _send_queued(page: web.WebSocketResponse, queue: Queue) -> None:
     """Send the messages of a queue. None closes the page: it was too slow."""
     with contextlib.suppress(ConnectionError):
         while (message := await queue.get()) is not None:
             await page.send_str(message)
         await page.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too slow")
-
-
-def page_file(name: str, status: int = 200) -> web.Response:
-    """Return a file of the page.
-
-    Raises:
-        aiohttp.web.HTTPNotFound: If there is no such file.
-    """
-    kind = _CONTENT_TYPES.get(name[name.rfind(".") :])
-    file = resources.files("guidance.viz.panel") / "page" / name
-    if kind is None or "/" in name or "\\" in name or not file.is_file():
-        raise web.HTTPNotFound
-    return web.Response(status=status, body=file.read_bytes(), content_type=kind, charset="utf-8")

@@ -1,37 +1,143 @@
-"""Makes what a page shows of a flight from its cycles and events, live or recorded, as plain JSON values."""
+"""Makes what a page shows of a flight from its cycles and events, live or recorded, as plain JSON values.
+
+Each displayed value has a severity by the limits that the flight itself uses. The page shows it as a colour, a shape
+and a word.
+"""
 
 import math
+from collections import deque
 from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from guidance.certificate import Certificate
 from guidance.control.follow import gaps_to_disc
+from guidance.flight import FlightSettings, State
+from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
+from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import ned_from_game
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, title_of
 from guidance.log.codec import plain
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
 from guidance.log.reader import CONFIG, entry_of
-from guidance.messages import Attitude, Heartbeat, Home, Message, SystemStatus
-from guidance.viz.panel import levels
+from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, Message, SystemStatus
 from guidance.viz.shapes import fence_edges, isochron_at
 
 if TYPE_CHECKING:
-    from guidance.flight import FlightSettings
     from guidance.monitor import Alarm
 
 ISOCHRON_INTERVAL_S: Final = 0.4
 ALARM_SHOWN_S: Final = 10.0
 """How long an alarm is shown."""
 
+BATTERY_CAUTION: Final = 0.1
+"""Caution below the minimum of the battery plus this (0 to 1). The flight returns at the minimum."""
+
+LINK_WINDOW_S: Final = 5.0
+"""Positions are counted over this time. Link quality is their number over the largest number so far."""
+
+_LINK_CAUTION, _LINK_WARNING = 0.8, 0.5
+_FIX_3D: Final = 3
 _POINTS: Final = 49
 _CENTIMETRES: Final = 2
 
 Plain = dict[str, Any]
+
+
+class Level(StrEnum):
+    """Severity."""
+
+    OK = "ok"
+    CAUTION = "caution"
+    WARNING = "warning"
+    UNKNOWN = "unknown"  # no value, which is no fault
+
+
+_STATES: Final[Mapping[State, Level]] = {
+    **dict.fromkeys((State.CONNECTING, State.CHECKING, State.PAUSED, State.HOLDING), Level.CAUTION),
+    **dict.fromkeys((State.YIELDED, State.FAILED), Level.WARNING),
+}
+"""States that need a person; the others are OK."""
+
+_REACH: Final[Mapping[str, Level]] = {"yes": Level.OK, "uncertain": Level.CAUTION}
+
+HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
+    "now_s": ("now_s",),
+    **{f"pursuer_{axis}": ("pursuer_m", number) for number, axis in enumerate("xyz")},
+    **{f"evader_{axis}": ("evader_m", number) for number, axis in enumerate("xyz")},
+    "gap_m": ("gap_m",),
+    "height_gap_m": ("height_gap_m",),
+    "value": ("game", "value"),
+    "time_needed_s": ("game", "time_needed_s"),
+    "assured_m": ("game", "assured_m"),
+    **{f"{name}_m_s": ("speed_m_s", name) for name in ("flown", "commanded", "desired")},
+    **{f"{name}_age_s": ("age_s", name) for name in ("position", "evader")},
+}
+"""Columns of the charts, and where each is in a snapshot. The page makes further rows by the same table."""
+
+
+def event_row(event: EventEntry) -> Plain:
+    """Return an event as the page lists it."""
+    return {"now_s": round(event.now_s, 2), "event": event.event, "detail": event.detail[:300]}
+
+
+def history_row(snapshot: Plain) -> list[float | None]:
+    """Return a snapshot as a row of the charts."""
+
+    def value_at(path: tuple[str | int, ...]) -> float | None:
+        part: Any = snapshot
+        for step in path:
+            part = None if part is None else part[step]
+        return None if part is None else round(part, 2)
+
+    return [value_at(path) for path in HISTORY.values()]
+
+
+def of_age(age_s: float, limit_s: float, caution_s: float | None = None) -> Level:
+    """Severity of an age: warning above the flight's limit, caution above `caution_s` (default: half the limit)."""
+    if math.isnan(age_s):
+        return Level.UNKNOWN
+    if age_s > limit_s:
+        return Level.WARNING
+    return Level.CAUTION if age_s > (0.5 * limit_s if caution_s is None else caution_s) else Level.OK
+
+
+def of_share(share: float, warning: float, caution: float) -> Level:
+    """Severity of a share, 0 to 1, such as the remaining battery: warning and caution below these."""
+    if math.isnan(share):
+        return Level.UNKNOWN
+    return Level.WARNING if share < warning else Level.CAUTION if share < caution else Level.OK
+
+
+def of_operator(status: Mapping[str, Any]) -> Plain | None:
+    """Severity of the time since the last sign of life; None if the vehicle file requires none."""
+    silence_s, limit_s = status.get("operator_silence_s"), status.get("operator_timeout_s")
+    if not (isinstance(silence_s, int | float) and isinstance(limit_s, int | float)):
+        return None
+    return {"level": str(of_age(silence_s, limit_s)), "silence_s": silence_s, "limit_s": limit_s}
+
+
+def of_snapshot(snapshot: Plain, settings: FlightSettings) -> dict[str, str]:
+    """Severities of a snapshot. Its unknown values are NaN."""
+    state, ages, game, gps = State(snapshot["state"]), snapshot["age_s"], snapshot["game"], snapshot["gps"]
+    minimum = settings.battery_minimum
+    levels = {
+        "state": _STATES.get(state, Level.OK),
+        "heartbeat": of_age(ages["heartbeat"], HEARTBEAT_LIMIT_S),
+        "position": of_age(ages["position"], TELEMETRY_LIMIT_S, 0.3),
+        "evader": of_age(ages["evader"], settings.cycle.evader_timeout_s),
+        "battery": of_share(snapshot["battery"], minimum, minimum + BATTERY_CAUTION),
+        "link": of_share(snapshot["link"], _LINK_WARNING, _LINK_CAUTION),
+        "gps": Level.UNKNOWN if gps is None else Level.OK if gps["fix"] >= _FIX_3D else Level.WARNING,
+        "stream": Level.WARNING if state in SETPOINT_STATES and not snapshot["streaming"] else Level.OK,
+        "reach": Level.UNKNOWN if game is None else _REACH.get(game["reach"], Level.WARNING),
+        "limits": Level.CAUTION if game is not None and game["limits"] else Level.OK,
+    }
+    return {name: str(level) for name, level in levels.items()}
 
 
 class SnapshotFold:
@@ -51,7 +157,7 @@ class SnapshotFold:
 
     def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
         self._settings_of = settings_of
-        self._settings: FlightSettings = settings_of(metadata)
+        self._settings = settings_of(metadata)
         self._title = title_of(metadata)
         self._source = Path(source)
         self.scenes = 0
@@ -61,11 +167,12 @@ class SnapshotFold:
         self._aggregator = Aggregator(self._settings)
         self._heard: dict[type, Message] = {}
         self._report = ""
-        self._cycle: Cycle | None = None
-        self._row: CycleEntry | None = None
+        self._last: tuple[Cycle, CycleEntry] | None = None
         self._alarm: tuple[float, Alarm] | None = None
-        self._isochron: list[Any] | None = None
-        self._isochron_s = -math.inf
+        self._isochron: tuple[float, list[Any]] = (-math.inf, [])
+        self._armed_s = math.nan
+        self._positions_s: deque[float] = deque()
+        self._most_positions = 0
         self._scene: Plain | None = None
         self._home_m: Any = None
         self.scenes += 1
@@ -87,15 +194,22 @@ class SnapshotFold:
     def _event(self, event: EventEntry) -> EventEntry:
         if event.event == RELOADED:
             self._settings = self._settings_of({CONFIG: event.detail})
-            self._begin()
-            return event._replace(detail="")
-        if event.event == BEGUN:
+            event = event._replace(detail="")
+        if event.event in {BEGUN, RELOADED}:
             self._begin()
         return event
 
     def _add_cycle(self, row: CycleEntry) -> None:
-        self._cycle, self._row = self._aggregator.cycle(row), row
-        self._heard.update((type(message), message) for message in row.inputs.messages)
+        self._last = self._aggregator.cycle(row), row
+        for message in row.inputs.messages:
+            self._heard[type(message)] = message
+            if isinstance(message, Heartbeat) and message.armed != math.isfinite(self._armed_s):
+                self._armed_s = row.now_s if message.armed else math.nan
+            elif isinstance(message, LocalPosition):
+                self._positions_s.append(message.received_s)
+        while self._positions_s and self._positions_s[0] < row.now_s - LINK_WINDOW_S:
+            self._positions_s.popleft()
+        self._most_positions = max(self._most_positions, len(self._positions_s))
         for report in row.inputs.reports:
             self._report = report.source
         if row.alarm is not None:
@@ -113,14 +227,14 @@ class SnapshotFold:
         return self._scene
 
     def _make_scene(self) -> Plain:
-        cycle, home, place = self._settings.cycle, self._aggregator.home_m, self._last(Home)
+        cycle, home, place = self._settings.cycle, self._aggregator.home_m, self._heard.get(Home)
         envelope = self._aggregator.envelope
         return {
             "title": self._title,
             "unit": "s" if cycle.target_game_m is None else "m",
             "autopilot": self._settings.autopilot.name,
             "home_m": rounded(home),
-            "home_deg": None if place is None else [place.latitude_deg, place.longitude_deg],
+            "home_deg": [place.latitude_deg, place.longitude_deg] if isinstance(place, Home) else None,
             "fence_m": [] if home is None else [np.round(one, 1).tolist() for one in fence_edges(envelope, home)],
             "floor_m": envelope.floor_m,
             "ceiling_m": envelope.ceiling_m,
@@ -131,84 +245,82 @@ class SnapshotFold:
 
     def snapshot(self) -> Plain | None:
         """Return the last cycle, None before the first; unknown values are null."""
-        cycle, row = self._cycle, self._row
-        if cycle is None or row is None:
+        if self._last is None:
             return None
-        heartbeat, status = self._last(Heartbeat), self._last(SystemStatus)
-        autopilot, (gap_m, height_gap_m) = self._settings.autopilot, self._gaps_m()
+        cycle, row = self._last
+        game = None if row.certificate is None else self._game(row.certificate, row.now_s)
+        velocities = {"flown": cycle.flown_ned_m_s, "commanded": cycle.commanded_ned_m_s}
+        gap_m, height_gap_m = self._gaps_m(cycle, row.certificate)
         snapshot: Plain = {
+            **self._vehicle(row.now_s),
             "now_s": round(cycle.now_s, 3),
             "state": str(row.state),
-            "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
-            "armed": heartbeat is not None and heartbeat.armed,
-            "battery": math.nan if status is None else status.battery_remaining,
             "streaming": row.setpoint is not None,
-            "age_s": {
-                "heartbeat": math.inf if heartbeat is None else cycle.now_s - heartbeat.received_s,
-                "position": known_age(cycle.telemetry_age_s),
-                "evader": known_age(cycle.evader_age_s),
-                "late": cycle.late_s,
-                "round_trip": cycle.round_trip_s,
-            },
             "source": self._report,
             "pursuer_m": rounded(cycle.pursuer_m),
             "evader_m": rounded(cycle.evader_m),
             "gap_m": gap_m,
             "height_gap_m": height_gap_m,
-            "yaw_rad": self._yaw(),
             "speed_m_s": {
-                "flown": math.hypot(*cycle.flown_ned_m_s),
-                "commanded": math.hypot(*cycle.commanded_ned_m_s),
-                "desired": math.hypot(*cycle.desired_ned_m_s),
+                name: math.hypot(*velocity)
+                for name, velocity in {**velocities, "desired": cycle.desired_ned_m_s}.items()
             },
-            "game": None if row.certificate is None else self._game(row.certificate, row.now_s),
+            "game": game,
             "alarm": self._recent_alarm(row.now_s),
         }
-        snapshot["levels"] = levels.of_snapshot(snapshot, self._settings)
+        snapshot["age_s"] |= {
+            "position": known_age(cycle.telemetry_age_s),
+            "evader": known_age(cycle.evader_age_s),
+            "late": cycle.late_s,
+            "round_trip": cycle.round_trip_s,
+        }
+        snapshot["levels"] = of_snapshot(snapshot, self._settings)
         return dict(plain(snapshot))
 
-    def _last(self, kind: type[Any]) -> Any:  # noqa: ANN401 - a message of this type
-        return self._heard.get(kind)
+    def _vehicle(self, now_s: float) -> Plain:
+        """Return what the vehicle says of itself."""
+        heard: Mapping[type, Any] = self._heard
+        heartbeat, status, attitude, gps = (heard.get(one) for one in (Heartbeat, SystemStatus, Attitude, GpsFix))
+        autopilot = self._settings.autopilot
+        return {
+            "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
+            "armed": heartbeat is not None and heartbeat.armed,
+            "flight_s": now_s - self._armed_s,
+            "battery": math.nan if status is None else status.battery_remaining,
+            "voltage_v": math.nan if status is None else status.voltage_v,
+            "gps": None if gps is None else {"fix": gps.fix_type, "satellites": gps.satellites},
+            "link": len(self._positions_s) / self._most_positions if self._most_positions else math.nan,
+            "yaw_rad": math.nan if attitude is None else round(attitude.yaw_rad, 3),
+            "age_s": {"heartbeat": math.inf if heartbeat is None else now_s - heartbeat.received_s},
+        }
 
-    def _yaw(self) -> float:
-        attitude = self._last(Attitude)
-        return math.nan if attitude is None else round(attitude.yaw_rad, 3)
-
-    def _gaps_m(self) -> tuple[float, float]:
+    def _gaps_m(self, cycle: Cycle, certificate: Certificate | None) -> tuple[float, float]:
         """Distances to the disc, also before and after the game; NaN if a position is unknown."""
-        cycle, row = self._cycle, self._row
-        if row is not None and row.certificate is not None:
-            return row.certificate.gap_m, row.certificate.height_gap_m
-        if cycle is None:
-            return math.nan, math.nan
+        if certificate is not None:
+            return certificate.gap_m, certificate.height_gap_m
         here, evader = ned_from_game(cycle.pursuer_m), ned_from_game(cycle.evader_m)
         gaps = gaps_to_disc(here, evader, self._settings.cycle.standoff)
         return gaps.ground_m, gaps.height_m
 
     def _game(self, certificate: Certificate, now_s: float) -> Plain:
         meets = not certificate.no_game
+        names = {"value": "value", "margin_s": "vehicle_margin_s", "reachable_m_s": "reachable_speed_m_s"}
+        names |= {"time_needed_s": "time_needed_s", "assured_m": "assured_distance_m", "no_game": "no_game"}
         return {
-            "winner": certificate.winner,
-            "wins": Winner(certificate.vehicle_winner or 0).word,
-            "value": certificate.value,
-            "margin_s": certificate.margin_s,
-            "vehicle_margin_s": certificate.vehicle_margin_s,
-            "reachable_m_s": certificate.reachable_speed_m_s,
-            "time_needed_s": certificate.time_needed_s,
-            "assured_m": certificate.assured_distance_m,
+            **{name: getattr(certificate, field) for name, field in names.items()},
+            "reach": reach_of(certificate),
             "limits": list(certificate.active_limits),
-            "no_game": certificate.no_game,
-            "captured": certificate.captured,
             "meeting_m": rounded(certificate.meeting_point_game_m) if meets else None,
             "isochron_m": self._curve(certificate, now_s) if meets else None,
         }
 
-    def _curve(self, certificate: Certificate, now_s: float) -> list[Any] | None:
+    def _curve(self, certificate: Certificate, now_s: float) -> list[Any]:
         # Computed a few times a second only, because it solves a batch of games.
-        if self._isochron is None or not 0.0 <= now_s - self._isochron_s < ISOCHRON_INTERVAL_S:
-            self._isochron_s = now_s
-            self._isochron = finite(isochron_at(self._settings.cycle, certificate, _POINTS))
-        return self._isochron
+        if not 0.0 <= now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:
+            curve = isochron_at(self._settings.cycle, certificate, _POINTS)
+            finite = curve[np.isfinite(curve).all(axis=-1)]
+            self._isochron = now_s, np.round(finite, _CENTIMETRES).tolist()
+        return self._isochron[1]
 
     def _recent_alarm(self, now_s: float) -> Plain | None:
         if self._alarm is None or now_s - self._alarm[0] > ALARM_SHOWN_S:
@@ -216,46 +328,13 @@ class SnapshotFold:
         since_s, alarm = self._alarm
         return {"what": str(alarm.violation), "amount": alarm.amount, "since_s": since_s}
 
-    def history_row(self) -> list[Any] | None:
-        """Return the last cycle as a row of the charts, None before the first; columns: `HISTORY`."""
-        cycle = self._cycle
-        if cycle is None:
-            return None
-        values = (
-            cycle.now_s,
-            *cycle.pursuer_m,
-            *cycle.evader_m,
-            *self._gaps_m(),
-            cycle.value,
-            cycle.time_needed_s,
-            math.hypot(*cycle.flown_ned_m_s),
-            math.hypot(*cycle.commanded_ned_m_s),
-            math.hypot(*cycle.desired_ned_m_s),
-            1e3 * known_age(cycle.telemetry_age_s),
-            1e3 * known_age(cycle.evader_age_s),
-        )
-        return [round(value, 2) if math.isfinite(value) else None for value in values]
 
-
-HISTORY: Final = (
-    "now_s",
-    "pursuer_x",
-    "pursuer_y",
-    "pursuer_z",
-    "evader_x",
-    "evader_y",
-    "evader_z",
-    "gap_m",
-    "height_gap_m",
-    "value",
-    "time_needed_s",
-    "flown_m_s",
-    "commanded_m_s",
-    "desired_m_s",
-    "position_age_ms",
-    "evader_age_ms",
-)
-"""Columns of `SnapshotFold.history_row`; positions in the game frame, m."""
+def reach_of(certificate: Certificate) -> str:
+    """Say whether the vehicle can reach the evader (TAD: before the target): yes, no, too fast, or uncertain."""
+    if certificate.no_game:
+        return "too fast"
+    winner = certificate.winner if certificate.vehicle_winner is None else certificate.vehicle_winner
+    return {Winner.PURSUER: "yes", Winner.EVADER: "no"}.get(Winner(winner), "uncertain")
 
 
 def rounded(position: Any) -> list[float] | None:  # noqa: ANN401 - a vector, or None
@@ -268,9 +347,3 @@ def rounded(position: Any) -> list[float] | None:  # noqa: ANN401 - a vector, or
 def known_age(age_s: float) -> float:
     """Return an age ≥ 0; infinite if nothing was received. A client that joins late may get an older cycle last."""
     return max(0.0, age_s) if math.isfinite(age_s) else math.inf
-
-
-def finite(curve: NDArray[np.float64]) -> list[Any]:
-    """Return the finite points of a curve, rounded to 1 cm."""
-    points: list[Any] = np.round(curve[np.isfinite(curve).all(axis=-1)], _CENTIMETRES).tolist()
-    return points

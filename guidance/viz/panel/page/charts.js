@@ -4,10 +4,11 @@ import { TEXTS } from "./texts.js";
 
 const CHARTS = [
   ["range", { gap_m: ["--pursuer", []], height_gap_m: ["--evader", [5, 3]] }],
-  ["value", { value: ["--pursuer", []], time_needed_s: ["--isochron", [5, 3]] }],
+  ["reach", { value: ["--isochron", [5, 3]], time_needed_s: ["--pursuer", []], assured_m: ["--pursuer", []] }],
   ["speed", { flown_m_s: ["--isochron", []], commanded_m_s: ["--pursuer", [5, 3]], desired_m_s: ["--evader", [2, 3]] }],
-  ["age", { position_age_ms: ["--pursuer", []], evader_age_ms: ["--evader", [5, 3]] }],
+  ["age", { position_age_s: ["--pursuer", []], evader_age_s: ["--evader", [5, 3]] }],
 ];
+const LEFT_OUT = { s: "assured_m", m: "time_needed_s" }; // by the unit of the game's value
 const [LEFT, RIGHT, TOP, BOTTOM] = [34, 8, 34, 18];
 const WINDOW_S = 300;
 
@@ -26,19 +27,22 @@ export class Charts {
     const { rows, columns } = daemon;
     const until = rows.at(-1)?.[0] ?? 0;
     const from = Math.max(rows[0]?.[0] ?? 0, until - window_s);
+    const unit = daemon.scene?.unit ?? "s";
+    const shown = rows.filter((row) => row[0] >= from);
     CHARTS.forEach(([name, curves], at) => {
       const surface = this.surfaces[at];
       if (!surface.begin()) return;
-      const drawn = Object.entries(curves).map(([column, [colour, dash]]) => {
-        const index = columns.indexOf(column);
-        const points = rows.filter((row) => row[0] >= from).map((row) => (row[index] === null ? null : [row[0], row[index]]));
+      const drawn = Object.entries(curves).filter(([column]) => column !== LEFT_OUT[unit]).map(([column, [colour, dash]]) => {
+        const [index, factor] = [Object.keys(columns).indexOf(column), name === "age" ? 1000 : 1];
+        const points = shown.map((row) => (row[index] === null ? null : [row[0], factor * row[index]]));
         return { column, colour: ink(colour), dash, points };
       });
-      this.chart(surface, TEXTS.charts[name], drawn, [from, Math.max(until, from + 10)], daemon.scene?.unit);
+      const title = TEXTS.charts[name];
+      this.chart(surface, title[unit] ?? title, drawn, [from, Math.max(until, from + 10)]);
     });
   }
 
-  chart(surface, title, curves, [from, until], unit) {
+  chart(surface, title, curves, [from, until]) {
     const { width, height } = surface;
     const values = curves.flatMap(({ points }) => points.filter(Boolean).map(([, value]) => value));
     const low = Math.min(0, ...values);
@@ -59,10 +63,10 @@ export class Charts {
     for (const { points, colour, dash } of curves) {
       surface.line(points.map((one) => one && [x(one[0]), y(one[1])]), colour, 1.8, dash);
     }
-    this.legend(surface, title, curves, unit);
+    this.legend(surface, title, curves);
   }
 
-  legend(surface, title, curves, unit) {
+  legend(surface, title, curves) {
     surface.font(12, 700);
     surface.text(title, 6, 10, ink("--ink"));
     const beside = 16 + surface.context.measureText(title).width;
@@ -70,8 +74,7 @@ export class Charts {
     let [left, top] = [6, 25];
     for (const { column, colour, dash, points } of curves) {
       const last = points.at(-1)?.[1];
-      const name = TEXTS.charts[column === "value" ? "value_curve" : column] + (column === "value" ? ` ${unit ?? "s"}` : "");
-      const words = `${name}${last === undefined ? "" : ` ${fixed(last, last < 100 ? 1 : 0)}`}`;
+      const words = `${TEXTS.charts[column]}${last === undefined ? "" : ` ${fixed(last, last < 100 ? 1 : 0)}`}`;
       const long = surface.context.measureText(words).width;
       if (left + 19 + long > surface.width) [left, top] = [beside, 10]; // next line
       surface.line([[left, top], [left + 12, top]], colour, 2.5, dash);

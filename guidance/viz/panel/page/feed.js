@@ -58,7 +58,7 @@ export class Feed {
 
 // Merge one message into the stored data of a daemon.
 export function merged(known, said) {
-  const daemon = known ?? { events: [], rows: [], status: {}, columns: [] };
+  const daemon = known ?? { events: [], rows: [], status: {}, columns: {} };
   const { events, history, snapshot, ...plain } = said;
   Object.assign(daemon, plain);
   if (history) {
@@ -78,17 +78,11 @@ function remember(daemon, seen) {
   const last = daemon.rows.at(-1);
   if (last && seen.now_s < last[0]) daemon.rows = [];
   if (last && seen.now_s - last[0] < 0.25 && seen.now_s >= last[0]) return;
-  daemon.rows.push(rowOf(seen));
+  daemon.rows.push(rowOf(seen, daemon.columns));
   while (daemon.rows.length && seen.now_s - daemon.rows[0][0] > WINDOW_S) daemon.rows.shift();
 }
 
-export function rowOf(seen) {
-  const none = [null, null, null];
-  const game = seen.game ?? {};
-  const ms = (s) => (s === null || s === undefined ? null : 1000 * s);
-  return [
-    seen.now_s, ...(seen.pursuer_m ?? none), ...(seen.evader_m ?? none), seen.gap_m, seen.height_gap_m,
-    game.value ?? null, game.time_needed_s ?? null, seen.speed_m_s.flown, seen.speed_m_s.commanded,
-    seen.speed_m_s.desired, ms(seen.age_s.position), ms(seen.age_s.evader),
-  ];
+// A row of the charts: each column has the path of its value in a snapshot.
+export function rowOf(seen, columns) {
+  return Object.values(columns).map((path) => path.reduce((part, step) => part?.[step] ?? null, seen));
 }

@@ -9,43 +9,44 @@ export function lamp(element, level, words) {
   element.title = TEXTS.levels[level];
 }
 
-const number = (value, digits, unit) => (value === null || value === undefined ? "–" : `${fixed(value, digits)} ${unit}`);
-const aged = (value) => (value === null || value === undefined ? TEXTS.never : TEXTS.ago(value));
+const isKnown = (value) => value !== null && value !== undefined;
+const number = (value, digits, unit) => (isKnown(value) ? `${fixed(value, digits)} ${unit}` : "–");
+const aged = (value) => (isKnown(value) ? TEXTS.ago(value) : TEXTS.never);
+const joined = (...parts) => parts.filter(Boolean).join(" · ") || TEXTS.unknown;
+const percent = (share) => isKnown(share) && `${Math.round(100 * share)} %`;
+const clock = (s) => `${Math.floor(s / 60)}:${String(Math.floor(s % 60)).padStart(2, "0")}`;
+const heading = (rad) => `${String(Math.round((rad * 180) / Math.PI + 360) % 360).padStart(3, "0")}°`;
 
 // Each line: name, level (null: a plain value), text.
 function lines({ snapshot: seen, scene, status, operator }) {
-  const { age_s: age, game, levels, alarm } = seen;
-  const battery = seen.battery === null ? TEXTS.unknown : `${Math.round(100 * seen.battery)} %`;
+  const { age_s: age, game, gps, levels, alarm } = seen;
   const above = seen.pursuer_m && scene?.home_m ? seen.pursuer_m[2] - scene.home_m[2] : null;
-  const rows = [
-    ["battery", levels.battery, battery],
+  const rows = [...(game ? played(game, levels, scene) : [])];
+  if (seen.gap_m !== null) rows.push(["range", null, number(seen.gap_m, 1, "m")], ["height", null, number(seen.height_gap_m, 1, "m")]);
+  rows.push(
+    ["altitude", null, number(above, 1, "m")],
+    ["speed", null, number(seen.speed_m_s.flown, 1, "m/s")],
+    ["heading", null, isKnown(seen.yaw_rad) ? heading(seen.yaw_rad) : "–"],
+    ["flight", null, isKnown(seen.flight_s) ? clock(seen.flight_s) : "–"],
+    ["battery", levels.battery, joined(percent(seen.battery), isKnown(seen.voltage_v) && number(seen.voltage_v, 1, "V"))],
+    ["gps", levels.gps, gps ? joined(TEXTS.fixes[gps.fix] ?? TEXTS.fixes[0], isKnown(gps.satellites) && TEXTS.satellites(gps.satellites)) : TEXTS.unknown],
+    ["link", levels.link, joined(percent(seen.link), isKnown(age.round_trip) && `${Math.round(1000 * age.round_trip)} ms`)],
     ["heartbeat", levels.heartbeat, aged(age.heartbeat)],
     ["position", levels.position, aged(age.position)],
     ["evader", levels.evader, aged(age.evader)],
     ["source", null, seen.source || "–"],
     ["stream", levels.stream, seen.streaming ? TEXTS.streaming : TEXTS.silent],
-    ["altitude", null, number(above, 1, "m")],
-    ["speed", null, number(seen.speed_m_s.flown, 1, "m/s")],
-  ];
-  if (game) rows.push(...played(game, levels, scene));
-  if (seen.gap_m !== null) rows.push(["range", null, number(seen.gap_m, 1, "m")], ["height", null, number(seen.height_gap_m, 1, "m")]);
+  );
   if (game) rows.push(["limits", levels.limits, game.limits.length ? game.limits.join(", ") : TEXTS.none]);
-  if (alarm) rows.push(["alarm", "warning", `${alarm.what} (${alarm.amount.toFixed(1)})`]);
+  if (alarm) rows.unshift(["alarm", "warning", `${alarm.what} (${alarm.amount.toFixed(1)})`]);
   if (operator) rows.push(["operator", operator.level, TEXTS.operatorSeen(operator.silence_s, operator.limit_s)]);
   if (status.recording) rows.push(["recording", recorded(status.recording), status.recording]);
   return rows;
 }
 
 function played(game, levels, scene) {
-  const unit = scene?.unit ?? "s";
-  const winner = game.no_game ? TEXTS.noGame : TEXTS.wins[game.wins];
-  const rows = [
-    ["winner", levels.winner, winner],
-    ["value", null, `${number(game.value, 1, "")}${TEXTS.valueUnits[unit]}`],
-    ["need", null, number(game.time_needed_s, 1, "s")],
-    ["reaches", null, number(game.reachable_m_s, 1, "m/s")],
-  ];
-  if (unit === "m") rows.push(["margin", null, `${number(game.vehicle_margin_s, 1, "s")}${TEXTS.ideal(number(game.margin_s, 1, "s"))}`], ["assured", null, number(game.assured_m, 1, "m")]);
+  const rows = [["reach", levels.reach, TEXTS.reach(game.reach, game.time_needed_s)], ["reaches", null, number(game.reachable_m_s, 1, "m/s")]];
+  if (scene?.unit === "m") rows.push(["assured", null, number(game.assured_m, 1, "m")], ["margin", null, number(game.margin_s, 1, "s")]);
   return rows;
 }
 

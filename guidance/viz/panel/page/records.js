@@ -1,20 +1,35 @@
 // The list of records: outcome, report, events, exports and replay of each.
 import { TEXTS } from "./texts.js";
 
+const AGAIN_MS = 500;
+
 export class Records {
   constructor(dialog, button) {
     this.dialog = dialog;
+    this.shown = "";
     button.addEventListener("click", () => this.open());
   }
 
   async open() {
     this.fill([element("p", TEXTS.reading)]);
     this.dialog.showModal();
+    this.shown = "";
+    while (this.dialog.open && (await this.load())) await new Promise((then) => setTimeout(then, AGAIN_MS));
+  }
+
+  // Shows the list. Returns true while the panel still reads details.
+  async load() {
     try {
-      const said = await (await fetch("records")).json();
-      this.fill(said.error ? [element("p", said.error)] : this.table(said));
+      const answer = await fetch("records");
+      const text = await answer.text();
+      if (!answer.ok) throw new Error(text);
+      const said = JSON.parse(text);
+      if (text !== this.shown) this.fill(this.table(said));
+      this.shown = text;
+      return said.records.some((row) => row.reading);
     } catch (error) {
       this.fill([element("p", String(error))]);
+      return false;
     }
   }
 
@@ -34,7 +49,14 @@ export class Records {
     const head = document.createElement("tr");
     head.append(...TEXTS.columns.map((words) => element("th", words)));
     table.append(head, ...records.map((row) => this.row(row, kinds)));
-    return [element("p", TEXTS.recordsIn(folder)), table];
+    const parts = [element("p", TEXTS.recordsIn(folder)), table];
+    const read = records.filter((row) => !row.reading).length;
+    if (read === records.length) return parts;
+    const bar = document.createElement("progress");
+    [bar.max, bar.value] = [records.length, read];
+    const progress = element("p", `${TEXTS.progress(read, records.length)} `);
+    progress.append(bar);
+    return [progress, ...parts];
   }
 
   row(row, kinds) {
@@ -58,6 +80,7 @@ export class Records {
 }
 
 function outcome(row) {
+  if (row.reading) return TEXTS.reading;
   if (row.error) return row.error;
   const words = [row.captured ? TEXTS.captured : TEXTS.notCaptured, row.ended && TEXTS.ended(row.ended)];
   if (row.alarms) words.push(TEXTS.alarms(row.alarms));

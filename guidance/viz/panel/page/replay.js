@@ -1,5 +1,8 @@
 // Replay of a record in the live view, with a slider and without orders.
+import { rowOf } from "./feed.js";
 import { TEXTS } from "./texts.js";
+
+const FRAMES_PER_ROW = 2;
 
 const at = (name) => document.getElementById(name);
 
@@ -32,6 +35,7 @@ export class Replay {
 
   begin(flight) {
     this.flight = flight;
+    flight.rows = flight.frames.filter((_, at) => at % FRAMES_PER_ROW === 0).map((frame) => rowOf(frame, flight.columns));
     this.say("");
     at("daemons").textContent = flight.name;
     at("slider").hidden = false;

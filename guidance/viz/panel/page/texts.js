@@ -20,6 +20,7 @@ export const TEXTS = {
   noRecords: (folder) => `No records in ${folder} yet.`,
   recordsIn: (folder) => `Records in ${folder}`,
   reading: "Reading…",
+  progress: (read, all) => `Details of ${read} of ${all} read…`,
   captured: "captured",
   notCaptured: "not captured",
   ended: (state) => `ended ${state}`,
@@ -49,17 +50,20 @@ export const TEXTS = {
   none: "none",
   ago: (s) => (s < 10 ? `${s.toFixed(1)} s` : `${Math.round(s)} s`),
   lamps: {
-    battery: "Battery", heartbeat: "Heartbeat", position: "Position age", evader: "Evader age", source: "Source",
-    stream: "Sending", winner: "Winner, this vehicle", value: "Ideal value", need: "Vehicle needs", reaches: "Vehicle reaches",
-    range: "Range to disc", height: "Height to disc",
-    margin: "Margin", assured: "Keeps from T", limits: "Limits acting", alarm: "Alarm", altitude: "Above home",
-    speed: "Speed", operator: "Operator seen", recording: "Record",
+    reach: "Can reach it", reaches: "Top speed here", assured: "Keeps it from T by", margin: "Time to spare",
+    range: "Range to disc", height: "Height to disc", altitude: "Above home", speed: "Speed", heading: "Heading",
+    flight: "Flight time", battery: "Battery", gps: "GPS", link: "Link", heartbeat: "Heartbeat",
+    position: "Position age", evader: "Evader age", source: "Source", stream: "Sending", limits: "Limits acting",
+    alarm: "Alarm", operator: "Operator seen", recording: "Record",
   },
   operatorSeen: (s, limit) => `${TEXTS.ago(s)} of ${limit} s`,
-  wins: { pursuer: "pursuer", evader: "EVADER", undecided: "not certain" },
-  ideal: (margin) => `, ideal ${margin}`,
-  noGame: "evader too fast",
-  valueUnits: { s: "s to go", m: "m from T" },
+  reach: (answer, s) => {
+    const time = s > 0 ? `${s.toFixed(0)} s` : "";
+    if (answer === "yes") return time ? `yes, in ${time}` : "yes";
+    return { no: "NO, it arrives first", "too fast": "NO, it is too fast" }[answer] ?? `not certain${time && `, about ${time}`}`;
+  },
+  fixes: ["no GPS", "no fix", "2D", "3D", "DGPS", "RTK float", "RTK", "static", "PPP"],
+  satellites: (count) => `${count} satellites`,
   recording: { on: "on", off: "off" },
   orders: {
     start: ["START", "arm and climb"], engage: ["ENGAGE", "play the game"], hold: ["HOLD", "at once", "key H"],
@@ -94,15 +98,15 @@ export const TEXTS = {
   unanswered: (order) => `${order}: no answer from the panel. Repeat it, or take over by radio.`,
   tooShort: (order) => `${order}: not given. Keep it pressed for one second.`,
   charts: {
-    range: "Range to the disc, m", value: "Value", speed: "Speed, m/s", age: "Age, ms",
-    gap_m: "rim", height_gap_m: "height", value_curve: "game", time_needed_s: "vehicle s",
-    flown_m_s: "flown", commanded_m_s: "sent", desired_m_s: "game",
-    position_age_ms: "position", evader_age_ms: "evader",
+    range: "Range to the disc, m", speed: "Speed, m/s", age: "Age, ms",
+    reach: { s: "Time to reach it, s", m: "Keeps it from T by, m" },
+    gap_m: "rim", height_gap_m: "height", value: "ideal", time_needed_s: "vehicle", assured_m: "vehicle",
+    flown_m_s: "flown", commanded_m_s: "sent", desired_m_s: "game", position_age_s: "position", evader_age_s: "evader",
   },
   profile: ["Height above home, m", "over range to evader, m"],
   profileHome: ["Height above home, m", "over range to home, m"],
   map: {
     pursuer: "vehicle", evader: "evader", target: "T", home: "H", north: "N", meeting: { s: "q*", m: "g*" },
-    by: (host) => `map: ${host}`, disc: "stand-off disc", fence: "fence", isochron: "isochron", floor: "floor", ceiling: "ceiling", wait: "No position yet",
+    by: (host) => `map: ${host}`, local: "map: local tiles", disc: "stand-off disc", fence: "fence", isochron: "isochron", floor: "floor", ceiling: "ceiling", wait: "No position yet",
   },
 };

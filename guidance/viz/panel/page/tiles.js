@@ -1,9 +1,10 @@
-// A map under the plan view, from the tile server of --tiles.
+// A map under the plan view: tiles of the panel's folder, or of the server of --tiles.
 import { ink } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
 const TILE_PX = 256;
 const MOST_KEPT = 200;
+const MOST_PARENTS = 5; // zoom levels above, where a tile is missing
 
 export class Tiles {
   constructor(arrived) {
@@ -29,14 +30,27 @@ export class Tiles {
     const [first, last] = [from(west, north), from(east, south)];
     for (let x = first[0]; x <= last[0]; x++) {
       for (let y = first[1]; y <= last[1]; y++) {
-        const image = this.image(zoom, x, y);
-        if (!image.complete || !image.naturalWidth) continue;
-        const [px, py] = plan.pixel([scene.home_m[0] + (x - column) * size, scene.home_m[1] - (y - row) * size]);
-        plan.surface.context.drawImage(image, px, py, size * plan.scale + 1, size * plan.scale + 1);
+        const place = plan.pixel([scene.home_m[0] + (x - column) * size, scene.home_m[1] - (y - row) * size]);
+        this.tile(plan.surface.context, [zoom, x, y], place, size * plan.scale + 1);
       }
     }
     const { width, height } = plan.surface;
-    plan.surface.text(TEXTS.map.by(new URL(this.source).host), width - 6, height - 12, ink("--faint"), "right");
+    const { host } = new URL(this.source, location.href);
+    const words = host === location.host ? TEXTS.map.local : TEXTS.map.by(host);
+    plan.surface.text(words, width - 6, height - 12, ink("--faint"), "right");
+  }
+
+  // A tile, or its part of a larger one if it is missing.
+  tile(context, [zoom, x, y], [px, py], size) {
+    for (let up = 0; up <= Math.min(zoom, MOST_PARENTS); up++) {
+      const share = 2 ** up;
+      const image = this.image(zoom - up, Math.floor(x / share), Math.floor(y / share));
+      if (!image.complete) return;
+      if (!image.naturalWidth) continue;
+      const part = image.naturalWidth / share;
+      context.drawImage(image, (x % share) * part, (y % share) * part, part, part, px, py, size, size);
+      return;
+    }
   }
 
   image(zoom, x, y) {
@@ -44,7 +58,7 @@ export class Tiles {
     let image = this.kept.get(url);
     if (!image) {
       image = new Image();
-      image.onload = this.arrived;
+      image.onload = image.onerror = this.arrived;
       image.src = url;
       this.kept.set(url, image);
       if (this.kept.size > MOST_KEPT) this.kept.delete(this.kept.keys().next().value);
