@@ -13,7 +13,7 @@ from guidance.files import private_file, private_folder
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions
 from guidance.sweeps.folder import alone, write_whole
-from guidance.viz.report import page
+from guidance.viz import report as page
 
 NEAR = Path(__file__).parent / "data" / "near_chase.toml"
 CAREFREE, STRICT, ABSURD = 0, 0o077, 0o777

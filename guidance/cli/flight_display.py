@@ -130,7 +130,7 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
     if advice is not None:
         console.print(f"picture  {advice}", soft_wrap=True, highlight=False, markup=False)
         return
-    from guidance.viz.scenario_picture import draw  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.pictures import draw  # noqa: PLC0415 - matplotlib takes a second
 
     try:
         draw(result, outcome, folder / PICTURE)

@@ -12,8 +12,7 @@ from guidance.cli import INTERRUPTED
 from guidance.cli.arguments import agree, refuse_others
 
 if TYPE_CHECKING:
-    from guidance.viz.subprocesses import PanelBeside
-    from guidance.viz.view import ViewerBeside
+    from guidance.viz.subprocesses import PanelBeside, ViewerBeside
 
 
 def fly(
@@ -144,7 +143,7 @@ def _may_fly(vehicle: str, *, yes: bool) -> None:
 
 
 def _viewer(closing: contextlib.ExitStack, beside: "list[ViewerBeside | PanelBeside]") -> "ViewerBeside":
-    from guidance.viz.view import ViewerBeside  # noqa: PLC0415
+    from guidance.viz.subprocesses import ViewerBeside  # noqa: PLC0415
 
     viewer = ViewerBeside("--port", "0", "--web-port", "0", say=typer.echo)
     closing.callback(viewer.close)

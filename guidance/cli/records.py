@@ -177,20 +177,31 @@ def _first(step: "ReplayedCycle") -> str:
 
 
 def report(
-    file: File,
-    out: Annotated[Path | None, typer.Option(help="Folder for page and pictures; default: next to FILE.")] = None,
+    files: Annotated[list[Path], typer.Argument(help="One or more record.mcap of flights.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for page and pictures; one folder in it for each of several records.")
+    ] = None,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Write flight.webp too: the game from above, and the height.")
+    ] = False,
 ) -> None:
-    """Draw a record: one self-contained HTML page, and its pictures as PNG.
+    """Draw records: one self-contained HTML page for each, and its pictures as PNG.
 
     Tracks in space and from above with fence, stand-off and isochrons, the game and its guarantee over time, commanded
-    and flown velocities, ages and latencies, events, and a summary.
+    and flown velocities, ages and latencies, events, and a summary. They go next to a flight's record.mcap; for a
+    daemon's record, into a folder of its name.
+
+    - `guidance report flights/pe-001/record.mcap`
+    - `guidance report records/*.mcap --animate`
     """
     require("guidance report", "plot")
     from guidance.log import record_errors  # noqa: PLC0415
-    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
+    from guidance.session.flight_files import RECORD, recorded_settings  # noqa: PLC0415
     from guidance.viz.report import write_report  # noqa: PLC0415 - matplotlib loads slowly
 
-    with record_errors(file):
-        paths = write_report(file, file.parent if out is None else out, recorded_settings)
-    for path in paths:
-        typer.echo(str(path))
+    for file in files:
+        own = file.parent if file.name == RECORD else file.with_suffix("")
+        folder = own if out is None else out if len(files) == 1 else out / own.name
+        with record_errors(file):
+            paths = write_report(file, folder, recorded_settings, animate=animate)
+        typer.echo("\n".join(map(str, paths)))

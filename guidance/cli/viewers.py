@@ -48,7 +48,6 @@ def view(
     from guidance.viz.subprocesses import end_with_parent  # noqa: PLC0415
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
     from guidance.viz.view import view as show  # noqa: PLC0415
-    from guidance.viz.view.command import require_rerun  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")
@@ -62,7 +61,7 @@ def view(
         signal.signal(number, lambda *_: ended.set())
     if with_parent:
         end_with_parent(ended.set)
-    require_rerun()
+    require("the view", "viz")
     source = RecordFile(file, follow=follow) if file is not None else _live(endpoint, name, token_file, zenoh)
     count = show(source, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")

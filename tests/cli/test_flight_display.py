@@ -13,7 +13,7 @@ from guidance.session.mission import Progress
 from guidance.session.result import FlightResult
 from guidance.sim.outcome import outcome_of
 from guidance.sim.scenario_file import load_scenario
-from guidance.viz.scenario_picture import _score
+from guidance.viz.pictures import _score
 
 
 def yielded(predicted):

@@ -15,8 +15,7 @@ from guidance.flight import State
 from guidance.links.wires.zenoh import open_session
 from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key, is_watched
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
-from guidance.session.control_bus import host_session
-from guidance.viz.view.serving import free_port
+from guidance.session.control_bus import free_endpoint, host_session
 
 ONLOOKER = """
 import signal, sys
@@ -47,7 +46,7 @@ asked.wait()
 @pytest.fixture
 def bus():
     """A hosted session, its endpoint, and a broadcast on it."""
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = free_endpoint()
     session = host_session(endpoint)
     broadcast = Broadcast("uav1", session, {"seed": "3"})
     yield broadcast, endpoint

@@ -16,7 +16,7 @@ from guidance.session.flight_files import flight_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.players import game
 from guidance.sim.scenario_file import load_scenario
-from guidance.viz.scenario_picture import draw
+from guidance.viz.pictures import draw
 from guidance.viz.shapes import isochron
 from tests.harness.flights import NEAR, flown
 

@@ -15,7 +15,7 @@ from guidance.game.team import match_teams
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.team_maths import opening_of, play_teams, summary_of
 from guidance.sim.teams import TeamScenario, teams_of
-from guidance.viz.team_picture import draw_teams, region
+from guidance.viz.pictures import draw_teams, region
 
 TAD = {
     "title": "two on two",

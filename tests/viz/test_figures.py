@@ -7,7 +7,7 @@ from guidance.flight import State
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.sweeps.drawing import _figure
 from guidance.viz.figures import MOST_POINTS, draw_fence, figure_of, save, space_and_plan, thinned
-from guidance.viz.scenario_picture import draw, draw_scenario
+from guidance.viz.pictures import draw, draw_scenario
 from guidance.viz.shapes import circle
 from tests.harness.flights import NEAR
 

@@ -2,6 +2,7 @@
 
 import base64
 import functools
+import html
 import math
 import re
 import shutil
@@ -12,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from PIL import Image
 from typer.testing import CliRunner
 
 from guidance.cli import app
@@ -20,9 +22,11 @@ from guidance.log import cycles_of, metadata_of
 from guidance.log.writer import Recorder
 from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
-from guidance.viz.report import PICTURES, charts, story_of, summary, write_report
-from guidance.viz.report import page as written
-from guidance.viz.report.charts import tracks
+from guidance.viz import charts
+from guidance.viz import report as written
+from guidance.viz.charts import tracks
+from guidance.viz.report import PICTURES, write_report
+from guidance.viz.story import opening, story_of, summary
 from tests.harness.flights import NEAR
 
 VOID = {"meta", "link", "img", "br"}
@@ -151,6 +155,32 @@ def test_the_summary_says_what_the_flight_itself_said(pe, tad):
         assert float(rows["game lasted"].split()[0]) == pytest.approx(result.capture_time_s, abs=0.031)
 
 
+def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_it(pe, tad, tmp_path):
+    for result, path, folder in (pe, tad):
+        story = told(path)
+        said, engaged = opening(story), story.certificates[story.engaged]
+        for words in (
+            result.scenario.title, "in virtual time", f"from {story.home.latitude_deg:.5f}°",
+            f"within {engaged.time_needed_s:.1f} s", f"after {story.reached_s - story.begun_s:.1f} s", "ended landed",
+            "imit",
+        ):  # fmt: skip
+            assert words in said
+        assert f"<p>{html.escape(said)}</p>" in page_in(folder)
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(pe[1].read_bytes()[:150_000])
+    assert "No game was played" in opening(story_of(torn, recorded_settings))
+
+
+def test_a_flight_becomes_a_short_moving_picture(pe, tmp_path):
+    charts.animate(told(pe[1]), tmp_path / "flight.webp")
+    with Image.open(tmp_path / "flight.webp") as picture:
+        assert picture.n_frames > 40
+        first = np.asarray(picture.convert("L"), float)
+        picture.seek(picture.n_frames - 1)
+        assert np.abs(np.asarray(picture.convert("L"), float) - first).max() > 50.0
+    assert (tmp_path / "flight.webp").stat().st_size < 600_000
+
+
 def test_the_tracks_are_those_that_were_flown(pe):
     result, path, _ = pe
     story = told(path)
@@ -256,6 +286,29 @@ def test_a_record_without_a_cycle_and_a_folder_that_cannot_be_written_are_refuse
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
         write_report(torn_copy(pe[1], tmp_path), tmp_path / "file" / "deep", recorded_settings)
+
+
+def test_a_report_never_replaces_that_of_another_record(pe, tad, tmp_path, monkeypatch):
+    monkeypatch.setattr(written, "PICTURES", {})
+    for _ in range(2):
+        write_report(pe[1], tmp_path, recorded_settings)
+    before = page_in(tmp_path)
+    with pytest.raises(OutputError, match="is the report of another record"):
+        write_report(tad[1], tmp_path, recorded_settings)
+    assert page_in(tmp_path) == before
+
+
+def test_several_records_of_a_daemon_get_a_folder_each(pe, tmp_path, monkeypatch):
+    monkeypatch.setattr(written, "PICTURES", {})
+    names = ["uav1-a.mcap", "uav1-b.mcap"]
+    for name in names:
+        shutil.copy(pe[1], tmp_path / name)
+    words = [str(tmp_path / name) for name in names]
+    for out in ([], ["--out", str(tmp_path / "out")]):
+        run = CliRunner().invoke(app, ["report", *words, *out])
+        assert run.exit_code == 0, run.output
+        folder = tmp_path / "out" if out else tmp_path
+        assert all((folder / name.removesuffix(".mcap") / "report.html").is_file() for name in names)
 
 
 def test_the_command_names_what_it_wrote(pe, tmp_path):

@@ -22,10 +22,9 @@ from guidance.log import Item, cycles_of, events_of, metadata_of, scan, survey_o
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import Config
+from guidance.viz.painter import DRAWN_EVERY_S, Painter
 from guidance.viz.shapes import isochron_at
 from guidance.viz.view import Destination, RecordFile, view
-from guidance.viz.view.layout import PLOTS
-from guidance.viz.view.painter import DRAWN_EVERY_S, Painter
 
 
 class Seeing:
@@ -84,7 +83,7 @@ def test_both_are_where_the_certificates_have_them_at_every_cycle_of_the_game(se
 
 
 def test_the_plots_are_the_records_numbers(seen, rows):
-    names = {f"/{plot.path}/{name}" for plot in PLOTS for name in plot.curves}
+    names = {f"/{curve.path}" for curve in CURVES}
     assert all(len(seen[0].of(name, "scalars")[0]) > 100 for name in names)
     played = {round(row.now_s, 3): row for row in rows if row.certificate is not None}
     for entity, wanted in (
@@ -231,5 +230,5 @@ def test_what_cannot_be_shown_is_refused_by_name(record, words, what):
 
 
 def test_looking_at_a_flight_imports_no_matplotlib():
-    program = "import sys, guidance.viz.view.painter; sys.exit('matplotlib' in sys.modules)"
+    program = "import sys, guidance.viz.painter; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -19,10 +19,8 @@ from guidance.log import cycles_of, metadata_of
 from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
 from guidance.log.entries import CYCLE
 from guidance.log.reader import Item
-from guidance.session.control_bus import host_session, join_session
-from guidance.viz.subprocesses import command
-from guidance.viz.view import ViewerBeside
-from guidance.viz.view.serving import Front, free_port, recording_server
+from guidance.session.control_bus import free_endpoint, host_session, join_session
+from guidance.viz.subprocesses import ViewerBeside, command
 
 FREE = ("--port", "0", "--web-port", "0")
 LISTENING = "0A"
@@ -81,7 +79,8 @@ def served(record):
 def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else(served):
     child, url, pids = served
     addresses = set().union(*(listening(pid) for pid in pids))
-    assert addresses == {"0100007F"}  # 127.0.0.1
+    assert all(address.endswith("7F") for address in addresses)  # 127.0.0.0/8
+    assert len(addresses) == 3  # 127.0.0.1, and those of Rerun's servers, which nobody can guess
     with urllib.request.urlopen(url, timeout=10.0) as page:
         policy = dict(part.split(" ", 1) for part in page.headers["Content-Security-Policy"].split("; "))
         assert b"<html" in page.read()
@@ -152,13 +151,13 @@ def test_a_port_in_use_is_one_clear_error():
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(LinkError, match=rf"--port {port}: Address already in use; choose another"):
-            recording_server(port)
+            RecordingServer(port)
 
 
 @pytest.fixture
 def bus(record):
     """A daemon's broadcast, without the daemon."""
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = free_endpoint()
     session = host_session(endpoint)
     opened = [Broadcast(name, session, {"scenario": "{}"}) for name in ("uav1", "uav2")]
     yield opened, endpoint
@@ -222,12 +221,13 @@ def test_the_command_shows_a_daemon_live(bus, record):
     assert "100 cycles shown" in rest
 
 
-@pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:{port}", "127.0.0.1:1", "", "127.0.0.1", "[::1]:{port}"]
-)
+STRANGE = ["evil.example", "evil.example:{port}", "127.0.0.1:1", "", "127.0.0.1", "[::1]:{port}"]
+
+
+@pytest.mark.parametrize("host", STRANGE)
 def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
     """DNS rebinding: a stranger's page whose name leads to loopback reads nothing from here."""
-    front = Front(0, behind=free_port(), recording_port=1)
+    front = _Server(0, _File, hidden_address())
     try:
         port = front.port
         assert status_for(port, host.format(port=port)) == http.HTTPStatus.MISDIRECTED_REQUEST
@@ -237,8 +237,26 @@ def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
         front.close()
 
 
-def status_for(port, host):
+def test_the_recording_is_given_to_nobody_who_asks_for_another_host():
+    recording = RecordingServer(0)
+    try:
+        port = recording.port
+        for host in STRANGE:
+            assert status_for(port, host.format(port=port), "POST") == http.HTTPStatus.MISDIRECTED_REQUEST
+        for ours in (f"127.0.0.1:{port}", f"localhost:{port}"):
+            assert status_for(port, ours, "POST") == http.HTTPStatus.OK
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as native:  # HTTP/2, which no page can speak
+            native.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + b"\x04" + bytes(5))
+            assert native.recv(9)[3] == 4  # the server's SETTINGS frame
+    finally:
+        recording.close()
+
+
+def status_for(port, host, method="GET"):
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
     with contextlib.closing(connection):
-        connection.request("GET", "/", headers={"Host": host})
+        connection.putrequest(method, "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages", skip_host=True)
+        for name, value in {"Host": host, "Content-Type": "application/grpc-web+proto", "Content-Length": "5"}.items():
+            connection.putheader(name, value)
+        connection.endheaders(bytes(5))
         return connection.getresponse().status

@@ -36,7 +36,7 @@ export class Orders {
     const order = gone ? undefined : NEXT[state];
     const reason = status.refused_orders?.[order] ?? status.reason ?? "";
     const after = TEXTS.after[status.after_capture] ?? TEXTS.after.hold;
-    const about = gone || (TEXTS.about[state]?.(daemon.snapshot, after) ?? "");
+    const about = gone || (TEXTS.about[state]?.(after) ?? "");
     const what = JSON.stringify([daemon.key, state, order, reason, status.to_do, status.waiting_for, about]);
     if (what === this.shown) return;
     const blocked = order !== "reset" && (reason || !status.refused_orders);

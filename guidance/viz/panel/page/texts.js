@@ -1,5 +1,3 @@
-const inSeconds = (seen) => (seen?.game?.time_needed_s > 0 ? `, there in ${seen.game.time_needed_s.toFixed(0)} s` : "");
-
 // All texts of the page, except those from daemons (reasons, advice, events).
 export const TEXTS = {
   title: "Guidance",
@@ -79,15 +77,15 @@ export const TEXTS = {
   advised: "Advice",
   counted: (heading, count) => `${heading} (${count})`,
   wanted: (wanted) => `wanted ${wanted}`,
-  // What guidance will do next, by state; `seen` is the last snapshot.
+  // What guidance will do next, by state.
   about: {
     arming: () => "Arms the vehicle, then climbs.",
     climbing: () => "The autopilot climbs to the take-off height. Then it flies to the start, or stands by.",
     positioning: () => "The autopilot flies to the start. Then it stands by for ENGAGE.",
     entering: () => "Streams a hover until the vehicle shows the guided mode. Then the game begins.",
-    engaged: (seen, after) => `Flies to the stand-off disc${inSeconds(seen)}. There it ${after}.`,
+    engaged: (after) => `Flies to the stand-off disc. There it ${after}.`,
     paused: () => "Hovers until the missing data is back; after ten seconds the autopilot holds.",
-    "on station": (seen, after) => `At the stand-off disc: it ${after}.`,
+    "on station": (after) => `At the stand-off disc: it ${after}.`,
     returning: () => "The autopilot flies home and lands.",
     landing: () => "The autopilot lands where it is.",
   },

@@ -28,12 +28,14 @@ export class Tiles {
     const [east, south] = plan.ground([plan.surface.width, plan.surface.height]);
     const from = (x, y) => [Math.floor(column + (x - scene.home_m[0]) / size), Math.floor(row - (y - scene.home_m[1]) / size)];
     const [first, last] = [from(west, north), from(east, south)];
+    let drawn = false;
     for (let x = first[0]; x <= last[0]; x++) {
       for (let y = first[1]; y <= last[1]; y++) {
         const place = plan.pixel([scene.home_m[0] + (x - column) * size, scene.home_m[1] - (y - row) * size]);
-        this.tile(plan.surface.context, [zoom, x, y], place, size * plan.scale + 1);
+        drawn = this.tile(plan.surface.context, [zoom, x, y], place, size * plan.scale + 1) || drawn;
       }
     }
+    if (!drawn) return;
     const { width, height } = plan.surface;
     const { host } = new URL(this.source, location.href);
     const words = host === location.host ? TEXTS.map.local : TEXTS.map.by(host);
@@ -45,12 +47,13 @@ export class Tiles {
     for (let up = 0; up <= Math.min(zoom, MOST_PARENTS); up++) {
       const share = 2 ** up;
       const image = this.image(zoom - up, Math.floor(x / share), Math.floor(y / share));
-      if (!image.complete) return;
+      if (!image.complete) return false;
       if (!image.naturalWidth) continue;
       const part = image.naturalWidth / share;
       context.drawImage(image, (x % share) * part, (y % share) * part, part, part, px, py, size, size);
-      return;
+      return true;
     }
+    return false;
   }
 
   image(zoom, x, y) {

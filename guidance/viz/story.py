@@ -1,6 +1,7 @@
-"""Reads a record into arrays over the cycles of its flight, and summarises it. Unknown values are NaN."""
+"""Reads a record into arrays over the cycles of its flight, and tells it: a paragraph and a table. NaN is unknown."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from guidance.log import (
     title_of,
 )
 from guidance.log.entries import EVENT_TOPIC
+from guidance.messages import Home
 from guidance.viz.shapes import Array
 
 
@@ -43,6 +45,7 @@ class Story(NamedTuple):
     states: tuple[str, ...]
     certificates: tuple[Certificate | None, ...]
     alarms: tuple[tuple[float, str], ...]
+    home: Home | None
     home_m: Vector | None
     envelope: Envelope
     cycles: tuple[Cycle, ...]
@@ -69,13 +72,14 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
     """
     metadata, survey = metadata_of(path), Survey()
     settings = settings_of(metadata)
-    aggregator = Aggregator(settings)
-    rows = cycles_of(path, survey)
-    cycles = [(aggregator.cycle(row), row.state, row.certificate, row.alarm) for row in rows]
+    aggregator, home = Aggregator(settings), None
+    cycles = []
+    for row in cycles_of(path, survey):
+        cycles.append((aggregator.cycle(row), row.state, row.certificate, row.alarm))
+        home = next((one for one in row.inputs.messages if isinstance(one, Home)), home)
     if not cycles:
         raise ConfigError(f"{path}: contains no guidance cycle, so there is nothing to report")
-    certificates = tuple(certificate for _, _, certificate, _ in cycles)
-    states = tuple(state for _, state, _, _ in cycles)
+    numbers, states, certificates, alarms = zip(*cycles, strict=True)
     playing = [number for number, one in enumerate(certificates) if one is not None]
     reached = [number for number in playing if (one := certificates[number]) is not None and one.captured]
     return Story(
@@ -85,19 +89,82 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
         tuple(events_of(path)),
         states,
         certificates,
-        tuple((cycle.now_s, str(alarm.violation)) for cycle, _, _, alarm in cycles if alarm is not None),
+        tuple((cycle.now_s, str(one.violation)) for cycle, one in zip(numbers, alarms, strict=True) if one is not None),
+        home,
         aggregator.home_m,
         aggregator.envelope,
-        tuple(cycle for cycle, _, _, _ in cycles),
+        numbers,
         playing[0] if playing else None,
         reached[0] if reached else None,
-        _first_s(cycles, State.ENGAGED),
-        _first_s(cycles, State.ON_STATION),
+        *(_first_s(numbers, states, wanted) for wanted in (State.ENGAGED, State.ON_STATION)),
     )
 
 
-def _first_s(cycles: Sequence[tuple[Cycle, str, object, object]], wanted: State) -> float:
-    return next((cycle.now_s for cycle, state, _, _ in cycles if state == wanted), math.nan)
+def _first_s(cycles: Sequence[Cycle], states: Sequence[str], wanted: State) -> float:
+    return next((cycle.now_s for cycle, state in zip(cycles, states, strict=True) if state == wanted), math.nan)
+
+
+def opening(story: Story) -> str:
+    """Return the report's first paragraph: who, where, what was promised, what happened, what limited it."""
+    return " ".join((_who(story), *_promise(story), _happened(story), _limited(story)))
+
+
+def _who(story: Story) -> str:
+    """Say who flew, when and where."""
+    started, home = story.survey.metadata.get("started_utc", ""), story.home
+    when = f"on {started[:10]} at {started[11:16]} UTC" if started else "in virtual time"
+    where = "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
+    lasted_s = story.cycles[-1].now_s - story.cycles[0].now_s
+    return f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {lasted_s:.0f} s."
+
+
+def _promise(story: Story) -> Sequence[str]:
+    """Say what the vehicle promised at engagement."""
+    engaged = _at(story, story.engaged)
+    if engaged is None:
+        return ()
+    if engaged.no_game:
+        return ("At engagement nothing could be promised: the evader was too fast.",)
+    within = f"within {engaged.time_needed_s:.1f} s" if math.isfinite(engaged.time_needed_s) else "without a time"
+    standoff = story.settings.cycle.standoff
+    disc = f"{standoff.radius_m:g} m beside and {standoff.height_m:g} m above the evader"
+    if not story.with_target:
+        return (f"At engagement it promised to be {disc} {within}.",)
+    kept = engaged.assured_distance_m
+    if not kept >= 0.0:
+        return ("At engagement it could not promise to keep the evader from its target.",)
+    return (f"At engagement it promised to be {disc} {within}, at least {kept:.1f} m from the target.",)
+
+
+def _happened(story: Story) -> str:
+    """Say how the game and the flight ended."""
+    ended = f"the flight ended {story.states[-1]}"
+    engaged = _at(story, story.engaged)
+    if engaged is None:
+        return f"No game was played; {ended}."
+    if story.captured is None:
+        return f"It did not reach that place; {ended}."
+    lasted_s = story.reached_s - story.begun_s
+    share = f" ({lasted_s / engaged.time_needed_s:.2f} of the promise)" if engaged.time_needed_s > 0.0 else ""
+    kept = f", with the evader {_flown(story):.1f} m from the target" if story.with_target else ""
+    return f"It was there after {lasted_s:.1f} s{share}{kept}; {ended}."
+
+
+def _limited(story: Story) -> str:
+    """Say which limits changed the commands, and whether a promise was broken."""
+    played = [one for one in story.certificates if one is not None]
+    acting = Counter(name for one in played for name in one.active_limits).most_common(3)
+    named = ", ".join(f"{name} ({count / len(played):.0%} of the game)" for name, count in acting)
+    limits = f"Limits that changed its commands: {named}." if named else "No limit changed its commands."
+    slowest_m_s = _slowest_m_s(story)
+    reached = "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."
+    alarms = Counter(what for _, what in story.alarms)
+    broken = ", ".join(f"{what} ({count})" for what, count in alarms.items())
+    return f"{limits}{reached} {f'Alarms: {broken}.' if broken else 'There was no alarm.'}"
+
+
+def _at(story: Story, cycle: int | None) -> Certificate | None:
+    return None if cycle is None else story.certificates[cycle]
 
 
 def summary(story: Story) -> list[tuple[str, str]]:
@@ -114,8 +181,8 @@ def _game(story: Story) -> list[tuple[str, str]]:
         ("autopilot", story.settings.autopilot.name),
         ("stand-off", f"{cycle.standoff.radius_m:g} m around, {cycle.standoff.height_m:g} m above the evader's plane"),
     ]
-    engaged = None if story.engaged is None else story.certificates[story.engaged]
-    if story.engaged is None or engaged is None:
+    engaged = _at(story, story.engaged)
+    if engaged is None:
         return [*rows, ("outcome", f"no game was played; ended {story.states[-1]}")]
     predicted = _predicted(story, engaged)
     rows.append(("value predicted at engagement", f"{predicted:.2f} {unit}"))
@@ -153,8 +220,8 @@ def _predicted(story: Story, engaged: Certificate) -> float:
 
 
 def _flown(story: Story) -> float:
-    captured = None if story.captured is None else story.certificates[story.captured]
-    if captured is None or story.captured is None or story.engaged is None:
+    captured = _at(story, story.captured)
+    if captured is None:
         return math.nan
     target = story.settings.cycle.target_game_m
     if target is not None:

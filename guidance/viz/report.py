@@ -1,4 +1,4 @@
-"""The report as one self-contained HTML page without scripts."""
+"""The report of a record: one self-contained HTML page without scripts, its pictures, and a moving picture."""
 
 import base64
 from collections.abc import Callable, Mapping
@@ -11,11 +11,10 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from guidance.errors import OutputError
-from guidance.files import private_file, private_folder
+from guidance.files import private_file, private_folder, writing
 from guidance.log import SettingsOf
-from guidance.viz.report import charts
-from guidance.viz.report.charts import tracks
-from guidance.viz.report.story import Story, story_of, summary
+from guidance.viz import charts
+from guidance.viz.story import Story, opening, story_of, summary
 
 
 class Picture(NamedTuple):
@@ -31,7 +30,7 @@ PICTURES: Final[Mapping[str, Picture]] = {
         "Tracks",
         "Pursuer (solid) and evader (dashed) in the game frame. The isochron is where an evader that runs straight is "
         "caught, by heading. In the ideal game it is caught inside the one at engagement, whatever it does.",
-        tracks,
+        charts.tracks,
     ),
     "game": Picture(
         "The game",
@@ -59,6 +58,7 @@ th, td { text-align: left; padding: 0.2rem 1.2rem 0.2rem 0; border-bottom: 1px s
 th { font-weight: 600; white-space: nowrap; }
 figure { margin: 0; break-inside: avoid; }
 figure img { width: 100%; height: auto; display: block; }
+p { max-width: 60rem; font-size: 1.05rem; }
 figcaption { color: #444; max-width: 60rem; }
 td { overflow-wrap: anywhere; }
 @media (max-width: 40rem) {
@@ -68,28 +68,44 @@ td { overflow-wrap: anywhere; }
 """
 
 
-def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path]:
+def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: bool = False) -> list[Path]:
     """Write `report.html` and one PNG per picture into `folder`; return the files, the page first.
+
+    Args:
+        path: The record.
+        folder: Made if it does not exist. An earlier report of the same record is replaced.
+        settings_of: Makes settings from the metadata of a record.
+        animate: Write `flight.webp` too, a moving picture of the flight.
 
     Raises:
         ConfigError: If the record cannot be read.
-        OutputError: If the folder cannot be written.
+        OutputError: If the folder cannot be written, or contains the report of another record.
     """
     story = story_of(path, settings_of)
-    page = folder / "report.html"
-    written = [page]
-    try:
+    page, mark = folder / "report.html", _mark(path, story)
+    with writing(folder):
+        if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
+            raise OutputError(f"{page}: is the report of another record; give --out another folder")
         private_folder(folder)
-        figures = {name: picture.draw(story) for name, picture in PICTURES.items()}
-        for name, figure in figures.items():
+        written, images = [page], {}
+        for name, picture in PICTURES.items():
+            figure = picture.draw(story)
             written.append(folder / f"{name}.png")
             figure.savefig(private_file(written[-1]), dpi=130)
             figure.set_layout_engine(None)  # keep this layout for the SVG
-        text = page_of(story, {name: svg_of(figure) for name, figure in figures.items()})
-        private_file(page).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"--out {folder}: cannot be written ({error.strerror}); choose another folder") from error
+            images[name] = svg_of(figure)
+        if animate:
+            written.append(folder / "flight.webp")
+            charts.animate(story, private_file(written[-1]))
+        private_file(page).write_text(page_of(story, images, mark), encoding="utf-8")
     return written
+
+
+def _mark(path: Path, story: Story) -> str:
+    """Return the element of a page that names its record."""
+    survey = story.survey
+    what = f"{path.name}, {sum(survey.messages.values())} messages, {survey.duration_s:.3f} s"
+    return f'<meta name="record" content="{escape(what)}">'
 
 
 def svg_of(figure: Figure) -> bytes:
@@ -100,7 +116,7 @@ def svg_of(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def page_of(story: Story, pictures: Mapping[str, bytes]) -> str:
+def page_of(story: Story, pictures: Mapping[str, bytes], mark: str) -> str:
     """Return the page."""
     title = escape(story.title)
     rows = "\n".join(
@@ -113,12 +129,14 @@ def page_of(story: Story, pictures: Mapping[str, bytes]) -> str:
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+{mark}
 <title>{title}</title>
 <link rel="icon" href="data:,">
 <style>{_STYLE}</style>
 </head>
 <body>
 <h1>{title}</h1>
+<p>{escape(opening(story))}</p>
 <table>
 <tbody>
 {rows}

@@ -1,12 +1,13 @@
-"""Draws a flight in Rerun, item by item."""
+"""Draws a flight in Rerun, item by item: the game in space, plots beside it, events below."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from guidance.certificate import Certificate
 from guidance.game import Winner
@@ -14,21 +15,66 @@ from guidance.log import Aggregator, Cycle, CycleEntry, Item, SettingsOf
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
 from guidance.log.reader import CONFIG, entry_of
 from guidance.viz.shapes import Array, circle, fence_edges, isochron_at
-from guidance.viz.view.layout import (
-    COLOURS,
-    COLUMN,
-    DISC,
-    EVADER,
-    EVENTS,
-    FENCE,
-    GUARANTEE,
-    ISOCHRON,
-    MEETING,
-    PLOTS,
-    PURSUER,
-    STATE,
-    TARGET,
-    TIMELINE,
+
+PURSUER: Final = "game/pursuer"
+EVADER: Final = "game/evader"
+DISC: Final = "game/stand_off_disc"
+ISOCHRON: Final = "game/isochron"
+MEETING: Final = "game/meeting_point"
+FENCE: Final = "game/fence"
+TARGET: Final = "game/target"
+GUARANTEE: Final = "plots/guarantee"
+STATE: Final = "state"
+EVENTS: Final = "events"
+
+COLUMN: Final[Mapping[str, str]] = {PURSUER: "pursuer_m", EVADER: "evader_m"}
+"""Column of a cycle with the entity's position."""
+
+TIMELINE: Final = "flight"
+
+Colour = tuple[int, int, int]
+
+COLOURS: Final[Mapping[str, Colour]] = {
+    PURSUER: (214, 69, 58),
+    EVADER: (66, 140, 214),
+    DISC: (76, 175, 80),
+    ISOCHRON: (190, 190, 190),
+    MEETING: (250, 214, 60),
+    FENCE: (240, 150, 40),
+}
+
+
+class Curve(NamedTuple):
+    """A number of every cycle; NaN is not drawn."""
+
+    path: str
+    label: str
+    colour: Colour
+    of: Callable[[Cycle], float]
+
+
+_RED, _BLUE, _GREY = COLOURS[PURSUER], COLOURS[EVADER], (150, 150, 150)
+
+PLOTS: Final[Mapping[str, str]] = {
+    "plots/range": "Range to the stand-off disc, m",
+    "plots/to_go": "Value to go, s",
+    GUARANTEE: "",  # its unit depends on the game
+    "plots/speed": "Speed, m/s",
+    "plots/age": "Age of what is known, and the loop, ms",
+}
+"""Path -> title."""
+
+CURVES: Final = (
+    Curve("plots/range/ground_m", "to the rim, over ground", _RED, lambda cycle: cycle.gap_m),
+    Curve("plots/range/height_m", "above the disc", _BLUE, lambda cycle: cycle.height_gap_m),
+    Curve("plots/to_go/value_s", "the game's pursuer", _RED, lambda cycle: cycle.meeting_time_s),
+    Curve("plots/to_go/needed_s", "this vehicle", _GREY, lambda cycle: cycle.time_needed_s),
+    Curve("plots/speed/flown_m_s", "flown", _GREY, lambda cycle: math.hypot(*cycle.flown_ned_m_s)),
+    Curve("plots/speed/commanded_m_s", "commanded", _RED, lambda cycle: math.hypot(*cycle.commanded_ned_m_s)),
+    Curve("plots/speed/wanted_m_s", "wanted by the game", _BLUE, lambda cycle: math.hypot(*cycle.desired_ned_m_s)),
+    Curve("plots/age/vehicle_ms", "vehicle's position", _RED, lambda cycle: 1e3 * cycle.telemetry_age_s),
+    Curve("plots/age/evader_ms", "evader's last report", _BLUE, lambda cycle: 1e3 * cycle.evader_age_s),
+    Curve("plots/age/late_ms", "cycle began late by", _GREY, lambda cycle: 1e3 * cycle.late_s),
 )
 
 DRAWN_EVERY_S: Final = 0.2
@@ -39,6 +85,33 @@ MOST_AT_ONCE: Final = 250
 
 _POINTS: Final = 73
 _WARNINGS: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
+
+
+def layout(*, with_target: bool) -> rrb.Blueprint:
+    """Return the blueprint; `with_target` selects the guarantee's unit."""
+    until_now = rrb.VisibleTimeRanges(
+        timeline=TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
+    )
+    space = rrb.Spatial3DView(
+        origin="game",
+        name="The game: x east, y north, z up, m",
+        eye_controls=rrb.EyeControls3D(
+            position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
+        ),
+        overrides={f"{name}/track": until_now for name in (PURSUER, EVADER)},
+    )
+    guarantee = "Guarantee L, m from T" if with_target else "Guarantee V + t, s"
+    plots = [rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()]
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(space, rrb.TextLogView(origin=EVENTS, name="Events"), row_shares=[3, 1]),
+            rrb.Vertical(*plots),
+            column_shares=[3, 2],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
 
 
 class Painter:
@@ -78,11 +151,10 @@ class Painter:
             event = entry_of(EVENT, item, self._source)
             if event.event == RELOADED:
                 self._settings = self._settings_of({CONFIG: event.detail})
+                event = event._replace(detail="")
+            if event.event in {BEGUN, RELOADED}:
                 self._begin(event.now_s)
-            elif event.event == BEGUN:
-                self._begin(event.now_s)
-            detail = "" if event.event == RELOADED else event.detail
-            self._say(event.now_s, f"{event.event}  {detail}".rstrip())
+            self._say(event.now_s, f"{event.event}  {event.detail}".rstrip())
         elif item.topic == CYCLE_TOPIC:
             self._cycle(entry_of(CYCLE, item, self._source))
             if len(self._cycles) >= MOST_AT_ONCE:
@@ -97,9 +169,8 @@ class Painter:
         now_s = np.array([cycle.now_s for cycle in cycles])
         for name in (PURSUER, EVADER):
             self._track(name, now_s, np.array([getattr(cycle, COLUMN[name]) for cycle in cycles]))
-        for plot in PLOTS:
-            for name, curve in plot.curves.items():
-                self._plot(f"{plot.path}/{name}", now_s, np.array([curve.of(cycle) for cycle in cycles]))
+        for curve in CURVES:
+            self._plot(curve.path, now_s, np.array([curve.of(cycle) for cycle in cycles]))
         certificates = [certificate for _, certificate in told]
         self._plot(f"{GUARANTEE}/value", now_s, np.array(list(map(self._guaranteed, cycles, certificates))))
 
@@ -142,16 +213,13 @@ class Painter:
         for name in (PURSUER, EVADER):
             points = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
             self._to.log(name, points, static=True)
-        for plot in PLOTS:
-            for name, curve in plot.curves.items():
-                style = rr.SeriesLines(names=[curve.label], colors=[curve.colour])
-                self._to.log(f"{plot.path}/{name}", style, static=True)
-        with_target = self._settings.cycle.target_game_m is not None
-        label = "L, m from T" if with_target else "V + t since engagement, s"
-        style = rr.SeriesLines(names=[label], colors=[COLOURS[PURSUER]])
-        self._to.log(f"{GUARANTEE}/value", style, static=True)
-        if self._settings.cycle.target_game_m is not None:
-            at = rr.Points3D([self._settings.cycle.target_game_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
+        target_m = self._settings.cycle.target_game_m
+        label = "V + t since engagement, s" if target_m is None else "L, m from T"
+        promised = (f"{GUARANTEE}/value", label, COLOURS[PURSUER])
+        for path, name, colour in (promised, *((curve.path, curve.label, curve.colour) for curve in CURVES)):
+            self._to.log(path, rr.SeriesLines(names=[name], colors=[colour]), static=True)
+        if target_m is not None:
+            at = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
             self._to.log(TARGET, at, static=True)
 
     def _fence(self) -> None:

@@ -1,18 +1,25 @@
 """The pictures of a report: tracks, the game and its guarantee, velocities, ages and latencies, events."""
 
 from itertools import groupby
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from guidance.viz.figures import (
     EVADER,
+    ISOCHRON,
     MARK,
+    MEETING,
     PURSUER,
+    STANDOFF,
+    TARGET,
     Chase,
     draw_chase,
     draw_fence,
+    draw_place,
     figure_of,
     label_plan,
     label_space,
@@ -21,10 +28,18 @@ from guidance.viz.figures import (
     panels,
     thinned,
 )
-from guidance.viz.report.story import Story
-from guidance.viz.shapes import Array, fence_edges, isochron_at
+from guidance.viz.shapes import Array, circle, fence_edges, isochron_at
+from guidance.viz.story import Story
 
 _MARGIN_M = 8.0
+
+FRAMES: Final = 90
+FRAME_MS: Final = 80
+"""Frames of a moving picture, spread over the game, and how long each is shown."""
+
+LAST_FRAME_MS: Final = 1600
+_TAIL_S: Final = 2.0
+"""Time after the capture that is shown."""
 
 _MOST_EVENTS = 60
 _THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
@@ -246,3 +261,64 @@ def playing_span(story: Story) -> slice:
         return slice(None)
     last = max(number for number, one in enumerate(story.certificates) if one is not None)
     return slice(max(0, story.engaged - 50), min(len(story.cycles), last + 50))
+
+
+def animate(story: Story, path: Path) -> None:
+    """Write the game as a moving picture, WebP: from above, and the height over the distance to the evader.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    span = playing_span(story)
+    now_s = story.column("now_s")[span]
+    if story.captured is not None:
+        now_s = now_s[now_s <= story.cycles[story.captured].now_s + _TAIL_S]
+    shown = np.unique(np.linspace(0, len(now_s) - 1, FRAMES).round().astype(int))
+    pursuer, evader = (story.column(name)[span][: len(now_s)] for name in ("pursuer_m", "evader_m"))
+    distance_m = np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1)
+    figure, draw = _stage(story, pursuer, evader, distance_m)
+    images = []
+    for number in shown:
+        draw(int(number), float(now_s[number] - now_s[0]))
+        figure.canvas.draw()  # type: ignore[no-untyped-call]
+        images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
+    times_ms = [FRAME_MS] * (len(images) - 1) + [LAST_FRAME_MS]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=times_ms, loop=0, quality=55, method=4)
+
+
+def _stage(story: Story, pursuer: Array, evader: Array, distance_m: Array) -> tuple[Figure, Any]:
+    """Return the figure of a moving picture, and a function that draws one moment."""
+    figure = figure_of(8.0, 4.4)
+    figure.set_dpi(90)
+    plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
+    chase, standoff = chase_of(story), story.settings.cycle.standoff
+    if chase.isochron is not None:
+        plan.plot(*chase.isochron.T, **ISOCHRON)
+    for place, style in ((chase.meeting_m, MEETING), (chase.target_m, TARGET)):
+        if place is not None:
+            draw_place(plan, place, style, 2, "")
+    known = np.concatenate([pursuer, evader])[:, :2]
+    known = known[np.isfinite(known).all(axis=-1)]
+    low, high = known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
+    label_plan(plan, adjustable="datalim")
+    plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
+    height_m = pursuer[:, 2] - evader[:, 2]
+    side.set(xlim=(0.0, 1.08 * np.nanmax(distance_m)), ylim=(0.0, 1.15 * np.nanmax(height_m)))
+    side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
+    side.grid(visible=True, linewidth=0.3)
+    moving = [plan.plot([], [], **style)[0] for style in (PURSUER, EVADER, STANDOFF)]
+    moving += [plan.plot([], [], mark, color=style["color"])[0] for mark, style in (("o", PURSUER), ("^", EVADER))]
+    moving += [side.plot([], [], **PURSUER)[0], side.plot([], [], "o", color=PURSUER["color"])[0]]
+    axes_title = figure.suptitle("")
+
+    def draw(number: int, since_s: float) -> None:
+        until, x, y = number + 1, *evader[number, :2]
+        rim = circle((float(x), float(y), 0.0), standoff.radius_m, 49)
+        lines = (pursuer[:until, :2], evader[:until, :2], rim, pursuer[number:until, :2], evader[number:until, :2])
+        height = np.column_stack([distance_m, height_m])
+        for line, points in zip(moving, (*lines, height[:until], height[number:until]), strict=True):
+            line.set_data(*points.T)
+        axes_title.set_text(f"{story.title}: {max(0.0, since_s):.1f} s")
+
+    return figure, draw

@@ -1,0 +1,263 @@
+"""The viewer's servers on loopback: the recording over gRPC, and the page's files from a child process.
+
+Rerun's own functions listen on all interfaces, so they are not used. Its servers answer requests for any host name, so
+a stranger's page whose name leads to 127.0.0.1 (DNS rebinding) could read the flight from them. They therefore listen
+on an address in 127.0.0.0/8 and a port that are random, and two servers of ours on 127.0.0.1 pass requests on that name
+the host they are on. Rerun's page would contact the internet for news and usage reports; a content security policy in
+the page's headers restricts it to this computer.
+"""
+
+import contextlib
+import os
+import secrets
+import socket
+import socketserver
+import subprocess
+import sys
+import tempfile
+import threading
+import urllib.error
+import urllib.request
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote, urlsplit
+
+import rerun as rr
+import rerun_cli
+
+from guidance.errors import LinkError
+
+LOOPBACK: Final = "127.0.0.1"
+MEMORY_LIMIT: Final = "512MB"
+"""Memory limit of the server, for late viewers; the oldest data are dropped first."""
+
+START_LIMIT_S: Final = 30.0
+STOP_LIMIT_S: Final = 3.0
+_LIMIT_S: Final = 20.0
+_MAX_HEADER_BYTES: Final = 65_536
+_PIECE_BYTES: Final = 65_536
+_PASSED_ON: Final = ("Content-Type", "Content-Encoding", "Cache-Control", "ETag")
+_HTTP_2: Final = b"PRI * HTTP/2.0\r\n"
+"""How native viewers begin. Browsers use HTTP/2 with TLS only."""
+
+_REFUSAL: Final = b"HTTP/1.1 421 Misdirected Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+
+# On Linux, PR_SET_PDEATHSIG ends the child with its parent; elsewhere `close` does.
+_UNTIL_WE_END: Final = """
+import ctypes, os, sys
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, 15)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+Address = tuple[str, int]
+
+
+def policy(recording_port: int) -> str:
+    """Return the content security policy: the page's own files and the recording's server."""
+    ours = f"http://{LOOPBACK}:{recording_port}"
+    return "; ".join((
+        "default-src 'none'",
+        "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:",
+        "style-src 'self' 'unsafe-inline'",
+        "img-src 'self' data: blob:",
+        "font-src 'self' data:",
+        "worker-src 'self' blob:",
+        f"connect-src 'self' {ours} data: blob:",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+    ))  # fmt: skip
+
+
+class _Server(socketserver.ThreadingTCPServer):
+    """Passes on to the server behind it what names the host and port it is on."""
+
+    daemon_threads = True
+    block_on_close = False
+    allow_reuse_address = True
+
+    def __init__(self, port: int, handler: type[socketserver.BaseRequestHandler], behind: Address) -> None:
+        super().__init__((LOOPBACK, port), handler)
+        self.port = int(self.server_address[1])
+        self.hosts = {f"{name}:{self.port}" for name in (LOOPBACK, "localhost")}
+        self.behind = behind
+        self.policy = ""
+        self._thread = threading.Thread(target=self.serve_forever, name=f"port {self.port}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop the server."""
+        self.shutdown()
+        self.server_close()
+        self._thread.join()
+
+
+class _File(BaseHTTPRequestHandler):
+    server: "_Server"  # type: ignore[assignment] - not an HTTPServer, which looks up the name of its address
+
+    def do_GET(self) -> None:
+        """Fetch the file and pass it on."""
+        if self.headers.get("Host", "") not in self.server.hosts:
+            self._pass_on(HTTPStatus.MISDIRECTED_REQUEST, {}, b"")
+            return
+        host, port = self.server.behind
+        try:
+            url = f"http://{host}:{port}{urlsplit(self.path).path}"
+            with urllib.request.urlopen(url, timeout=_LIMIT_S) as answer:
+                self._pass_on(HTTPStatus(answer.status), dict(answer.headers), answer.read())
+        except urllib.error.HTTPError as error:
+            self._pass_on(HTTPStatus(error.code), {}, b"")
+        except OSError:
+            self._pass_on(HTTPStatus.BAD_GATEWAY, {}, b"")
+
+    def _pass_on(self, status: HTTPStatus, headers: dict[str, str], body: bytes) -> None:
+        self.send_response(status)
+        for name in _PASSED_ON:
+            if name in headers:
+                self.send_header(name, headers[name])
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Content-Security-Policy", self.server.policy)
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: object) -> None:
+        """Log nothing."""
+
+
+class _Stream(socketserver.BaseRequestHandler):
+    """A connection of a viewer. Its first request decides: browsers never share a connection between host names."""
+
+    server: _Server
+
+    def handle(self) -> None:
+        """Check the first request, then copy both ways."""
+        outer: socket.socket = self.request
+        with contextlib.suppress(OSError):
+            outer.settimeout(_LIMIT_S)
+            head = b""
+            while b"\r\n\r\n" not in head and len(head) < _MAX_HEADER_BYTES and (piece := outer.recv(_PIECE_BYTES)):
+                head += piece
+            if not (head.startswith(_HTTP_2) or host_of(head) in self.server.hosts):
+                outer.sendall(_REFUSAL)
+                return
+            outer.settimeout(None)
+            with socket.create_connection(self.server.behind) as inner:
+                inner.sendall(head)
+                threading.Thread(target=_copy, args=(outer, inner), daemon=True).start()
+                _copy(inner, outer)
+
+
+def host_of(head: bytes) -> str:
+    """Return the Host of an HTTP/1 request; empty unless there is exactly one."""
+    lines = head.partition(b"\r\n\r\n")[0].split(b"\r\n")[1:]
+    hosts = [line.partition(b":")[2] for line in lines if line.partition(b":")[0].lower() == b"host"]
+    return hosts[0].strip().decode("latin-1") if len(hosts) == 1 else ""
+
+
+def _copy(source: socket.socket, to: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while piece := source.recv(_PIECE_BYTES):
+            to.sendall(piece)
+    for one in (source, to):
+        with contextlib.suppress(OSError):
+            one.shutdown(socket.SHUT_RDWR)
+
+
+class RecordingServer:
+    """Serves a recording on loopback.
+
+    Raises:
+        LinkError: If the port is in use.
+    """
+
+    def __init__(self, port: int) -> None:
+        behind = hidden_address()
+        try:
+            self._front = _Server(port, _Stream, behind)
+        except OSError as error:
+            raise LinkError(f"--port {port}: {error.strerror}; choose another, or 0 for a free one") from error
+        self.port = self._front.port
+        self.uri = f"rerun+http://{LOOPBACK}:{self.port}/proxy"
+        self.sink = rr.GrpcServerSink(bind_ip=behind[0], port=behind[1], server_memory_limit=MEMORY_LIMIT)
+
+    def close(self) -> None:
+        """Accept no further viewers; the recording's own server ends with its last use."""
+        self._front.close()
+
+
+class WebPage:
+    """The viewer's web page. Rerun's program serves it, and a server of ours passes it on.
+
+    Raises:
+        LinkError: If the port is in use, or the page is not served in time.
+    """
+
+    def __init__(self, port: int, recording: RecordingServer) -> None:
+        self._closing = contextlib.ExitStack()
+        behind = hidden_address()
+        try:
+            front = _Server(port, _File, behind)
+        except OSError as error:
+            raise LinkError(f"--web-port {port}: {error.strerror}; choose another, or 0 for a free one") from error
+        self._closing.callback(front.close)
+        front.policy = policy(recording.port)
+        self.url = f"http://{LOOPBACK}:{front.port}/?url={quote(recording.uri, safe='')}"
+        try:
+            self._wait_until_served(self._start(behind, recording.uri), behind)
+        except (OSError, subprocess.SubprocessError) as error:
+            self._closing.close()
+            raise LinkError(f"the viewer's page could not be served: {error}") from error
+        except BaseException:
+            self._closing.close()
+            raise
+
+    def _start(self, behind: Address, recording_url: str) -> "subprocess.Popen[bytes]":
+        program = Path(rerun_cli.__file__).with_name("rerun")
+        # Turn off Rerun's usage reports in a folder of our own, so the user's setting stays unchanged.
+        folder = self._closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
+        environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
+        none = subprocess.DEVNULL
+        silent = [program, "analytics", "disable"]
+        subprocess.run(silent, env=environment, stdout=none, stderr=none, check=True, timeout=START_LIMIT_S)
+        serve = [program, "--serve-web", "--bind", behind[0], "--web-viewer-port", str(behind[1]), recording_url]
+        words = [sys.executable, "-P", "-c", _UNTIL_WE_END, *map(str, serve)]
+        child = subprocess.Popen(words, env=environment, stdin=none, stdout=none, stderr=none)
+        self._closing.callback(_end, child)
+        return child
+
+    @staticmethod
+    def _wait_until_served(child: "subprocess.Popen[bytes]", behind: Address) -> None:
+        for _ in range(round(START_LIMIT_S / 0.05)):
+            if child.poll() is not None:
+                raise LinkError(f"the viewer's page could not be served (exit code {child.returncode})")
+            with contextlib.suppress(OSError), socket.create_connection(behind, timeout=1.0):
+                return
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(0.05)
+        raise LinkError(f"the viewer's page was not served within {START_LIMIT_S:g} s")
+
+    def close(self) -> None:
+        """End the child. May be called twice."""
+        self._closing.close()
+
+
+def _end(child: "subprocess.Popen[bytes]") -> None:
+    child.terminate()
+    try:
+        child.wait(STOP_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+
+
+def hidden_address() -> Address:
+    """Return a free port on an address of loopback that nobody can guess; on 127.0.0.1 where there is no other."""
+    numbers = (1 + secrets.randbelow(254) for _ in range(3))
+    address = ".".join(map(str, (127, *numbers))) if sys.platform == "linux" else LOOPBACK
+    with socket.socket() as probe:
+        probe.bind((address, 0))
+        return address, int(probe.getsockname()[1])
