@@ -22,7 +22,7 @@ from guidance.log import Item, cycles_of, events_of, metadata_of, scan, survey_o
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import Config
-from guidance.viz.painter import DRAWN_EVERY_S, Painter
+from guidance.viz.painter import CURVES, DRAWN_EVERY_S, Painter
 from guidance.viz.shapes import isochron_at
 from guidance.viz.view import Destination, RecordFile, view
 

@@ -20,6 +20,7 @@ from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
 from guidance.log.entries import CYCLE
 from guidance.log.reader import Item
 from guidance.session.control_bus import free_endpoint, host_session, join_session
+from guidance.viz.serving import RecordingServer, _File, _Server, hidden_address
 from guidance.viz.subprocesses import ViewerBeside, command
 
 FREE = ("--port", "0", "--web-port", "0")
