@@ -38,6 +38,7 @@ FRAME_MS: Final = 80
 """Frames of a moving picture, spread over the game, and how long each is shown."""
 
 LAST_FRAME_MS: Final = 1600
+_PLAYERS = (PURSUER, EVADER, STANDOFF)
 _TAIL_S: Final = 2.0
 """Time after the capture that is shown."""
 
@@ -280,7 +281,7 @@ def animate(story: Story, path: Path) -> None:
     images = []
     for number in shown:
         draw(int(number), float(now_s[number] - now_s[0]))
-        figure.canvas.draw()  # type: ignore[no-untyped-call]
+        figure.canvas.draw()
         images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
     times_ms = [FRAME_MS] * (len(images) - 1) + [LAST_FRAME_MS]
     images[0].save(path, save_all=True, append_images=images[1:], duration=times_ms, loop=0, quality=55, method=4)
@@ -292,25 +293,32 @@ def _stage(story: Story, pursuer: Array, evader: Array, distance_m: Array) -> tu
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     chase, standoff = chase_of(story), story.settings.cycle.standoff
+    names = ("vehicle", "evader", "stand-off disc")
+    moving = [plan.plot([], [], **style, label=name)[0] for name, style in zip(names, _PLAYERS, strict=True)]
     if chase.isochron is not None:
-        plan.plot(*chase.isochron.T, **ISOCHRON)
-    for place, style in ((chase.meeting_m, MEETING), (chase.target_m, TARGET)):
+        plan.plot(*chase.isochron.T, **ISOCHRON, label="isochron at engagement")
+    for place, style, name in (
+        (chase.meeting_m, MEETING, "meeting point foreseen"),
+        (chase.target_m, TARGET, "target"),
+    ):
         if place is not None:
-            draw_place(plan, place, style, 2, "")
+            draw_place(plan, place, style, 2, name)
     known = np.concatenate([pursuer, evader])[:, :2]
     known = known[np.isfinite(known).all(axis=-1)]
+    if chase.isochron is not None:
+        known = np.concatenate([known, chase.isochron])
     low, high = known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
-    label_plan(plan, adjustable="datalim")
+    label_plan(plan, adjustable="box")
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    legend_below(figure, plan, columns=5)
     side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
     height_m = pursuer[:, 2] - evader[:, 2]
     side.set(xlim=(0.0, 1.08 * np.nanmax(distance_m)), ylim=(0.0, 1.15 * np.nanmax(height_m)))
     side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
     side.grid(visible=True, linewidth=0.3)
-    moving = [plan.plot([], [], **style)[0] for style in (PURSUER, EVADER, STANDOFF)]
     moving += [plan.plot([], [], mark, color=style["color"])[0] for mark, style in (("o", PURSUER), ("^", EVADER))]
     moving += [side.plot([], [], **PURSUER)[0], side.plot([], [], "o", color=PURSUER["color"])[0]]
-    axes_title = figure.suptitle("")
+    title = figure.suptitle("")
 
     def draw(number: int, since_s: float) -> None:
         until, x, y = number + 1, *evader[number, :2]
@@ -319,6 +327,6 @@ def _stage(story: Story, pursuer: Array, evader: Array, distance_m: Array) -> tu
         height = np.column_stack([distance_m, height_m])
         for line, points in zip(moving, (*lines, height[:until], height[number:until]), strict=True):
             line.set_data(*points.T)
-        axes_title.set_text(f"{story.title}: {max(0.0, since_s):.1f} s")
+        title.set_text(f"{story.title}: {max(0.0, since_s):.1f} s")
 
     return figure, draw

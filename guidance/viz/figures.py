@@ -95,20 +95,6 @@ def lifted(curve: Array, height_m: float, dimensions: int) -> list[Array]:
     return [*curve.T, *([np.full(len(curve), height_m)] * (dimensions - 2))]
 
 
-def draw_standoff(axes: Any, standoff: StandOff, evader_m: Vector, dimensions: int, label: str) -> None:  # noqa: ANN401
-    """Draw the rim of the stand-off disc around an evader.
-
-    Args:
-        axes: In the plane or in space.
-        standoff: Radius and height, m.
-        evader_m: In the game frame.
-        dimensions: 2 or 3.
-        label: In the legend.
-    """
-    rim = circle(evader_m, standoff.radius_m, 73)
-    axes.plot(*lifted(rim, standoff.height_m, dimensions), **STANDOFF, label=label)
-
-
 def draw_place(axes: Any, place_m: Vector, style: dict[str, Any], dimensions: int, label: str) -> None:  # noqa: ANN401
     """Mark a place in a style such as `MEETING` or `TARGET`.
 
@@ -207,7 +193,9 @@ def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN40
         name = "q*" if chase.target_m is None else "g*"
         draw_place(axes, chase.meeting_m, MEETING, dimensions, f"{name}, meeting point foreseen")
     if chase.reached_m is not None:
-        draw_standoff(axes, chase.standoff, chase.reached_m, dimensions, "stand-off disc at capture")
+        rim = circle(chase.reached_m, chase.standoff.radius_m, 73)
+        disc = lifted(rim, chase.standoff.height_m, dimensions)
+        axes.plot(*disc, **STANDOFF, label="stand-off disc at capture")
     if chase.target_m is not None:
         draw_place(axes, chase.target_m, TARGET, dimensions, "T, target")
 

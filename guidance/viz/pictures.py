@@ -6,12 +6,12 @@ of two discs. The evader ends at the point of it that is closest to the target.
 
 import contextlib
 import math
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from guidance.files import private_file
@@ -31,21 +31,13 @@ from guidance.sim.team_maths import opening_of, played_teams
 from guidance.sim.teams import Teams, TeamScenario, teams_of
 from guidance.viz.figures import (
     COURSE,
-    EVADER,
-    ISOCHRON,
-    MEETING,
-    PURSUER,
-    TARGET,
     Chase,
     draw_chase,
     draw_fence,
-    draw_place,
-    draw_standoff,
     figure_of,
     label_plan,
     label_space,
     legend_below,
-    lifted,
     save,
     space_and_plan,
 )
@@ -59,25 +51,47 @@ _PURSUER = "#c1272d"
 
 
 def draw_scenario(scenario: Scenario, path: Path) -> None:
-    """Draw a scenario into a PNG.
+    """Draw a scenario, as the mathematics plays it, into a PNG.
 
     Raises:
         OutputError: If the file cannot be written.
     """
-    figure, space, plan = space_and_plan()
-    played_s, *tracks = played(scenario)
-    for axes, dimensions in ((space, 3), (plan, 2)):
-        _players(axes, scenario, tracks, dimensions)
-        _geometry(axes, scenario, dimensions)
+    P, E = (_vector(start[0]) for start in starts([scenario]))
+    played_s, pursuer, evader = played(scenario)
+    batch, meeting_m = stack([scenario]), opening([scenario]).meeting_point_m[0]
+    figure, plan = _drawn(
+        Chase(
+            (),
+            pursuer,
+            evader,
+            standoff(scenario),
+            reached_m=(*_vector(evader[-1])[:2], 0.0),
+            isochron=isochron(game_of(batch, batch.believed_m_s), P, E),
+            meeting_m=(*_vector(meeting_m)[:2], 0.0) if np.isfinite(meeting_m).all() else None,
+            target_m=target_game_m(scenario),
+            fence=_fence(scenario),
+        )
+    )
     _courses(plan, scenario, 2.0 * played_s)
-    label_space(space)
-    space.locator_params(axis="z", nbins=3)
-    label_plan(plan)
-    home_x, home_y = scenario.home_m
-    draw_fence(plan, [circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361)], 0.0, 2)
     figure.suptitle(scenario.title)
     legend_below(figure, plan)
     save(figure, path)
+
+
+def _drawn(chase: Chase) -> tuple[Figure, Any]:
+    """Draw a chase in space and from above; return the figure and the axes from above."""
+    figure, space, plan = space_and_plan()
+    for axes, dimensions in ((space, 3), (plan, 2)):
+        draw_chase(axes, chase, dimensions)
+    label_plan(plan)
+    for axes, dimensions in ((space, 3), (plan, 2)):
+        draw_fence(axes, chase.fence, chase.fence_height_m, dimensions)
+    label_space(space)
+    return figure, plan
+
+
+def _fence(scenario: Scenario) -> tuple[Array]:
+    return (circle((*scenario.home_m, 0.0), scenario.limits.fence_radius_m, 361),)
 
 
 def played(scenario: Scenario) -> tuple[float, Array, Array]:
@@ -104,28 +118,6 @@ def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Ar
     return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
 
 
-def _players(axes: Any, scenario: Scenario, tracks: Sequence[Array], dimensions: int) -> None:  # noqa: ANN401
-    begun = starts([scenario])
-    for name, style, track, start in zip("PE", (PURSUER, EVADER), tracks, begun, strict=True):
-        axes.plot(*track[:, :dimensions].T, **style, label=f"{name} in mathematics")
-        axes.plot(*start[:, :dimensions].T, "o", color=style["color"], label=f"{name} at engagement")
-    end = tracks[1][-1]
-    draw_standoff(axes, standoff(scenario), (float(end[0]), float(end[1]), 0.0), dimensions, "stand-off disc")
-
-
-def _geometry(axes: Any, scenario: Scenario, dimensions: int) -> None:  # noqa: ANN401
-    P, E = (_vector(start[0]) for start in starts([scenario]))
-    batch = stack([scenario])
-    curve = isochron(game_of(batch, batch.believed_m_s), P, E)
-    axes.plot(*lifted(curve, 0.0, dimensions), **ISOCHRON, label="isochron")
-    meeting = opening([scenario]).meeting_point_m[0]
-    if np.isfinite(meeting).all():
-        draw_place(axes, (float(meeting[0]), float(meeting[1]), 0.0), MEETING, dimensions, "predicted meeting")
-    target = target_game_m(scenario)
-    if target is not None:
-        draw_place(axes, target, TARGET, dimensions, "T, target")
-
-
 def _courses(plan: Any, scenario: Scenario, until_s: float) -> None:  # noqa: ANN401
     """Draw the players' courses, and no more of them than the game needs: some go on for minutes."""
     P, E = starts([scenario])
@@ -150,14 +142,7 @@ def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
     Raises:
         OutputError: If the file cannot be written.
     """
-    figure, space, plan = space_and_plan()
-    chase = chase_of(result)
-    for axes, dimensions in ((space, 3), (plan, 2)):
-        draw_chase(axes, chase, dimensions)
-    label_plan(plan)
-    for axes, dimensions in ((space, 3), (plan, 2)):
-        draw_fence(axes, chase.fence, chase.fence_height_m, dimensions)
-    label_space(space)
+    figure, plan = _drawn(chase_of(result))
     figure.suptitle(f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}")
     legend_below(figure, plan)
     with contextlib.suppress(OSError):  # `save` says what cannot be written
@@ -172,24 +157,23 @@ def chase_of(result: FlightResult) -> Chase:
     samples = result.samples
     begun = next((place for place, one in enumerate(samples) if one.state in playing), len(samples))
     ended = next((place for place in range(begun, len(samples)) if samples[place].state not in playing), len(samples))
+    pursuer, evader = (
+        np.array(places).reshape(-1, 3)
+        for places in ([one.pursuer_m for one in samples], [one.evader_m for one in samples])
+    )
     settings = plan_of(scenario=scenario).flight.cycle
     engaged = None if result.engaged is None or result.engaged.no_game else result.engaged
-    home_x, home_y = scenario.home_m
     return Chase(
-        (_places(one.pursuer_m for one in samples[:begun]), _places(one.pursuer_m for one in samples[ended:])),
-        _places(one.pursuer_m for one in samples[begun:ended]),
-        _places(one.evader_m for one in samples[begun:ended]),
+        (pursuer[:begun], pursuer[ended:]),
+        pursuer[begun:ended],
+        evader[begun:ended],
         settings.standoff,
         reached_m=next((one.evader_m for one in samples if one.state is State.ON_STATION), None),
         isochron=None if engaged is None else isochron_at(settings, engaged),
         meeting_m=None if engaged is None else (*engaged.meeting_point_game_m[:2], 0.0),
         target_m=settings.target_game_m,
-        fence=(circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361),),
+        fence=_fence(scenario),
     )
-
-
-def _places(places: Iterable[Vector]) -> Array:
-    return np.array(list(places)).reshape(-1, 3)
 
 
 def _score(outcome: Outcome) -> str:

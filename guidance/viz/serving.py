@@ -96,7 +96,7 @@ class _Server(socketserver.ThreadingTCPServer):
 
 
 class _File(BaseHTTPRequestHandler):
-    server: "_Server"  # type: ignore[assignment] - not an HTTPServer, which looks up the name of its address
+    server: _Server  # type: ignore[assignment]  # not an HTTPServer, which looks up the name of its address
 
     def do_GET(self) -> None:
         """Fetch the file and pass it on."""
@@ -221,10 +221,10 @@ class WebPage:
         folder = self._closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
         environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
         none = subprocess.DEVNULL
-        silent = [program, "analytics", "disable"]
+        silent = [str(program), "analytics", "disable"]
         subprocess.run(silent, env=environment, stdout=none, stderr=none, check=True, timeout=START_LIMIT_S)
-        serve = [program, "--serve-web", "--bind", behind[0], "--web-viewer-port", str(behind[1]), recording_url]
-        words = [sys.executable, "-P", "-c", _UNTIL_WE_END, *map(str, serve)]
+        serve = [str(program), "--serve-web", "--bind", behind[0], "--web-viewer-port", str(behind[1]), recording_url]
+        words = [sys.executable, "-P", "-c", _UNTIL_WE_END, *serve]
         child = subprocess.Popen(words, env=environment, stdin=none, stdout=none, stderr=none)
         self._closing.callback(_end, child)
         return child

@@ -154,7 +154,8 @@ def _limited(story: Story) -> str:
     """Say which limits changed the commands, and whether a promise was broken."""
     played = [one for one in story.certificates if one is not None]
     acting = Counter(name for one in played for name in one.active_limits).most_common(3)
-    named = ", ".join(f"{name} ({count / len(played):.0%} of the game)" for name, count in acting)
+    shares = [(name, count / len(played)) for name, count in acting if count >= 0.01 * len(played)]
+    named = ", ".join(f"{name} ({share:.0%} of the game)" for name, share in shares)
     limits = f"Limits that changed its commands: {named}." if named else "No limit changed its commands."
     slowest_m_s = _slowest_m_s(story)
     reached = "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."

@@ -174,9 +174,10 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
 def test_a_flight_becomes_a_short_moving_picture(pe, tmp_path):
     charts.animate(told(pe[1]), tmp_path / "flight.webp")
     with Image.open(tmp_path / "flight.webp") as picture:
-        assert picture.n_frames > 40
+        frames = getattr(picture, "n_frames")  # noqa: B009 - of the moving kinds only
+        assert frames > 40
         first = np.asarray(picture.convert("L"), float)
-        picture.seek(picture.n_frames - 1)
+        picture.seek(frames - 1)
         assert np.abs(np.asarray(picture.convert("L"), float) - first).max() > 50.0
     assert (tmp_path / "flight.webp").stat().st_size < 600_000
 

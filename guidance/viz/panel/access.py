@@ -60,6 +60,9 @@ class Access:
         path: Secret path of the page, with both slashes.
         cookie: Name of the cookie.
         session: Value of the cookie.
+        tls: TLS context of the server; None for http.
+        scheme: http or https.
+        needs_password: Whether a password replaces the token.
     """
 
     def __init__(self, port: int, remote: RemoteAccess | None) -> None:
@@ -67,34 +70,22 @@ class Access:
         self.path = f"/{secrets.token_urlsafe(18)}/"
         self.cookie = f"guidance-panel-{port}"
         self.session = secrets.token_urlsafe(24)
-        self._remote = remote
+        self.tls = None if remote is None else remote.tls
+        self.scheme = "http" if remote is None else "https"
+        self.needs_password = remote is not None
+        self._password = "" if remote is None else remote.password
         self._hosts = frozenset(f"{name}:{port}" for name in _LOOPBACK_NAMES)
-
-    @property
-    def scheme(self) -> str:
-        """Http or https."""
-        return "http" if self._remote is None else "https"
-
-    @property
-    def needs_password(self) -> bool:
-        """True if a password replaces the token."""
-        return self._remote is not None
-
-    @property
-    def tls(self) -> ssl.SSLContext | None:
-        """TLS context of the server; None for http."""
-        return None if self._remote is None else self._remote.tls
 
     def use_token(self, token: str) -> bool:
         """Check the token of a URL. A correct one is replaced by a new one."""
-        if self._remote is not None or not hmac.compare_digest(token.encode(), self.token.encode()):
+        if self.needs_password or not hmac.compare_digest(token.encode(), self.token.encode()):
             return False
         self.token = secrets.token_urlsafe(24)
         return True
 
     def is_password(self, password: str) -> bool:
         """Check a password."""
-        return self._remote is not None and hmac.compare_digest(password.encode(), self._remote.password.encode())
+        return self.needs_password and hmac.compare_digest(password.encode(), self._password.encode())
 
     def has_cookie(self, cookies: Mapping[str, str]) -> bool:
         """Check the cookie of a request."""
@@ -102,7 +93,7 @@ class Access:
 
     def accepts_host(self, host: str) -> bool:
         """Check the Host header. Any name is allowed over TLS, because the browser checks the certificate."""
-        return self._remote is not None or host in self._hosts
+        return self.needs_password or host in self._hosts
 
     def is_same_origin(self, host: str, origin: str) -> bool:
         """Check that a request comes from a page of this panel."""
