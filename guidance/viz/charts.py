@@ -54,7 +54,7 @@ def tracks(story: Story) -> Figure:
     space = figure.add_subplot(grid[0], projection="3d")
     plan, whole = figure.add_subplot(grid[2]), figure.add_subplot(grid[3])
     chase = chase_of(story)
-    low, high = _box(story, chase)
+    low, high = _box(chase, story.column("pursuer_m"), story.column("evader_m"))
     for axes, dimensions in ((space, 3), (plan, 2), (whole, 2)):
         draw_chase(axes, chase, dimensions)
         if axes is not whole:
@@ -95,9 +95,9 @@ def chase_of(story: Story) -> Chase:
     )
 
 
-def _box(story: Story, chase: Chase) -> tuple[Array, Array]:
-    """Return the corners of the flown area and of the evader's reachable area, with a margin."""
-    points = [story.column("pursuer_m"), story.column("evader_m")]
+def _box(chase: Chase, *tracks: Array) -> tuple[Array, Array]:
+    """Return the corners of the tracks, the target and the evader's reachable area, with a margin."""
+    points = list(tracks)
     if chase.isochron is not None:
         points.append(np.column_stack([chase.isochron, np.zeros(len(chase.isochron))]))
     if chase.target_m is not None:
@@ -272,15 +272,17 @@ def animate(story: Story, path: Path) -> None:
     """
     span = playing_span(story)
     now_s = story.column("now_s")[span]
-    if story.captured is not None:
-        now_s = now_s[now_s <= story.cycles[story.captured].now_s + _TAIL_S]
+    begun_s, ended_s = (
+        now_s[-1] if one is None else story.cycles[one].now_s for one in (story.engaged, story.captured)
+    )
+    now_s = now_s[now_s <= ended_s + _TAIL_S]
     shown = np.unique(np.linspace(0, len(now_s) - 1, FRAMES).round().astype(int))
     pursuer, evader = (story.column(name)[span][: len(now_s)] for name in ("pursuer_m", "evader_m"))
     distance_m = np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1)
     figure, draw = _stage(story, pursuer, evader, distance_m)
     images = []
     for number in shown:
-        draw(int(number), float(now_s[number] - now_s[0]))
+        draw(int(number), max(0.0, float(now_s[number] - begun_s)))
         figure.canvas.draw()
         images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
     times_ms = [FRAME_MS] * (len(images) - 1) + [LAST_FRAME_MS]
@@ -303,17 +305,14 @@ def _stage(story: Story, pursuer: Array, evader: Array, distance_m: Array) -> tu
     ):
         if place is not None:
             draw_place(plan, place, style, 2, name)
-    known = np.concatenate([pursuer, evader])[:, :2]
-    known = known[np.isfinite(known).all(axis=-1)]
-    if chase.isochron is not None:
-        known = np.concatenate([known, chase.isochron])
-    low, high = known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
+    low, high = _box(chase, pursuer, evader)
     label_plan(plan, adjustable="box")
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     legend_below(figure, plan, columns=5)
     side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
     height_m = pursuer[:, 2] - evader[:, 2]
-    side.set(xlim=(0.0, 1.08 * np.nanmax(distance_m)), ylim=(0.0, 1.15 * np.nanmax(height_m)))
+    far_m, high_m = (max(1.0, float(np.nan_to_num(one).max())) for one in (distance_m, height_m))
+    side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
     side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
     side.grid(visible=True, linewidth=0.3)
     moving += [plan.plot([], [], mark, color=style["color"])[0] for mark, style in (("o", PURSUER), ("^", EVADER))]
@@ -327,6 +326,6 @@ def _stage(story: Story, pursuer: Array, evader: Array, distance_m: Array) -> tu
         height = np.column_stack([distance_m, height_m])
         for line, points in zip(moving, (*lines, height[:until], height[number:until]), strict=True):
             line.set_data(*points.T)
-        title.set_text(f"{story.title}: {max(0.0, since_s):.1f} s")
+        title.set_text(f"{story.title}: {since_s:.1f} s")
 
     return figure, draw

@@ -1,8 +1,8 @@
 """Common style of all pictures: figures, axes, and the elements of a game. Only this package imports matplotlib.
 
-Lines are told apart by dashes and markers, not by colour alone. Axes are in space (3D) or seen from above (2D); what is
-drawn in either takes the number of its dimensions. A flight is drawn the same in every picture: both tracks, what the
-game promised, the target and the fence.
+Lines differ by dashes and markers, not by colour alone. Axes are in space (3D) or seen from above (2D); functions that
+draw in either take the number of dimensions. All pictures of a flight show the same: both tracks, the promises of the
+game, the target and the fence.
 """
 
 from collections.abc import Sequence
@@ -161,7 +161,7 @@ class Chase(NamedTuple):
         meeting_m: The meeting point foreseen at engagement.
         target_m: T of a TAD game.
         fence: Its edges, (n, 2) each.
-        fence_height_m: At which they are drawn in space.
+        fence_height_m: Height of the fence in space.
     """
 
     before: Sequence[Array]
@@ -214,7 +214,7 @@ def draw_fence(axes: Any, edges: Sequence[Array], height_m: float, dimensions: i
     Args:
         axes: In space or from above; what else is drawn is there, and gives the view.
         edges: Closed curves, (n, 2) each, m.
-        height_m: At which they lie in space.
+        height_m: Their height in space.
         dimensions: 3 in space, 2 from above.
         whole: Widen the view to all of it.
     """

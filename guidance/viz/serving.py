@@ -1,10 +1,10 @@
 """The viewer's servers on loopback: the recording over gRPC, and the page's files from a child process.
 
-Rerun's own functions listen on all interfaces, so they are not used. Its servers answer requests for any host name, so
-a stranger's page whose name leads to 127.0.0.1 (DNS rebinding) could read the flight from them. They therefore listen
-on an address in 127.0.0.0/8 and a port that are random, and two servers of ours on 127.0.0.1 pass requests on that name
-the host they are on. Rerun's page would contact the internet for news and usage reports; a content security policy in
-the page's headers restricts it to this computer.
+Rerun's own functions listen on all interfaces, so they are not used. Its servers answer requests for any host name. A
+web page of a stranger could read the flight from them by DNS rebinding: its host name would lead to 127.0.0.1. They
+therefore listen on a random address in 127.0.0.0/8 and a random port. Two relays on 127.0.0.1 forward requests for this
+host only. Rerun's page would contact the internet for news and usage reports; a content security policy in the page's
+headers restricts it to this computer.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ _MAX_HEADER_BYTES: Final = 65_536
 _PIECE_BYTES: Final = 65_536
 _PASSED_ON: Final = ("Content-Type", "Content-Encoding", "Cache-Control", "ETag")
 _HTTP_2: Final = b"PRI * HTTP/2.0\r\n"
-"""How native viewers begin. Browsers use HTTP/2 with TLS only."""
+"""First line of native viewers. Browsers use HTTP/2 with TLS only."""
 
 _REFUSAL: Final = b"HTTP/1.1 421 Misdirected Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
@@ -73,7 +73,7 @@ def policy(recording_port: int) -> str:
 
 
 class _Server(socketserver.ThreadingTCPServer):
-    """Passes on to the server behind it what names the host and port it is on."""
+    """A relay on 127.0.0.1 for requests with its own host name and port."""
 
     daemon_threads = True
     block_on_close = False
@@ -99,7 +99,7 @@ class _File(BaseHTTPRequestHandler):
     server: _Server  # type: ignore[assignment]  # not an HTTPServer, which looks up the name of its address
 
     def do_GET(self) -> None:
-        """Fetch the file and pass it on."""
+        """Fetch the file and forward it."""
         if self.headers.get("Host", "") not in self.server.hosts:
             self._pass_on(HTTPStatus.MISDIRECTED_REQUEST, {}, b"")
             return
@@ -190,7 +190,7 @@ class RecordingServer:
 
 
 class WebPage:
-    """The viewer's web page. Rerun's program serves it, and a server of ours passes it on.
+    """The viewer's web page: Rerun's program behind a relay.
 
     Raises:
         LinkError: If the port is in use, or the page is not served in time.
@@ -255,7 +255,7 @@ def _end(child: "subprocess.Popen[bytes]") -> None:
 
 
 def hidden_address() -> Address:
-    """Return a free port on an address of loopback that nobody can guess; on 127.0.0.1 where there is no other."""
+    """Return a random loopback address and a free port; 127.0.0.1 on systems with only this one."""
     numbers = (1 + secrets.randbelow(254) for _ in range(3))
     address = ".".join(map(str, (127, *numbers))) if sys.platform == "linux" else LOOPBACK
     with socket.socket() as probe:

@@ -105,7 +105,7 @@ def _first_s(cycles: Sequence[Cycle], states: Sequence[str], wanted: State) -> f
 
 
 def opening(story: Story) -> str:
-    """Return the report's first paragraph: who, where, what was promised, what happened, what limited it."""
+    """Return the report's first paragraph: vehicle and place, promise, outcome, limits."""
     return " ".join((_who(story), *_promise(story), _happened(story), _limited(story)))
 
 
