@@ -6,6 +6,7 @@ of two discs. The evader ends at the point of it that is closest to the target.
 
 import contextlib
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
