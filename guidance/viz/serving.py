@@ -96,7 +96,7 @@ class _Server(socketserver.ThreadingTCPServer):
 
 
 class _File(BaseHTTPRequestHandler):
-    server: _Server  # type: ignore[assignment]  # not an HTTPServer, which looks up the name of its address
+    server: _Server
 
     def do_GET(self) -> None:
         """Fetch the file and forward it."""
