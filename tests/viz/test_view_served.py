@@ -13,6 +13,7 @@ from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
+import rerun as rr
 
 from guidance.errors import ConfigError, LinkError
 from guidance.log import cycles_of, metadata_of
@@ -79,9 +80,9 @@ def served(record):
 
 def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else(served):
     child, url, pids = served
-    addresses = set().union(*(listening(pid) for pid in pids))
+    until(lambda: len(set().union(*map(listening, pids))) == 3)  # 127.0.0.1, and the hidden ones of Rerun's two servers
+    addresses = set().union(*map(listening, pids))
     assert all(address.endswith("7F") for address in addresses)  # 127.0.0.0/8
-    assert len(addresses) == 3  # 127.0.0.1, and those of Rerun's servers, which nobody can guess
     with urllib.request.urlopen(url, timeout=10.0) as page:
         policy = dict(part.split(" ", 1) for part in page.headers["Content-Security-Policy"].split("; "))
         assert b"<html" in page.read()
@@ -96,7 +97,7 @@ def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else
     with pytest.raises(urllib.error.HTTPError, match="404"):
         urllib.request.urlopen(f"{base}/nothing", timeout=10.0)
     child.send_signal(signal.SIGTERM)
-    assert child.wait(10.0) == 0
+    assert child.wait(30.0) == 0  # a live view shows the rest first
     until(lambda: not any(map(is_running, pids)))
 
 
@@ -239,7 +240,8 @@ def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
 
 
 def test_the_recording_is_given_to_nobody_who_asks_for_another_host():
-    recording = RecordingServer(0)
+    recording, stream = RecordingServer(0), rr.RecordingStream("test")
+    stream.set_sinks(recording.sink)  # it listens from now on
     try:
         port = recording.port
         for host in STRANGE:
@@ -250,6 +252,7 @@ def test_the_recording_is_given_to_nobody_who_asks_for_another_host():
             native.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + b"\x04" + bytes(5))
             assert native.recv(9)[3] == 4  # the server's SETTINGS frame
     finally:
+        stream.disconnect()
         recording.close()
 
 
