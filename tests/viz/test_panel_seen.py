@@ -182,7 +182,7 @@ def test_the_page_says_whether_the_vehicle_can_reach_the_evader(record):
 
 
 def test_the_vehicles_own_data_are_shown_with_their_levels(record):
-    seen = folded(record, lambda row: row.state is State.ON_STATION).snapshot()
+    seen = folded(record, lambda row: row.state is State.ENGAGED and row.certificate is not None).snapshot()
     assert seen["gps"]["fix"] >= 3
     assert seen["gps"]["satellites"] > 5
     assert seen["voltage_v"] > 10.0
