@@ -187,7 +187,7 @@ async def test_the_tile_server_is_the_only_other_host_for_images(opened):
     async with panel.client.get("alive") as answer:
         assert "img-src 'self' data: https://tiles.example:8443; connect" in answer.headers["Content-Security-Policy"]
     for url in ("tiles.example/{z}/{x}/{y}", "https://a;b/{z}/{x}/{y}", "https://a/{z}/{x}", "ftp://a/{z}{x}{y}"):
-        with pytest.raises(ConfigError, match="must be like https"):
+        with pytest.raises(ConfigError, match="must be a folder, or like https"):
             origin_of(url)
 
 
@@ -353,7 +353,7 @@ async def test_idle_connections_are_capped_and_keep_no_page_out(opened, monkeypa
     [
         (["--port", "70000"], 2, "--port 70000: allowed is 0 (pick a free one) to 65535"),
         (["--host", "192.0.2.1"], 2, "--host 192.0.2.1: anyone who reaches the page can command the vehicle."),
-        (["--tiles", "tiles.example"], 2, "--tiles tiles.example: must be like https://"),
+        (["--tiles", "tiles.example"], 2, "--tiles tiles.example: must be a folder, or like https://"),
         (["--port", "IN_USE"], 3, "choose another, or port 0 for a free one"),
     ],
 )

@@ -207,10 +207,10 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
 
 def test_without_rerun_the_extra_is_named(record, monkeypatch, tmp_path):
     monkeypatch.setattr("guidance.extras.find_spec", lambda _: None)
-    with pytest.raises(ConfigError, match=r"pip install 'pursuit-guidance\[viz\]'"):
-        view(RecordFile(record), Destination(tmp_path / "a.rrd"), recorded_settings, print, threading.Event())
-    run = CliRunner().invoke(app, ["fly", "--view"])
-    assert isinstance(run.exception, ConfigError)
+    for words in (["view", str(record), "--save", str(tmp_path / "a.rrd")], ["fly", "--view"]):
+        run = CliRunner().invoke(app, words)
+        assert isinstance(run.exception, ConfigError)
+        assert "pip install 'pursuit-guidance[viz]'" in str(run.exception)
 
 
 @pytest.mark.parametrize(

@@ -203,7 +203,7 @@ def origin_of(tiles: str) -> str:
     parts = urlsplit(tiles)
     host = re.fullmatch(r"[A-Za-z0-9.-]+(:\d+)?", parts.netloc)
     if parts.scheme not in {"http", "https"} or host is None or any(key not in tiles for key in ("{z}", "{x}", "{y}")):
-        raise ConfigError(f"--tiles {tiles}: must be like https://tiles.example/{{z}}/{{x}}/{{y}}.png")
+        raise ConfigError(f"--tiles {tiles}: must be a folder, or like https://tiles.example/{{z}}/{{x}}/{{y}}.png")
     return f"{parts.scheme}://{parts.netloc}"
 
 

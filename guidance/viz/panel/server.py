@@ -35,6 +35,9 @@ MAX_QUEUED: Final = 20
 KEEPALIVE_S: Final = 15.0
 """Idle time of a connection between two requests; then it is closed."""
 
+DEFAULT_TILES: Final = "tiles"
+"""Folder of map tiles; it need not exist."""
+
 _MAX_BYTES: Final = 4096
 _MAX_NAME_LENGTH: Final = 24
 _MAX_ORDERS_AT_ONCE: Final = 16
@@ -56,7 +59,7 @@ class PanelOptions(NamedTuple):
     certificate: Path | None = None
     key: Path | None = None
     password_file: Path | None = None
-    tiles: str = "tiles"
+    tiles: str = DEFAULT_TILES
     zenoh: Path | None = None
 
 
@@ -77,7 +80,7 @@ def serve_panel(
     """
     if not 0 <= options.port <= 65535:
         raise ConfigError(f"--port {options.port}: allowed is 0 (pick a free one) to 65535")
-    if "://" in options.tiles:
+    if options.tiles not in {"", DEFAULT_TILES} and not Path(options.tiles).is_dir():
         origin_of(options.tiles)
     credentials = read_credentials(options.zenoh)
     security = remote_access(options.host, options.certificate, options.key, options.password_file)
