@@ -170,7 +170,7 @@ class SnapshotFold:
         self._last: tuple[Cycle, CycleEntry] | None = None
         self._alarm: tuple[float, Alarm] | None = None
         self._isochron: tuple[float, list[Any]] = (-math.inf, [])
-        self._armed_s = math.nan
+        self._armed_s = self._round_trip_s = math.nan
         self._positions_s: deque[float] = deque()
         self._most_positions = 0
         self._scene: Plain | None = None
@@ -200,7 +200,9 @@ class SnapshotFold:
         return event
 
     def _add_cycle(self, row: CycleEntry) -> None:
-        self._last = self._aggregator.cycle(row), row
+        cycle = self._aggregator.cycle(row)
+        self._last = cycle, row
+        self._round_trip_s = cycle.round_trip_s if math.isfinite(cycle.round_trip_s) else self._round_trip_s
         for message in row.inputs.messages:
             self._heard[type(message)] = message
             if isinstance(message, Heartbeat) and message.armed != math.isfinite(self._armed_s):
@@ -248,8 +250,6 @@ class SnapshotFold:
         if self._last is None:
             return None
         cycle, row = self._last
-        game = None if row.certificate is None else self._game(row.certificate, row.now_s)
-        velocities = {"flown": cycle.flown_ned_m_s, "commanded": cycle.commanded_ned_m_s}
         gap_m, height_gap_m = self._gaps_m(cycle, row.certificate)
         snapshot: Plain = {
             **self._vehicle(row.now_s),
@@ -262,17 +262,18 @@ class SnapshotFold:
             "gap_m": gap_m,
             "height_gap_m": height_gap_m,
             "speed_m_s": {
-                name: math.hypot(*velocity)
-                for name, velocity in {**velocities, "desired": cycle.desired_ned_m_s}.items()
+                "flown": math.hypot(*cycle.flown_ned_m_s),
+                "commanded": math.hypot(*cycle.commanded_ned_m_s),
+                "desired": math.hypot(*cycle.desired_ned_m_s),
             },
-            "game": game,
+            "game": None if row.certificate is None else self._game(row.certificate, row.now_s),
             "alarm": self._recent_alarm(row.now_s),
         }
         snapshot["age_s"] |= {
             "position": known_age(cycle.telemetry_age_s),
             "evader": known_age(cycle.evader_age_s),
             "late": cycle.late_s,
-            "round_trip": cycle.round_trip_s,
+            "round_trip": self._round_trip_s,
         }
         snapshot["levels"] = of_snapshot(snapshot, self._settings)
         return dict(plain(snapshot))

@@ -61,7 +61,7 @@ export const TEXTS = {
     return { no: "NO, it arrives first", "too fast": "NO, it is too fast" }[answer] ?? `not certain${time && `, about ${time}`}`;
   },
   fixes: ["no GPS", "no fix", "2D", "3D", "DGPS", "RTK float", "RTK", "static", "PPP"],
-  satellites: (count) => `${count} satellites`,
+  satellites: (count) => `${count} sat.`,
   recording: { on: "on", off: "off" },
   orders: {
     start: ["START", "arm and climb"], engage: ["ENGAGE", "play the game"], hold: ["HOLD", "at once", "key H"],
