@@ -4,12 +4,12 @@ Pure: the same inputs, settings and memory give the same setpoint, bit for bit: 
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from guidance.certificate import Certificate, Players, Vehicle, answer, certify, certify_no_game
+from guidance.certificate import Certificate, Players, Vehicle, at_speed, certify, without_game
 from guidance.control import (
     Acceleration,
     AltitudeHold,
@@ -100,7 +100,8 @@ class EvaderEstimate(NamedTuple):
 class CycleInputs(NamedTuple):
     """One cycle's view of the world, read once: `situation` has the evader where `evader` does.
 
-    Where the vehicle is to its fences is measured here where the caller has not done so.
+    Where the vehicle is to its fences is measured here where the caller has not done so. `guided`: a HEARTBEAT of this
+    cycle shows the guided mode, so the vehicle has followed the setpoints until then.
     """
 
     dt_s: float
@@ -108,6 +109,7 @@ class CycleInputs(NamedTuple):
     evader: EvaderEstimate | None
     game_frame: GameFrame | None
     fence: FenceGeometry | None = None
+    guided: bool = False
 
 
 class CycleMemory(NamedTuple):
@@ -137,7 +139,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     Raises:
         ValueError: If there is no evader or no game frame; the flight hovers then instead.
     """
-    (dt_s, here, evader, frame, fence), envelope = inputs, settings.envelope
+    (dt_s, here, evader, frame, fence, guided), envelope = inputs, settings.envelope
     if evader is None or frame is None:
         raise ValueError("play needs an evader and a game frame; hover without them")
     players = Players(
@@ -153,11 +155,20 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
-        refused = certify_no_game(players, gaps, output.setpoint, evader_age_s=evader.age_s)
-        return output._replace(certificate=refused)
-    vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown)
-    answered = answer(game, players, vehicle, memory.optimal_game_m_s)
-    optimal = answered.solution.pursuer_velocity_m_s
+        refused = without_game(players, gaps, evader.age_s)
+        command_ned_m_s = output.setpoint.velocity_ned_m_s
+        return output._replace(certificate=refused._replace(no_game=True, command_ned_m_s=command_ned_m_s))
+    vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s)
+    solution, certificate = certify(
+        game,
+        players,
+        vehicle,
+        gaps,
+        memory.optimal_game_m_s,
+        evader_age_s=evader.age_s,
+        tolerance_m=settings.tolerance_m,
+    )
+    optimal = solution.pursuer_velocity_m_s
     asked = optimal
     if settings.strategy.name != OPTIMAL:
         asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
@@ -177,21 +188,16 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     )
     unslowed = followed.unslowed and not held_back and asked_ned_m_s[:2] == ned_from_game(nominal)[:2]
     flown = less_drift(here.velocity_ned_m_s, followed.memory.drift)
-    speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, dt_s=dt_s)
+    speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, confirmed=guided, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     already_shaped = settings.following is not None
     limited = limit(command, here, envelope, memory.limits, dt_s, fence=fence, already_shaped=already_shaped)
-    certificate = certify(
-        game,
-        answered,
-        players,
-        gaps,
-        limited,
+    certificate = certificate._replace(
         desired_ned_m_s=followed.desired_ned_m_s,
-        evader_age_s=evader.age_s,
-        tolerance_m=settings.tolerance_m,
-        reason=int(Reason.TOO_OLD) if too_old else answered.solution.reason,
+        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
+        active_limits=tuple(map(str, limited.active)),
+        reason=int(Reason.TOO_OLD) if too_old else certificate.reason,
     )
     played = StrategyMemory(np.array(asked), memory.strategy.played_s + dt_s)
     kept = CycleMemory(
@@ -221,7 +227,9 @@ def game_played(
         ConfigError: If the evader is too fast for this vehicle.
     """
     age_s = min(max(evader_age_s, 0.0), settings.evader_timeout_s)
-    whole = settings.game if speed_share == 1.0 else _slower(settings.game, speed_share)
+    whole = settings.game
+    if speed_share < 1.0:
+        whole = at_speed(whole, max(speed_share, 1e-3) * settings.ground_speed_m_s)
     game = whole.against(evader_speed_m_s, age_s)
     too_old = age_s > guaranteed_age_s(game)
     if settings.target_game_m is not None:
@@ -231,14 +239,6 @@ def game_played(
     elif too_old:
         game = whole.against(evader_speed_m_s, 0.0)
     return game, too_old
-
-
-def _slower(game: Game, share: float) -> Game:
-    """Return the same game with a share of the pursuer's speed over the ground."""
-    pursuer = game.pursuer
-    reached_m_s = max(share, 1e-3) * pursuer.horizontal_m_s
-    slower = Ball(reached_m_s) if isinstance(pursuer, Ball) else replace(pursuer, horizontal_m_s=reached_m_s)
-    return replace(game, pursuer=slower)
 
 
 def _at_nominal_speed(asked: Vector, game: Game, settings: CycleSettings) -> Vector:
@@ -264,7 +264,7 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     begun = memory.strategy.velocity_m_s is not None
     paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()
     kept = CycleMemory(
-        FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused, speed=memory.speed
+        FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused, speed=memory.speed.paused()
     )
     return CycleOutput(limited.setpoint, None, kept)
 

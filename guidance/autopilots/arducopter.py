@@ -20,7 +20,7 @@ from guidance.autopilots.description import (
     Mode,
 )
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
-from guidance.control import Acceleration, Approach, CatchUp, Dynamics, Following, ServoGains
+from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains
 from guidance.frames import LocalFrame, wrap_deg
 
 
@@ -49,9 +49,10 @@ HANDLING: Final = Handling(
         # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7 m/s², PSC_JERK_XY 5 m/s³
         # both. Its velocity is within 1 % of the setpoint, so the servo learns nothing. WPNAV_ACCEL_Z is 1 m/s².
         # Beside drag it gathers speed with some 3.5 m/s²: a reference that runs ahead of it costs a second at the end.
-        servo=ServoGains(acceleration_m_s2=4.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=9.0),
+        # ArduCopter flies faster than commanded until it has made up for its lag behind the reference. With more jerk
+        # than its own the lag grows, and it flew 7 % over the speed limit.
+        servo=ServoGains(acceleration_m_s2=4.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=5.0),
         approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=0.9, lag_s=0.15, settle_s=0.2),
-        catch_up=CatchUp(),
     ),
     acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0),
     dynamics=Dynamics(

@@ -10,7 +10,7 @@ from typing import Final
 
 from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Bound, Handling, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
-from guidance.control import Acceleration, Approach, CatchUp, Dynamics, Following, ServoGains, Speeds
+from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains, Speeds
 from guidance.frames import LocalFrame
 
 
@@ -59,7 +59,6 @@ HANDLING: Final = Handling(
         ),
         # It brakes before the stand-off does: a limit that acts takes the fed acceleration away, drag's share too.
         approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, lag_s=0.25, vertical_settle_s=0.4, margin_m=0.1),
-        catch_up=CatchUp(),
     ),
     acceleration=Acceleration(ground_m_s2=3.0, vertical_m_s2=3.0),
     dynamics=Dynamics(

@@ -2,15 +2,15 @@
 
 Following:
     follow: one cycle of it, with a `FollowMemory`; `Following` says how one vehicle is made to fly a velocity.
-    ServoGains, CatchUp, Approach: its parts: the servo, the deficit that is worked off, how the disc is arrived at.
+    ServoGains, Approach: its parts: the servo, and how the disc is arrived at.
     Gaps: distances to the disc. Speeds: horizontal speed, climb rate and descent rate.
     hold_altitude: keeps a height, with an `AltitudeHold`, and returns what is `Held`.
     keep_station: stops over the ground and stays.
     with_drift, less_drift: a velocity over the ground in an autopilot's own terms, and back.
 
 What the vehicle can do:
-    Acceleration, late_start, time_to_stop_at: what accelerating costs, and the time to be somewhere and stop there.
-    observe_speed: compares the speed asked for with the one flown, in a `SpeedMemory`; `trusted` speeds follow from it.
+    Acceleration, late_start: what accelerating costs.
+    observe_speed: compares the speed asked for with the one flown, in a `SpeedMemory`.
 
 Limiting, always last:
     limit: makes a setpoint of a command that the envelope allows, `Limited`, with a `LimitMemory`; `start` begins one.
@@ -26,12 +26,10 @@ from guidance.control.capability import (
     SpeedMemory,
     late_start,
     observe_speed,
-    time_to_stop_at,
-    trusted,
 )
 from guidance.control.envelope import Dynamics, Envelope, Limiter, Situation, StandOffLimit
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
-from guidance.control.follow import Approach, CatchUp, Following, FollowMemory, Gaps, follow, less_drift, with_drift
+from guidance.control.follow import Approach, Following, FollowMemory, Gaps, follow, less_drift, with_drift
 from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
 from guidance.control.limits import Limits, Speeds
 from guidance.control.polygon import Polygon
@@ -42,7 +40,6 @@ __all__ = [
     "Acceleration",
     "AltitudeHold",
     "Approach",
-    "CatchUp",
     "Dynamics",
     "Envelope",
     "FenceGeometry",
@@ -71,7 +68,5 @@ __all__ = [
     "measure_fence",
     "observe_speed",
     "start",
-    "time_to_stop_at",
-    "trusted",
     "with_drift",
 ]

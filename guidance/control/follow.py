@@ -52,9 +52,13 @@ LARGEST_M_S = 0.6
 JUMP_M = 1.0
 _LONGEST_STEP_S = 0.1
 
-OVER = 0.02
-"""Share of the speed limit by which a vehicle may exceed it before it is slowed down; about the estimation error."""
-EASE = 1.5
+RECOVERY_PER_S = 0.5
+"""Speed added per metre of along-track deficit."""
+LARGEST_DEFICIT_M = 15.0
+"""So that a vehicle that cannot keep up does not race for long afterwards."""
+OVER, EASE = 0.01, 1.5
+"""A vehicle that exceeds the speed limit by more than the share `OVER`, about the estimation error, is slowed down by
+`EASE` times the rest."""
 
 
 class Drift(NamedTuple):
@@ -105,54 +109,32 @@ def less_drift(velocity_ned_m_s: Vector, drift: Drift) -> Vector:
     return (north - by_north, east - by_east, down - by_down)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CatchUp:
-    """How the along-track deficit is worked off.
-
-    Attributes:
-        gain_per_s: Speed added per metre of deficit.
-        limit_m: Largest deficit, so that a vehicle that cannot keep up does not race for long afterwards.
-    """
-
-    gain_per_s: float = 0.5
-    limit_m: float = 15.0
-
-
-class CaughtUp(NamedTuple):
-    """The increased velocity, and the along-track deficit in metres."""
-
-    velocity_ned_m_s: Vector
-    deficit_m: float
-
-
 def catch_up(
     desired_ned_m_s: Vector,
     flown_ned_m_s: Vector,
     deficit_m: float,
-    settings: CatchUp,
     *,
     max_speed_ratio: float,
     dt_s: float,
-) -> CaughtUp:
-    """Increase a velocity to work off the along-track deficit over the ground.
+) -> tuple[Vector, float]:
+    """Increase a velocity to work off the along-track deficit over the ground; return it and the deficit, m.
 
     Args:
         desired_ned_m_s: Velocity that the game asks for.
         flown_ned_m_s: Velocity of the vehicle.
         deficit_m: From the last call; 0 at engagement.
-        settings: How fast it is worked off.
         max_speed_ratio: Speed limit over the game's speed, at least 1.
         dt_s: Seconds since the last call.
     """
     speed = math.hypot(*desired_ned_m_s[:2])
     if speed <= 0.0:
-        return CaughtUp(desired_ned_m_s, deficit_m)
-    along = sum(w * f for w, f in zip(desired_ned_m_s[:2], flown_ned_m_s[:2], strict=True)) / speed
-    deficit_m = min(settings.limit_m, max(0.0, deficit_m + (speed - along) * dt_s))
+        return desired_ned_m_s, deficit_m
+    along = (desired_ned_m_s[0] * flown_ned_m_s[0] + desired_ned_m_s[1] * flown_ned_m_s[1]) / speed
+    deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * dt_s))
     over = max(0.0, along / speed - (1.0 + OVER) * max_speed_ratio)
-    scale = max(0.0, min(max_speed_ratio, 1.0 + settings.gain_per_s * deficit_m / speed) - EASE * over)
+    scale = max(0.0, min(max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over)
     north, east, down = desired_ned_m_s
-    return CaughtUp((scale * north, scale * east, scale * down), deficit_m)
+    return (scale * north, scale * east, scale * down), deficit_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,13 +178,6 @@ def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOf
     return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
 
 
-class Approached(NamedTuple):
-    """The velocity to fly, and whether the approach has reduced the closing speed."""
-
-    velocity_ned_m_s: Vector
-    braking: bool
-
-
 def closing_allowed(left_m: float, braking_m_s2: float, settle_s: float, backing_m_s: float) -> float:
     """Return the allowed closing speed, m/s; negative (backing off) inside.
 
@@ -219,8 +194,8 @@ def closing_allowed(left_m: float, braking_m_s2: float, settle_s: float, backing
 
 def approach(
     desired_ned_m_s: Vector, flown_ned_m_s: Vector, evader_ned_m_s: Vector, gaps: Gaps, settings: Approach
-) -> Approached:
-    """Slow a velocity down near the disc.
+) -> tuple[Vector, bool]:
+    """Slow a velocity down near the disc; return it, and whether the closing speed is reduced.
 
     Args:
         desired_ned_m_s: Velocity desired without regard to braking.
@@ -242,11 +217,11 @@ def approach(
     settle_s = settings.settle_s + wait / settings.braking_m_s2
     allowed = closing_allowed(left_m, settings.braking_m_s2, settle_s, settings.backing_m_s)
     if closing <= allowed:
-        return Approached((north, east, down), braking=False)
+        return (north, east, down), False
     across = max(0.0, allowed / closing) if closing > 0.0 else 0.0
     north = evader_north + across * (relative_north - closing * to_north) + allowed * to_north
     east = evader_east + across * (relative_east - closing * to_east) + allowed * to_east
-    return Approached((north, east, down), braking=True)
+    return (north, east, down), True
 
 
 def _vertical(desired_m_s: float, flown_m_s: float, height_m: float, settings: Approach) -> float:
@@ -263,7 +238,6 @@ class Following:
 
     servo: ServoGains
     approach: Approach
-    catch_up: CatchUp
 
 
 class FollowMemory(NamedTuple):
@@ -314,14 +288,16 @@ def follow(
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
     flown = less_drift(here.velocity_ned_m_s, drift)
-    caught_up = catch_up(
-        desired_ned_m_s, flown, memory.deficit_m, following.catch_up, max_speed_ratio=max_speed_ratio, dt_s=dt_s
+    wanted, deficit_m = catch_up(
+        desired_ned_m_s,
+        flown,
+        memory.deficit_m,
+        max_speed_ratio=max_speed_ratio,
+        dt_s=dt_s,
     )
-    desired, braking = approach(
-        caught_up.velocity_ned_m_s, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach
-    )
-    # Braking at the disc adds nothing to the deficit.
-    deficit_m = memory.deficit_m if braking else caught_up.deficit_m
+    desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach)
+    if braking:
+        deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
     served = serve(desired, flown, memory.servo, following.servo, dt_s=dt_s, held_back=held_back)
     return Followed(
         with_drift(served.velocity_ned_m_s, drift),

@@ -3,6 +3,7 @@
 from functools import partial
 from typing import TYPE_CHECKING
 
+from guidance.autopilots import Mode
 from guidance.control import Situation
 from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, hover, play
 from guidance.flight.heard import Heard
@@ -46,6 +47,8 @@ class Playing:
             self._memory, self._monitor = CycleMemory(), self._monitor.anew()
         if after is State.ON_STATION:
             self._monitor = self._monitor.anew()  # the promise is kept: an evader that gets away begins a new one
+        if after is State.PAUSED:
+            self._monitor = self._monitor.restarted()  # nothing was promised about a pause
 
     def move(self, by_ned_m: Vector) -> None:
         """Move the remembered positions (of the hover and the drift estimate) with the local frame.
@@ -101,7 +104,8 @@ class Playing:
             state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
         )
         played = play if playing and evader is not None else hover
-        inputs = CycleInputs(dt_s, here, evader, heard.tracking.game_frame, heard.fence)
+        guided = bool(heard.beats) and heard.mode is Mode.GUIDED
+        inputs = CycleInputs(dt_s, here, evader, heard.tracking.game_frame, heard.fence, guided)
         output = played(inputs, heard.cycle, self._memory)
         self._memory = output.memory
         if output.certificate is not None:

@@ -37,8 +37,22 @@ LOST_AND_FOUND = Wanted(
     lambda row: [event for event in row.get("events", ()) if event in {"evader lost", "all inputs back"}],
     lambda got: got == ["evader lost", "all inputs back"],
 )
+SPEED_LIMIT = Wanted("≤ 1.03 of limits.speed_m_s", column("overspeed"), lambda got: got is not None and got <= 1.03)
+PROMISE = Wanted("promised time kept within 10 %", column("kept"), lambda got: got is not None and got <= 1.1)
+NOT_LATER = Wanted("no later alarm of the time", column("later"), lambda got: got == 0)
+REFUSED = "evader too fast"
+AT_ITS_SPEED = Wanted(
+    "captured with the speed reported, or refused by name",
+    lambda row: f"{row.get('end')}; {row.get('reported') or row.get('reason')}",
+    lambda got: got.startswith("captured; this vehicle reaches") or REFUSED in got,
+)
 LOST_AS_SOLVED = Wanted("predicted: evader", column("predicted_winner"), lambda got: got == "evader")
 WON_AS_SOLVED = Wanted("predicted: pursuer", column("predicted_winner"), lambda got: got == "pursuer")
+WON_BY_VEHICLE = Wanted("the vehicle's verdict: pursuer", column("vehicle_winner"), lambda got: got == "pursuer")
+LOST_BY_VEHICLE = Wanted("the vehicle's verdict: evader", column("vehicle_winner"), lambda got: got == "evader")
+
+HONEST = (KEEPS_OFF, SPEED_LIMIT, PROMISE, NOT_LATER)
+"""What holds in every chase."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +112,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
     near = {"away_m": 25.0}
     steady = "a chase, u 6 v 3"
     both = [
-        Case(
-            steady, link, made(steady, height_m=height_m), (ends("captured"), ratio(slow), KEEPS_OFF), autopilots=flown
-        )
+        Case(steady, link, made(steady, height_m=height_m), (ends("captured"), ratio(slow), *HONEST), autopilots=flown)
         for link, flown in (("mavsdk", ("px4",)), ("pymavlink", ("arducopter",)))
     ]
     going = made("goes on", away_m=80.0)
@@ -111,14 +123,14 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             "a chase, u 8 v 4",
             "mavsdk",
             made("a chase, u 8 v 4", u=8.0, v=4.0, height_m=height_m),
-            (ends("captured"), ratio(fast), KEEPS_OFF),
+            (ends("captured"), ratio(fast), *HONEST),
             autopilots=("arducopter",),
         ),
         Case(
             "at full speed at once, u 6 v 3",
             "mavsdk",
             made("at once, u 6 v 3", height_m=height_m, evader=sudden),
-            (ends("captured"), ratio(1.03), KEEPS_OFF),
+            (ends("captured"), ratio(1.03), *HONEST),
             prompt=True,
             autopilots=("px4",),
         ),
@@ -126,9 +138,23 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             "at full speed at once, u 8 v 4",
             "mavsdk",
             made("at once, u 8 v 4", u=8.0, v=4.0, height_m=height_m, evader=sudden),
-            (ends("captured"), ratio(1.20 if px4 else 1.09), KEEPS_OFF),
+            (ends("captured"), ratio(1.20 if px4 else 1.09), *HONEST),
             prompt=True,
             autopilots=("arducopter",),
+        ),
+        Case(
+            "faster than the vehicle can fly, u 10 v 6",
+            "pymavlink",
+            made("beyond the vehicle, u 10 v 6", u=10.0, v=6.0, height_m=height_m, evader=sudden),
+            (AT_ITS_SPEED, *HONEST),
+            autopilots=("px4",),
+        ),
+        Case(
+            "an evader that runs at the pursuer",
+            "mavsdk",
+            made("at the pursuer", game="tad", target={"position_m": [0.0, 0.0]}, v=4.0, away_m=11.0, evader=sudden),
+            (ends("captured"), KEEPS_OFF),
+            autopilots=("px4",),
         ),
         Case(
             "an evader that stops",
@@ -155,14 +181,14 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             "a target defended",
             "pymavlink",
             made("defended", game="tad", target={"position_m": [25.0, 0.0]}, away_m=30.0),
-            (ends("captured"), WON_AS_SOLVED, KEEPS_OFF),
+            (ends("captured"), WON_AS_SOLVED, WON_BY_VEHICLE, KEEPS_OFF),
             autopilots=("arducopter",),
         ),
         Case(
             "a target that is lost",
             "mavsdk",
             made("lost", game="tad", target={"position_m": [0.0, 48.0]}, away_m=38.0),
-            (ends("arrived"), LOST_AS_SOLVED),
+            (ends("arrived"), LOST_AS_SOLVED, LOST_BY_VEHICLE),
             autopilots=("px4",),
         ),
         Case(

@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from guidance.autopilots import Mode
+from guidance.control.limits import CATCH_UP_RATIO
 from tests.acceptance.cases import Case, toml
+from tests.acceptance.promised import promises
 from tests.acceptance.relay import Relay, wait
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
@@ -54,6 +56,7 @@ class Flown:
     process: subprocess.Popen[str]
     folder: Path
     environment: dict[str, str]
+    limit_m_s: float
     said: list[tuple[float, str]] = field(default_factory=list)
 
     def read(self) -> None:
@@ -80,7 +83,9 @@ class Flown:
     def row(self) -> dict[str, object]:
         """The outcome row, empty where there is none."""
         path = self.folder / "outcome.json"
-        return json.loads(path.read_text()) if path.is_file() else {}
+        if not path.is_file():
+            return {}
+        return json.loads(path.read_text()) | promises(self.folder / "record.mcap", limit_m_s=self.limit_m_s)
 
     def last_words(self) -> str:
         """What it said last."""
@@ -105,7 +110,7 @@ def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flo
         text=True,
         env=environment,
     )
-    flown = Flown(process, folder, environment)
+    flown = Flown(process, folder, environment, CATCH_UP_RATIO * case.scenario["pursuer"]["speed_m_s"])
     reader = threading.Thread(target=flown.read, daemon=True)
     reader.start()
     try:

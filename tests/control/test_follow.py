@@ -5,8 +5,6 @@ import pytest
 from guidance.autopilots import AUTOPILOTS, PX4
 from guidance.control.envelope import Situation
 from guidance.control.follow import (
-    Approach,
-    CatchUp,
     Drift,
     Following,
     FollowMemory,
@@ -47,9 +45,7 @@ def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
 
 
 def test_what_braking_at_the_disc_costs_is_not_owed():
-    following = Following(
-        servo=PX4.handling.following.servo, approach=PX4.handling.following.approach, catch_up=CatchUp()
-    )
+    following = Following(servo=PX4.handling.following.servo, approach=PX4.handling.following.approach)
     near = Gaps(0.2, 0.0, 1.0, 0.0)
     motion = Situation((0.0, 0.0, -5.0), (3.0, 0.0, 0.0), evader_velocity_ned_m_s=(3.0, 0.0, 0.0))
     memory = FollowMemory(deficit_m=1.0)
@@ -92,12 +88,3 @@ def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
 )
 def test_gaps_are_to_the_rim_and_to_the_height_and_point_at_the_evader(evader, gaps):
     assert gaps_to_disc((1.0, 2.0, -30.0), evader, StandOff(3.0, 5.0)) == pytest.approx(gaps)
-
-
-def test_what_is_not_said_of_an_approach_or_of_catching_up_is_cautious():
-    said = {"braking_m_s2": 2.0, "vertical_braking_m_s2": 1.0}
-    cautious = {"lag_s": 0.3, "settle_s": 0.3, "vertical_settle_s": 0.6, "margin_m": 0.15, "backing_m_s": 1.0}
-    assert Approach(**said) == Approach(**said, **cautious)
-    assert CatchUp() == CatchUp(gain_per_s=0.5, limit_m=15.0)
-    assert Drift() == (STILL, None)
-    assert FollowMemory().deficit_m == 0.0

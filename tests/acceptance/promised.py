@@ -1,0 +1,49 @@
+"""What a flight promised and what it flew, read from its record, as columns beside those of the outcome row."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from guidance.flight import State
+from guidance.game import Winner
+from guidance.log import CycleEntry, cycles_of
+from guidance.messages import LocalPosition
+from guidance.monitor import Alarm, Violation
+
+
+def promises(record: Path, *, limit_m_s: float) -> dict[str, Any]:
+    """Return what was promised in the last game of a record.
+
+    Columns:
+        reported: The report that the vehicle is too slow, None if there was none.
+        kept: Time flown over time promised; from that report on, otherwise from engagement on.
+        later: Alarms since then that the time of capture has risen.
+        vehicle_winner: Last verdict for the vehicle before the end of the game.
+        overspeed: Largest horizontal speed in the game over `limits.speed_m_s`.
+
+    Args:
+        record: The file.
+        limit_m_s: `limits.speed_m_s` of the flight.
+    """
+    played = [cycle for cycle in cycles_of(record) if cycle.state in {State.ENGAGED, State.PAUSED}]
+    told = [number for number, cycle in enumerate(played) if _alarm(cycle, Violation.TOO_SLOW)]
+    since = played[told[0] + 1 :] if told else played
+    promised_s = next((c.certificate.time_needed_s for c in since if c.certificate), math.nan)
+    verdicts = [c.certificate.vehicle_winner for c in played if c.certificate and not c.certificate.captured]
+    alarm = played[told[0]].alarm if told else None
+    return {
+        "reported": None if alarm is None else alarm.by,
+        "kept": (played[-1].now_s - since[0].now_s) / promised_s if since else math.nan,
+        "later": sum(_alarm(cycle, Violation.CAPTURE_LATER) is not None for cycle in since),
+        "vehicle_winner": Winner(verdicts[-1] or 0).word if verdicts else None,
+        "overspeed": max(_ground_speeds(played), default=math.nan) / limit_m_s,
+    }
+
+
+def _alarm(cycle: CycleEntry, violation: Violation) -> Alarm | None:
+    return cycle.alarm if cycle.alarm is not None and cycle.alarm.violation is violation else None
+
+
+def _ground_speeds(played: list[CycleEntry]) -> list[float]:
+    messages = (message for cycle in played for message in cycle.inputs.messages)
+    return [math.hypot(*one.velocity_ned_m_s[:2]) for one in messages if isinstance(one, LocalPosition)]
