@@ -199,9 +199,14 @@ def _demonstrated(game: Game, shown_m_s: float) -> Game:
 
 def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:
     """Return the time lost by reacting and by braking to the evader's velocity, s."""
-    if gaps.ground_m <= 0.0:
+    gap_m, deceleration_m_s2 = gaps.ground_m, envelope.braking_m_s2
+    if gap_m <= 0.0:
         return envelope.reaction_s
     relative = difference(optimal_m_s, players.evader_m_s)
-    (x, y, _) = difference(players.evader_m, players.pursuer_m)
+    x, y, _ = difference(players.evader_m, players.pursuer_m)
     closing_m_s = (relative[0] * x + relative[1] * y) / math.hypot(x, y)
-    return envelope.reaction_s + max(0.0, closing_m_s) / (2.0 * envelope.braking_m_s2)
+    if closing_m_s <= 0.0:
+        return envelope.reaction_s
+    if gap_m >= closing_m_s**2 / (2.0 * deceleration_m_s2):
+        return envelope.reaction_s + closing_m_s / (2.0 * deceleration_m_s2)
+    return envelope.reaction_s + math.sqrt(2.0 * gap_m / deceleration_m_s2) - gap_m / closing_m_s

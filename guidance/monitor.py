@@ -10,7 +10,7 @@ A promise may change without any of that. This much is allowed before an alarm:
 - estimation errors, `SCATTER_M` of position and `SCATTER_M_S` of the evader's speed for the rest of the game, divided
   by the closing speed;
 - changes that last less than `LASTING_S`: the bound on the evader's speed varies by some per cent;
-- the last `ARRIVAL_S` before the meeting, in which the vehicle brakes to the evader's speed;
+- the last `ARRIVAL_S` before the meeting, while the vehicle brakes to the evader's speed;
 - reports that are always late: an age not much larger than the largest before.
 
 A vehicle that does not reach its configured speed is reported once, and the promise starts anew with the speed that it
@@ -30,10 +30,10 @@ LASTING_S: Final = 0.4
 ARRIVAL_S: Final = 1.5
 STALE_S: Final = 1.0
 STALER: Final = 1.5
-"""A report is stale from `STALE_S` on, and from this many times the largest age before."""
+"""A report is stale if it is older than `STALE_S` and than this many times the largest age before."""
 
 SLOWER: Final = 0.02
-"""Share by which the reachable speed must fall before the promise starts anew."""
+"""Least relative fall of the reachable speed after which the promise starts anew."""
 
 
 class Violation(StrEnum):
@@ -48,7 +48,7 @@ class Violation(StrEnum):
 
 
 class Alarm(NamedTuple):
-    """What is wrong and by how much.
+    """A broken promise or assumption, and its amount.
 
     `amount` is in s for the time of capture and for an age, in m for L, in m/s for a speed; 0 at the barrier. `of` is
     the configured speed where the vehicle is too slow.
@@ -72,7 +72,7 @@ class Alarm(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What is wrong and by how much, in one line."""
+        """The violation and its amount in one line."""
         return f"{self.violation}, {self.by}" if self.by else str(self.violation)
 
 
@@ -121,7 +121,7 @@ def watch(
         certificate: Of this cycle; one without a game is ignored.
         with_target: Whether the game is TAD.
         speed_m_s: The configured speed over the ground.
-        slack_s: How much may be lost besides the allowances above, s; in TAD, the distance that the evader covers in
+        slack_s: Permitted loss besides the allowances above, s; in TAD, the distance that the evader covers in
             that time. After an alarm the count starts anew.
 
     Returns:
@@ -132,7 +132,7 @@ def watch(
     age_s = certificate.evader_age_s
     if age_s > max(STALE_S, STALER * memory.oldest_s):
         return memory._replace(oldest_s=age_s), Alarm(Violation.STALE, age_s)
-    if certificate.reason == Reason.TOO_OLD:  # nothing is promised: the promise starts anew with the next report
+    if certificate.reason == Reason.TOO_OLD:  # no promise now; it starts anew with the next report
         memory = memory.restarted()._replace(lost=None)
         certificate = certificate._replace(meeting_time_s=0.0)
     memory, alarm = _reach(memory, certificate, speed_m_s)
@@ -180,7 +180,7 @@ def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tup
 
 
 def _compare(memory: MonitorMemory, now_s: float, cost: float, slack: float) -> tuple[MonitorMemory, float | None]:
-    """Compare a cost with the best before it; return what was lost if that is more than the slack for long enough."""
+    """Compare a cost with the best before it; return the loss if it exceeds the slack for long enough."""
     lost = cost - memory.best
     if not lost > slack:
         return memory._replace(best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None), None
@@ -197,7 +197,7 @@ def _lasts(memory: MonitorMemory, now_s: float) -> bool:
 
 
 def _cost(now_s: float, certificate: Certificate, slack_s: float, *, with_target: bool) -> tuple[float, float]:
-    """Return what must not rise, allowance included, and how much of it may be lost.
+    """Return the cost that must not rise, including the allowance, and the slack.
 
     PE: the time of capture, s. TAD: L with its sign changed, m; a second of slack is the evader's way in it.
     """

@@ -1,4 +1,4 @@
-"""What this vehicle can do: what accelerating costs it, and the speed that it has shown.
+"""Abilities of this vehicle: the cost of accelerating, and the speed that it reaches.
 
 The game's pursuer is at full speed at once. This vehicle is not:
 
@@ -7,8 +7,8 @@ The game's pursuer is at full speed at once. This vehicle is not:
   starts that much further back (`late_start`). Along a straight chase after an evader with speed v, capture comes
   u²/(2a(u − v)) seconds later from hover. Ground and vertical use the same law, each with its own a.
 * **Speed.** A vehicle may be slower than its file says: tilt limit, drag, wind. `observe_speed` compares the speed
-  asked for with the mean speed flown over `RESPONSE_S` or longer. The ratio of the two is what the vehicle reaches.
-  While it gains speed or brakes, the ratio can only rise. A time counts only once a HEARTBEAT in the guided mode has
+  of the game with the mean speed flown over `RESPONSE_S` or longer. The ratio of the two is the share that it reaches.
+  While it gains speed or brakes, this share can only rise. A time counts only once a HEARTBEAT in the guided mode has
   come after it: until then a pilot may have taken over.
 """
 
@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 from guidance.frames import Vector
 
 RESPONSE_S: Final = 2.0
-"""How long the mean is taken at least; estimates of the speed wander by some per cent within a second."""
+"""Shortest time of the mean; estimates of the speed wander by some per cent within a second."""
 
 SHORT: Final = 0.02
 """Share of the speed asked for that may be missing; the mean scatters by about as much."""
@@ -29,7 +29,7 @@ _STEADY_M_S2: Final = 0.3
 """Mean acceleration above which a vehicle is gaining speed or braking."""
 
 _ALIGNED: Final = 0.9
-"""Least share of the velocity along the one asked for; below it the vehicle is turning."""
+"""Least share of the velocity along the desired one; below it the vehicle is turning."""
 
 _LEAST_ASKED_M_S: Final = 1.0
 
@@ -47,7 +47,7 @@ def late_start(position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, accel
 
     Args:
         position_m: Position of the vehicle; any frame, third axis vertical.
-        desired_m_s: Velocity that the game asks for, same axes.
+        desired_m_s: Velocity of the game's solution, same axes.
         flown_m_s: Velocity of the vehicle.
         acceleration: Of the vehicle.
     """
@@ -59,13 +59,13 @@ def late_start(position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, accel
 
 
 class SpeedMemory(NamedTuple):
-    """What a vehicle has shown of its speeds.
+    """Speeds that a vehicle has flown.
 
     Attributes:
         shown_m_s: Largest speed flown over the ground, smoothed.
         share: Share of the game's speed over the ground that it reaches, 1 at first.
         flown_ned_m_s: Mean velocity of the last half second or so.
-        compared_s: For how long it has been asked for its full speed, without a turn.
+        compared_s: Time for which its full speed has been commanded, without a turn.
         covered_s: The same, weighted by the share of that speed that it flew.
         began_m_s: Its speed at the beginning of that time.
     """
@@ -78,7 +78,7 @@ class SpeedMemory(NamedTuple):
     began_m_s: float = 0.0
 
     def paused(self) -> "SpeedMemory":
-        """Return what stays known while the vehicle is asked for something else."""
+        """Return the memory without the present comparison."""
         return SpeedMemory(self.shown_m_s, self.share)
 
 
@@ -97,7 +97,7 @@ def observe_speed(
         memory: From the last call.
         asked_ned_m_s: Velocity of the game at the vehicle's nominal speed.
         flown_ned_m_s: Velocity of the vehicle over the ground.
-        at_full_speed: Whether all of it is commanded: neither the approach nor a limit slows the vehicle down.
+        at_full_speed: Whether the whole speed is commanded, not reduced by the approach or a limit.
         confirmed: Whether a HEARTBEAT of this cycle shows the guided mode.
         dt_s: Seconds since the last call.
     """

@@ -52,7 +52,7 @@ WON_BY_VEHICLE = Wanted("the vehicle's verdict: pursuer", column("vehicle_winner
 LOST_BY_VEHICLE = Wanted("the vehicle's verdict: evader", column("vehicle_winner"), lambda got: got == "evader")
 
 HONEST = (KEEPS_OFF, SPEED_LIMIT, PROMISE, NOT_LATER)
-"""What holds in every chase."""
+"""Conditions of every chase."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a flight promised and what it flew, read from its record, as columns beside those of the outcome row."""
+"""Promises of a flight compared with its record: columns that complete the outcome row."""
 
 import math
 from pathlib import Path
@@ -12,12 +12,12 @@ from guidance.monitor import Alarm, Violation
 
 
 def promises(record: Path, *, limit_m_s: float) -> dict[str, Any]:
-    """Return what was promised in the last game of a record.
+    """Compare the promises in a record with the flight.
 
     Columns:
-        reported: The report that the vehicle is too slow, None if there was none.
-        kept: Time flown over time promised; from that report on, otherwise from engagement on.
-        later: Alarms since then that the time of capture has risen.
+        reported: The report that the vehicle is too slow, or None.
+        kept: Time flown over time promised, since that report; without a report, since engagement.
+        later: Number of alarms "time of capture has risen" in that time.
         vehicle_winner: Last verdict for the vehicle before the end of the game.
         overspeed: Largest horizontal speed in the game over `limits.speed_m_s`.
 

@@ -59,6 +59,13 @@ def test_a_change_of_state_keeps_what_goes_on(before, after, remembers, watches_
     assert playing.certificate is None
 
 
+def test_nothing_was_promised_about_a_pause():
+    playing = Playing(SETTINGS)
+    playing._monitor = PROMISED._replace(best=20.0, since_s=3.0, oldest_s=0.2, reachable_m_s=8.0, told_slow=True)
+    playing.change(State.ENGAGED, State.PAUSED)
+    assert playing._monitor == PROMISED.restarted()._replace(oldest_s=0.2, reachable_m_s=8.0, told_slow=True)
+
+
 def test_silence_clears_evader_and_alarm_and_a_setpoint_needs_a_position():
     flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
     assert any(flown.cycle().alarm is not None for _ in range(100))
