@@ -74,24 +74,24 @@ class Certificate(NamedTuple):
             was seen to reach less.
     """
 
-    winner: int = 0
-    value: float = math.nan
-    margin_s: float = math.nan
-    meeting_point_game_m: Vector = _NOWHERE
-    meeting_time_s: float = math.nan
-    speed_ratio: float = math.nan
-    evader_age_s: float = math.nan
-    pursuer_game_m: Vector = _NOWHERE
-    evader_game_m: Vector = _NOWHERE
-    gap_m: float = math.nan
-    height_gap_m: float = math.nan
-    desired_ned_m_s: Vector = _NOWHERE
-    command_ned_m_s: Vector = _NOWHERE
-    active_limits: tuple[str, ...] = ()
-    captured: bool = False
-    strayed: bool = False
-    evader_arrived: bool = False
-    no_game: bool = False
+    winner: int
+    value: float
+    margin_s: float
+    meeting_point_game_m: Vector
+    meeting_time_s: float
+    speed_ratio: float
+    evader_age_s: float
+    pursuer_game_m: Vector
+    evader_game_m: Vector
+    gap_m: float
+    height_gap_m: float
+    desired_ned_m_s: Vector
+    command_ned_m_s: Vector
+    active_limits: tuple[str, ...]
+    captured: bool
+    strayed: bool
+    evader_arrived: bool
+    no_game: bool
     time_needed_s: float = math.nan
     assured_distance_m: float = math.nan
     reason: int | None = None
@@ -155,6 +155,7 @@ def certify(
         allowance=there.value - here.value,
         vehicle_winner=int(Winner.PURSUER),
         reachable_speed_m_s=game.pursuer.horizontal_m_s,
+        no_game=False,
     )
     if T is None:
         return here, certificate
@@ -174,11 +175,24 @@ def certify(
 def without_game(players: Players, gaps: Gaps, evader_age_s: float) -> Certificate:
     """Return the certificate of a cycle without a game."""
     return Certificate(
+        winner=0,
+        value=math.nan,
+        margin_s=math.nan,
+        meeting_point_game_m=_NOWHERE,
+        meeting_time_s=math.nan,
+        speed_ratio=math.nan,
         evader_age_s=evader_age_s,
         pursuer_game_m=players.pursuer_m,
         evader_game_m=players.evader_m,
         gap_m=gaps.ground_m,
         height_gap_m=gaps.height_m,
+        desired_ned_m_s=_NOWHERE,
+        command_ned_m_s=_NOWHERE,
+        active_limits=(),
+        captured=False,
+        strayed=False,
+        evader_arrived=False,
+        no_game=True,
     )
 
 

@@ -157,7 +157,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         output = hover(inputs, settings, memory)
         refused = without_game(players, gaps, evader.age_s)
         command_ned_m_s = output.setpoint.velocity_ned_m_s
-        return output._replace(certificate=refused._replace(no_game=True, command_ned_m_s=command_ned_m_s))
+        return output._replace(certificate=refused._replace(command_ned_m_s=command_ned_m_s))
     vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s)
     solution, certificate = certify(
         game,

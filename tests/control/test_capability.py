@@ -50,5 +50,5 @@ def test_a_vehicle_that_a_pilot_takes_over_teaches_nothing():
 
 def test_a_pause_keeps_what_was_learned_and_begins_the_comparison_again():
     memory = flown([8.5] * 320)[-1]
-    assert memory.short_s > 0.0
+    assert memory.compared_s > 0.0
     assert memory.paused() == SpeedMemory(memory.shown_m_s, memory.share)
