@@ -154,8 +154,6 @@ def checkup_of(name: str) -> Iterator[Checkup]:
     config = load_vehicle(find(name, "vehicles"))
     plan, clock = plan_of(config), MonotonicClock()
     with contextlib.ExitStack() as closing:
-        log = Log("console", "error")
-        closing.callback(log.close)
-        world = open_all(config, clock, tapped=False)
-        closing.callback(world.close)
+        log = closing.enter_context(contextlib.closing(Log("console", "error")))
+        world = closing.enter_context(contextlib.closing(open_all(config, clock, tapped=False)))
         yield Checkup(config.name, plan, world, clock, log=log)

@@ -110,7 +110,7 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
         ]
     for change in changes:
         text = _changed(text, *change)
-    _checked(text)
+    parse(Config, tomllib.loads(text), source="the vehicle file")
     return text
 
 
@@ -191,7 +191,3 @@ def _quoted(text: str) -> str:
     if re.search(r'["\\\x00-\x1f]', text):
         raise ConfigError(f"{text!r}: quotation marks, backslashes and control characters are not allowed")
     return f'"{text}"'
-
-
-def _checked(text: str) -> None:
-    parse(Config, tomllib.loads(text), source="the vehicle file")

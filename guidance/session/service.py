@@ -46,17 +46,14 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
     clock, mailbox, metrics = MonotonicClock(), Mailbox(), Metrics(config.name)
     signals = Signals(ORDER_OF[config.flight.on_terminate], lambda: reload(path, config))
     with signals.installed(), contextlib.ExitStack() as closing:
-        log = Log(config.log.format, config.log.level)
-        closing.callback(log.close)
-        notifier = Notifier.from_environment(os.environ, os.getpid())
-        closing.callback(notifier.close)
+        log = closing.enter_context(contextlib.closing(Log(config.log.format, config.log.level)))
+        notifier = closing.enter_context(contextlib.closing(Notifier.from_environment(os.environ, os.getpid())))
         wanted = config.vehicle
         waiting_for = f"a HEARTBEAT of system {wanted.system_id}, component {wanted.component_id} at {wanted.url}"
         mailbox.meanwhile(startup_answers(config.name, waiting_for, wanted.connect_timeout_s, clock))
-        control = open_control(config, mailbox)
-        closing.callback(control.close)
+        control = closing.enter_context(contextlib.closing(open_control(config, mailbox)))
         if config.metrics.port is not None:
-            closing.callback(MetricsServer(metrics, config.metrics.port).close)
+            closing.enter_context(contextlib.closing(MetricsServer(metrics, config.metrics.port)))
         log.say(
             logging.INFO,
             "waiting for a HEARTBEAT",
@@ -70,8 +67,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
         closing.callback(world.close)
         metadata = flight_metadata(None, config, clock)
         record = closing.enter_context(daemon_recording(config, metadata, log))
-        broadcast = Broadcast(config.name, control.session, metadata)
-        closing.callback(broadcast.close)
+        broadcast = closing.enter_context(contextlib.closing(Broadcast(config.name, control.session, metadata)))
         used = Equipment(
             mailbox=mailbox,
             log=log,

@@ -3,7 +3,7 @@
 import contextlib
 import stat
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Final
@@ -113,8 +113,7 @@ def open_all(
         credentials = credentials_of(config.zenoh)
         _claim(config, credentials, closing)
         taps: list[TappedWire] = []
-        if wire is None:
-            wire = _open_wire(config, clock, credentials)
+        wire = _vehicle_wire(config, clock, credentials) if wire is None else wire
         closing.callback(wire.close)
         link, spare = _open_link(config, clock, wire, taps if tapped else None)
         closing.callback(link.close)
@@ -135,15 +134,20 @@ def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitSta
     closing.callback(token.close)
 
 
-def _open_wire(config: Config, clock: Clock, credentials: Credentials) -> Wire:
+def _vehicle_wire(config: Config, clock: Clock, credentials: Credentials) -> Wire:
+    """Open the vehicle's wire; the evader's reports arrive on it too, unless they have a URL of their own."""
     vehicle, evader = config.vehicle, config.evader
-    systems = {vehicle.system_id}
-    if evader.url is None and evader.system_id is not None:
-        systems.add(evader.system_id)
+    both = (vehicle.system_id, evader.system_id if evader.url is None else None)
     key = signing_key(vehicle.signing_key_file)
+    return _open_wire(vehicle.url, {one for one in both if one is not None}, key, clock, credentials)
+
+
+def _open_wire(
+    url: str, systems: Collection[int], key: SigningKey | None, clock: Clock, credentials: Credentials
+) -> Wire:
     keys = {} if key is None else dict.fromkeys(systems, key)
     return open_wire(
-        vehicle.url, clock=clock.now_s, systems=systems, keys=keys, credentials=credentials, timeout_s=_WIRE_LIMIT_S
+        url, clock=clock.now_s, systems=systems, keys=keys, credentials=credentials, timeout_s=_WIRE_LIMIT_S
     )
 
 
@@ -177,17 +181,7 @@ def _open_source(config: Config, clock: Clock, credentials: Credentials, spare: 
     url = evader.url if evader.url is not None else config.vehicle.url
     asked, key = None, _evader_key(config)
     if evader.request_rate_hz is not None and evader.system_id is not None:
-        wire = spare
-        if wire is None:
-            systems = (evader.system_id,)
-            wire = open_wire(
-                url,
-                clock=clock.now_s,
-                systems=systems,
-                keys={} if key is None else {evader.system_id: key},
-                credentials=credentials,
-                timeout_s=_WIRE_LIMIT_S,
-            )
+        wire = _open_wire(url, (evader.system_id,), key, clock, credentials) if spare is None else spare
         spare, asked = share(wire, 2)
     source = open_source(
         evader.kind,
