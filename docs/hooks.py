@@ -21,7 +21,7 @@ from guidance.cli.vehicle_setup import KINDS
 from guidance.control import Limiter
 from guidance.flight import ORDERS, Event, State
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
-from guidance.links.evaders.zenoh import ODOMETRY_TYPE, POSE_TYPE
+from guidance.links.zenoh_evader import ODOMETRY_TYPE, POSE_TYPE
 from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT
 from guidance.monitor import Violation

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema
 
 from guidance.errors import ConfigError
 
@@ -99,10 +100,27 @@ def _written(value: Any) -> str:  # noqa: ANN401
     return repr(value)
 
 
+def _make_strict(schema: Any) -> None:  # noqa: ANN401 - any part of a core schema
+    if isinstance(schema, dict):
+        if schema.get("type") in {"float", "int", "bool"}:
+            schema["strict"] = True
+        schema = list(schema.values())
+    if isinstance(schema, list | tuple):
+        for part in schema:
+            _make_strict(part)
+
+
 class Section(BaseModel):
-    """Base of all sections: frozen, no unknown keys, finite numbers."""
+    """Base of all sections: frozen, no unknown keys, finite numbers, no text or boolean for a number."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: type[BaseModel], handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Make all numbers and booleans strict; pydantic's own strict mode would refuse arrays and paths too."""
+        schema = handler(source)
+        _make_strict(schema)
+        return schema
 
 
 Model = TypeVar("Model", bound=Section)
@@ -218,7 +236,6 @@ def _plain_words(message: str) -> str:
     size = re.fullmatch(r"(?:tuple|list) should have at (most|least) (\d+) items? after validation, not \d+", message)
     if size is not None:
         return f"must have {size[2]} values at {size[1]}"
-    message = re.sub(r", unable to parse string as an? \w+$", "", message)
     return re.sub(r"^input should be ", "must be ", message)
 
 

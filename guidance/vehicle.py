@@ -108,10 +108,17 @@ def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
     ignored. So is a home reported in flight: PX4 moves it by up to 2 m every two seconds, and heights and fences refer
     to home at arming.
     """
+    latest: dict[type, Message] = {}
     for message in messages:
         changed = _changed_by(message, state)
-        if changed is not None:
-            state = state._replace(latest={**state.latest, type(message): message}, **changed)
+        if changed is None:
+            continue
+        if not latest:  # copied once: states that the caller holds do not change
+            latest = dict(state.latest)
+            state = state._replace(latest=latest)
+        latest[type(message)] = message
+        if changed:
+            state = state._replace(**changed)
     return state
 
 

@@ -6,8 +6,10 @@ import pytest
 from pydantic import Field
 
 from guidance.config import Section, as_toml, config_folder, find, line_of, load, parse
+from guidance.control import Limits
 from guidance.errors import ConfigError
-from guidance.sim.scenario_file import load_any
+from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sweeps.running import planned
 
 
@@ -52,6 +54,26 @@ def test_a_missing_key_is_named():
 def test_a_value_out_of_range_is_shown_with_its_key(value):
     with pytest.raises(ConfigError, match=r"^file\.toml:\n  inner\.speed_m_s = "):
         parse(Outer, {"title": "a", "inner": {"speed_m_s": value}}, source="file.toml")
+
+
+@pytest.mark.parametrize("value", ["3", True, ["3"]])
+def test_text_and_booleans_are_no_numbers(value):
+    with pytest.raises(ConfigError, match=r"inner\.speed_m_s = .*: must be a valid number"):
+        parse(Outer, {"title": "a", "inner": {"speed_m_s": value}}, source="x")
+    assert parse(Outer, {"title": "a", "inner": {"speed_m_s": 3}}, source="x").inner.speed_m_s == 3.0
+
+
+@pytest.mark.parametrize(("section", "key", "value"), [("pursuer", "speed_m_s", "6"), ("", "seed", "1")])
+def test_a_scenario_takes_no_text_for_a_number(section, key, value):
+    document = load_scenario("pe")[1].model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    (document[section] if section else document)[key] = value
+    with pytest.raises(ConfigError, match=rf"{key} = '{value}': must be a valid"):
+        parse(Scenario, document, source="x")
+
+
+def test_a_vehicle_file_takes_no_text_for_a_number_in_an_array():
+    with pytest.raises(ConfigError, match=r"fence_polygon_ne_m\.0\.1 = '5': must be a valid number"):
+        parse(Limits, {"fence_polygon_ne_m": [[0.0, "5"], [9.0, 0.0], [9.0, 9.0]]}, source="x")
 
 
 def test_every_fault_of_a_file_is_listed():

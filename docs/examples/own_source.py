@@ -13,7 +13,8 @@ import zenoh
 
 from guidance.clock import MonotonicClock
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.opening import EvaderIdentity, open_source
+from guidance.links.carriers import EvaderIdentity
+from guidance.links.opening import open_source
 from guidance.messages import EvaderReport
 
 

@@ -8,11 +8,6 @@ Descriptions:
 
 Preflight:
     Preflight, Wants: what the configuration demands. Finding: one row of the result, with a `Verdict`.
-
-MAVLink numbers:
-    HEARTBEAT, SYS_STATUS, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, GPS_GLOBAL_ORIGIN, HOME_POSITION,
-    ODOMETRY, POSITION_TARGET_LOCAL_NED, EXTENDED_SYS_STATE: message ids.
-    MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, MAV_CMD_SET_MESSAGE_INTERVAL: commands.
 """
 
 from importlib.metadata import entry_points
@@ -22,19 +17,6 @@ from pydantic import AfterValidator
 
 from guidance.autopilots.arducopter import ARDUCOPTER, ROVER
 from guidance.autopilots.description import (
-    ATTITUDE,
-    EXTENDED_SYS_STATE,
-    GLOBAL_POSITION_INT,
-    GPS_GLOBAL_ORIGIN,
-    HEARTBEAT,
-    HOME_POSITION,
-    LOCAL_POSITION_NED,
-    MAV_CMD_COMPONENT_ARM_DISARM,
-    MAV_CMD_DO_SET_MODE,
-    MAV_CMD_SET_MESSAGE_INTERVAL,
-    ODOMETRY,
-    POSITION_TARGET_LOCAL_NED,
-    SYS_STATUS,
     Autopilot,
     AutopilotProfile,
     Bound,
@@ -104,22 +86,9 @@ for _one in (PX4, ARDUCOPTER):
 
 __all__ = [
     "ARDUCOPTER",
-    "ATTITUDE",
     "AUTOPILOTS",
-    "EXTENDED_SYS_STATE",
-    "GLOBAL_POSITION_INT",
-    "GPS_GLOBAL_ORIGIN",
-    "HEARTBEAT",
-    "HOME_POSITION",
-    "LOCAL_POSITION_NED",
-    "MAV_CMD_COMPONENT_ARM_DISARM",
-    "MAV_CMD_DO_SET_MODE",
-    "MAV_CMD_SET_MESSAGE_INTERVAL",
-    "ODOMETRY",
-    "POSITION_TARGET_LOCAL_NED",
     "PX4",
     "ROVER",
-    "SYS_STATUS",
     "Autopilot",
     "AutopilotName",
     "AutopilotProfile",

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from guidance.autopilots import rules
 from guidance.autopilots.description import (
     GLOBAL_POSITION_INT,
     LOCAL_POSITION_NED,
@@ -67,14 +68,7 @@ HANDLING: Final = Handling(
 )
 
 _OFF_ON: Final = {0: "off", 1: "on"}
-_FENCE_ACTIONS: Final = {
-    0: "report only",
-    1: "RTL or Land",
-    2: "Land",
-    3: "SmartRTL",
-    4: "Brake",
-    5: "SmartRTL or Land",
-}
+_FENCE_ACTIONS: Final = dict(enumerate(("report only", "RTL or Land", "Land", "SmartRTL", "Brake", "SmartRTL or Land")))
 _FENCE_TYPES: Final = {0: "height", 1: "circle", 2: "polygon", 3: "floor"}
 _HEIGHT: Final = 1
 _CIRCLE: Final = 2
@@ -83,32 +77,8 @@ _POLYGON: Final = 4
 
 _RADIO_LOSS_ACTIONS: Final = {0: "none", 1: "RTL", 3: "Land", 4: "SmartRTL or RTL", 5: "SmartRTL or Land"}
 _ESTIMATOR_ACTIONS: Final = {0: "none", 1: "Land", 2: "AltHold", 3: "Land always"}
-_OPTIONS: Final = {0: "arming from the transmitter", 2: "pilot's yaw ignored", 3: "thrust", 4: "position not held"}
+_OPTION_NAMES: Final = {0: "arming from the transmitter", 2: "pilot's yaw ignored", 3: "thrust", 4: "position not held"}
 _CENTI: Final = 0.01
-_SHORTEST_LOSS_S: Final = 0.2
-
-
-def _guided_timeout(value: float, wants: Wants, _: Parameters) -> Judgement:
-    limit_s = wants.preflight.loss_time_limit_s
-    return passes(
-        _SHORTEST_LOSS_S <= value <= limit_s,
-        f"{_SHORTEST_LOSS_S:g} to {limit_s:g} s",
-        min(1.0, limit_s),
-        "the last velocity is flown for this long when setpoints stop (3 s by default)",
-    )
-
-
-def _otherwise(wants: Wants) -> Verdict:
-    return Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
-
-
-def _fence_on(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return passes(round(value) == 1, "1 (on)", 1, "the autopilot's fence is off", otherwise=_otherwise(wants))
-
-
-def _fence_action(value: float, wants: Wants, _: Parameters) -> Judgement:
-    why = "the fence would only report"
-    return passes(round(value) != 0, "1 (RTL or Land), 2 or 4 (Brake)", 1, why, otherwise=_otherwise(wants))
 
 
 def _fence_type(value: float, wants: Wants, parameters: Parameters) -> Judgement:
@@ -116,63 +86,28 @@ def _fence_type(value: float, wants: Wants, parameters: Parameters) -> Judgement
     mask = round(value)
     polygon = bool(mask & _POLYGON) and parameters.get(UPLOADED) == 1.0
     held = bool(mask & _HEIGHT) and (bool(mask & _CIRCLE) or polygon)
-    return passes(held, "with height and circle", mask | _HEIGHT | _CIRCLE, why, otherwise=_otherwise(wants))
-
-
-def _fence(distance_m: float, least_m: float, wants: Wants) -> Judgement:
-    return passes(
-        distance_m >= least_m,
-        f"at least {least_m:g} m, ours",
-        math.ceil(least_m + 5.0),
-        "it would act inside ours",
-        otherwise=_otherwise(wants),
-    )
+    return passes(held, "with height and circle", mask | _HEIGHT | _CIRCLE, why, otherwise=rules.fence_verdict(wants))
 
 
 def _fence_radius(value: float, wants: Wants, parameters: Parameters) -> Judgement:
     if not round(parameters.get("FENCE_TYPE", _CIRCLE)) & _CIRCLE:
         return Judgement(Verdict.PASS, "any: FENCE_TYPE is without the circle")
-    return _fence(value, wants.limits.reach_m, wants)
+    return rules.fence_size(value, wants.limits.reach_m, wants)
 
 
-def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _fence(value, wants.limits.ceiling_m, wants)
-
-
-def _not_enforced(wanted: str) -> Judgement:
+def _not_enforced(quantity: str) -> rules.Judge:
     # Measured: WPNAV_SPEED 500 still gave 15.2 m/s, and D ±10 gave ±9.7 despite 250/150.
-    return Judgement(Verdict.PASS, f"{wanted} (not enforced on GUIDED velocities: only our own limits are)")
+    why = "not enforced on GUIDED velocities: only our own limits are"
 
+    def judged(_: float, wants: Wants, __: Parameters) -> Judgement:
+        return Judgement(Verdict.PASS, f"any; the game asks {getattr(wants.game_speeds, quantity):g} m/s ({why})")
 
-def _speed(_: float, wants: Wants, __: Parameters) -> Judgement:
-    return _not_enforced(f"any; the game asks {wants.game_speeds.speed_m_s:g} m/s")
-
-
-def _climb(_: float, wants: Wants, __: Parameters) -> Judgement:
-    return _not_enforced(f"any; the game asks {wants.game_speeds.climb_m_s:g} m/s")
-
-
-def _descent(_: float, wants: Wants, __: Parameters) -> Judgement:
-    return _not_enforced(f"any; the game asks {wants.game_speeds.descent_m_s:g} m/s")
+    return judged
 
 
 def _lean(value: float, wants: Wants, _: Parameters) -> Judgement:
     why = f"too flat to fly {wants.game_speeds.speed_m_s:g} m/s against drag"
     return passes(value >= 2000.0, "at least 2000 (20°)", 3000, why, otherwise=Verdict.WARN)
-
-
-def _options(value: float, _: Wants, __: Parameters) -> Judgement:
-    why = "velocities would not be held: the servo expects ArduCopter's own loop"
-    return passes(not round(value) & 48, "without bits 4 and 5", round(value) & ~48, why)
-
-
-def _radio_loss(value: float, _: Wants, __: Parameters) -> Judgement:
-    return passes(round(value) != 0, "1 (RTL)", 1, "nothing happens on radio loss", otherwise=Verdict.WARN)
-
-
-def _estimator(value: float, _: Wants, __: Parameters) -> Judgement:
-    why = "nothing happens when the estimator fails"
-    return passes(round(value) != 0, "1 (Land)", 1, why, otherwise=Verdict.WARN)
 
 
 def _return_height(value: float, _: Wants, parameters: Parameters) -> Judgement:
@@ -181,29 +116,39 @@ def _return_height(value: float, _: Wants, parameters: Parameters) -> Judgement:
     return passes(value * _CENTI < fence_m, "below FENCE_ALT_MAX", 100.0 * (fence_m - 5.0), why, otherwise=Verdict.WARN)
 
 
-def _centi(unit: str) -> str:
-    return "{:g} c" + unit
-
-
-def _heeds_uploaded_fence(parameters: Parameters) -> bool:
-    return bool(round(parameters.get("FENCE_TYPE", _POLYGON)) & _POLYGON)
-
+_TIMEOUT: Final = rules.loss_time("the last velocity is flown for this long when setpoints stop (3 s by default)")
+_OPTIONS: Final = rules.mask(
+    "without bits 4 and 5",
+    "velocities would not be held: the servo expects ArduCopter's own loop",
+    clear_bits=48,
+    otherwise=Verdict.REFUSE,
+)
+_FENCE_ON: Final = rules.one_of({1}, "1 (on)", 1, "the autopilot's fence is off")
+_FENCE_ACTION: Final = rules.one_of(range(1, 10), "1 (RTL or Land), 2 or 4 (Brake)", 1, "the fence would only report")
+_RADIO_LOSS: Final = rules.one_of(range(1, 10), "1 (RTL)", 1, "nothing happens on radio loss", otherwise=Verdict.WARN)
+_ESTIMATOR: Final = rules.one_of(
+    range(1, 10), "1 (Land)", 1, "nothing happens when the estimator fails", otherwise=Verdict.WARN
+)
 
 RULES: Final = (
-    Rule("GUID_TIMEOUT", _guided_timeout, "{:g} s".format),
-    Rule("GUID_OPTIONS", _options, bits(_OPTIONS), needed=False),
-    Rule("FENCE_ENABLE", _fence_on, named(_OFF_ON)),
-    Rule("FENCE_ACTION", _fence_action, named(_FENCE_ACTIONS)),
+    Rule("GUID_TIMEOUT", _TIMEOUT, "{:g} s".format),
+    Rule("GUID_OPTIONS", _OPTIONS, bits(_OPTION_NAMES), needed=False),
+    Rule("FENCE_ENABLE", _FENCE_ON, named(_OFF_ON)),
+    Rule("FENCE_ACTION", _FENCE_ACTION, named(_FENCE_ACTIONS)),
     Rule("FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
     Rule("FENCE_RADIUS", _fence_radius, "{:g} m".format),
-    Rule("FENCE_ALT_MAX", _fence_height, "{:g} m".format),
-    Rule("RTL_ALT", _return_height, _centi("m").format, needed=False),
-    Rule("FS_THR_ENABLE", _radio_loss, named(_RADIO_LOSS_ACTIONS), needed=False),
-    Rule("FS_EKF_ACTION", _estimator, named(_ESTIMATOR_ACTIONS), needed=False),
-    Rule("WPNAV_SPEED", _speed, _centi("m/s").format, needed=False),
-    Rule("WPNAV_SPEED_UP", _climb, _centi("m/s").format, needed=False),
-    Rule("WPNAV_SPEED_DN", _descent, _centi("m/s").format, needed=False),
-    Rule("ANGLE_MAX", _lean, _centi("deg").format, needed=False),
+    Rule(
+        "FENCE_ALT_MAX",
+        lambda value, wants, _: rules.fence_size(value, wants.limits.ceiling_m, wants),
+        "{:g} m".format,
+    ),
+    Rule("RTL_ALT", _return_height, "{:g} cm".format, needed=False),
+    Rule("FS_THR_ENABLE", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS), needed=False),
+    Rule("FS_EKF_ACTION", _ESTIMATOR, named(_ESTIMATOR_ACTIONS), needed=False),
+    Rule("WPNAV_SPEED", _not_enforced("speed_m_s"), "{:g} cm/s".format, needed=False),
+    Rule("WPNAV_SPEED_UP", _not_enforced("climb_m_s"), "{:g} cm/s".format, needed=False),
+    Rule("WPNAV_SPEED_DN", _not_enforced("descent_m_s"), "{:g} cm/s".format, needed=False),
+    Rule("ANGLE_MAX", _lean, "{:g} cdeg".format, needed=False),
 )
 
 ARDUCOPTER: Final = Autopilot(
@@ -211,7 +156,6 @@ ARDUCOPTER: Final = Autopilot(
     autopilot_id=3,
     custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
     mode_titles={Mode.HOLD: "BRAKE", Mode.RETURN: "RTL"},
-    mode_parameters={Mode.GUIDED: (4, 0), Mode.HOLD: (17, 0), Mode.RETURN: (6, 0), Mode.LAND: (9, 0)},
     arming_mode=Mode.GUIDED,
     projection=Equirectangular(),
     unused=0.0,
@@ -231,7 +175,7 @@ ARDUCOPTER: Final = Autopilot(
         Bound("limits", "fence_radius_m", "FENCE_RADIUS"),
         Bound("limits", "ceiling_m", "FENCE_ALT_MAX"),
     ),
-    uploaded_fence_counts=_heeds_uploaded_fence,
+    uploaded_fence_counts=lambda parameters: bool(round(parameters.get("FENCE_TYPE", _POLYGON)) & _POLYGON),
     one_inclusion_is_enough=False,
     tells_setpoint_always=False,
     mock="arducopter",
@@ -242,7 +186,6 @@ ROVER: Final = AutopilotProfile(
     autopilot_id=3,
     custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
     mode_titles={Mode.RETURN: "RTL"},
-    mode_parameters={Mode.GUIDED: (15, 0), Mode.HOLD: (4, 0), Mode.RETURN: (11, 0)},
     arming_mode=Mode.GUIDED,
     projection=Equirectangular(),
     unused=0.0,

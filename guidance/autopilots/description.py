@@ -45,8 +45,8 @@ class AutopilotProfile:
     Attributes:
         name: Its name in configuration files.
         autopilot_id: MAV_AUTOPILOT in HEARTBEAT.
-        custom_modes: HEARTBEAT.custom_mode of each mode.
-        mode_parameters: DO_SET_MODE's second and third parameter for each mode.
+        custom_modes: HEARTBEAT.custom_mode of each mode. Beyond 16 bits it is a main mode in the third byte and a sub
+            mode in the fourth, as on PX4.
         arming_mode: Mode requested before arming, so that the take-off starts from one of our modes.
         projection: Its map between degrees and metres.
         unused: Value of a command's unused parameters.
@@ -63,7 +63,6 @@ class AutopilotProfile:
     name: str
     autopilot_id: int
     custom_modes: Mapping[Mode, int]
-    mode_parameters: Mapping[Mode, tuple[int, int]]
     arming_mode: Mode
     projection: Projection
     unused: float
@@ -86,7 +85,8 @@ class AutopilotProfile:
 
     def set_mode(self, mode: Mode) -> Command:
         """DO_SET_MODE with the custom flag (base mode 1)."""
-        main, sub = self.mode_parameters[mode]
+        number = self.custom_modes[mode]
+        main, sub = (number >> 16 & 0xFF, number >> 24) if number > 0xFFFF else (number, 0)
         return self._command(MAV_CMD_DO_SET_MODE, 1, main, sub)
 
     def arm(self) -> Command:

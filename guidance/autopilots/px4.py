@@ -8,9 +8,10 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from guidance.autopilots import rules
 from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Bound, Handling, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
-from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains, Speeds
+from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains
 from guidance.frames import LocalFrame
 
 
@@ -72,33 +73,16 @@ HANDLING: Final = Handling(
     ),
 )
 
-_LOSS_ACTIONS: Final = {
-    -1: "disabled",
-    0: "Position",
-    1: "Altitude",
-    2: "Stabilized",
-    3: "Return",
-    4: "Land",
-    5: "Hold",
-    6: "Terminate",
-    7: "Disarm",
-}
+_LOSS_ACTIONS: Final = dict(
+    enumerate(
+        ("disabled", "Position", "Altitude", "Stabilized", "Return", "Land", "Hold", "Terminate", "Disarm"), start=-1
+    )
+)
 _FENCE_ACTIONS: Final = {0: "none", 1: "warning", 2: "Hold", 3: "Return", 4: "Terminate", 5: "Land"}
 _RADIO_LOSS_ACTIONS: Final = {0: "disabled", 1: "Hold", 2: "Return", 3: "Land", 5: "Terminate", 6: "Disarm"}
 _BATTERY_ACTIONS: Final = {0: "warning", 2: "Land", 3: "Return, then Land"}
 _EXCEPTIONS: Final = {0: "Mission", 1: "Hold and other auto modes", 2: "Offboard"}
 _OVERRIDES: Final = {0: "auto modes", 1: "Offboard"}
-_SHORTEST_LOSS_S: Final = 0.2
-
-
-def _loss_time(value: float, wants: Wants, _: Parameters) -> Judgement:
-    limit_s = wants.preflight.loss_time_limit_s
-    return passes(
-        _SHORTEST_LOSS_S <= value <= limit_s,
-        f"{_SHORTEST_LOSS_S:g} to {limit_s:g} s",
-        min(1.0, limit_s),
-        "the last velocity is flown for this long when setpoints stop",
-    )
 
 
 def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
@@ -116,17 +100,9 @@ def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
     return passes(action in {3, 4, 5}, wanted, 5, reason)
 
 
-def _fence_action(value: float, wants: Wants, _: Parameters) -> Judgement:
-    otherwise = Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
+def _fence_action(value: float, wants: Wants, parameters: Parameters) -> Judgement:
     why = "Terminate lets the vehicle fall" if round(value) == 4 else "the autopilot's fence would not act"
-    return passes(round(value) in {2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why, otherwise=otherwise)
-
-
-def _fence(distance_m: float, least_m: float, wants: Wants, off: str) -> Judgement:
-    otherwise = Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
-    why = off if distance_m == 0.0 else "it would act inside ours"
-    wanted = f"at least {least_m:g} m, ours"
-    return passes(distance_m >= least_m, wanted, math.ceil(least_m + 5.0), why, otherwise=otherwise)
+    return rules.one_of({2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why)(value, wants, parameters)
 
 
 def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judgement:
@@ -134,11 +110,11 @@ def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judge
     if value == 0.0 and uploaded == 1.0:
         return Judgement(Verdict.PASS, "0, since the uploaded fence stands behind ours")
     read = "none that holds the vehicle in is uploaded" if uploaded == 0.0 else "whether one is uploaded is not known"
-    return _fence(value, wants.limits.reach_m, wants, f"0 is off, and {read}")
+    return rules.fence_size(value, wants.limits.reach_m, wants, f"0 is off, and {read}")
 
 
 def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _fence(value, wants.limits.ceiling_m, wants, "0 is off, and an uploaded fence has no height")
+    return rules.fence_size(value, wants.limits.ceiling_m, wants, "0 is off, and an uploaded fence has no height")
 
 
 def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:
@@ -148,42 +124,10 @@ def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:
     return enough
 
 
-def _climb(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _at_least(value, wants.game_speeds.climb_m_s)
-
-
-def _descent(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _at_least(value, wants.game_speeds.descent_m_s)
-
-
 def _at_least(value: float, wanted_m_s: float) -> Judgement:
     # A parameter is single precision on the wire.
     enough = value >= wanted_m_s - 1e-4
     return passes(enough, f"at least {wanted_m_s:g} m/s", wanted_m_s, "or play with less: PX4 cuts setpoints to it")
-
-
-def _radio_exceptions(value: float, _: Wants, __: Parameters) -> Judgement:
-    return passes(
-        not round(value) & 4,
-        "without Offboard, where a pilot has a radio",
-        round(value) & ~4,
-        "radio loss is ignored in OFFBOARD: nothing happens when the pilot's link is lost",
-        otherwise=Verdict.WARN,
-    )
-
-
-def _override(value: float, _: Wants, __: Parameters) -> Judgement:
-    why = "the sticks do not end OFFBOARD: a pilot takes over by the mode switch"
-    return passes(bool(round(value) & 2), "with Offboard", round(value) | 2, why, otherwise=Verdict.WARN)
-
-
-def _radio_loss(value: float, _: Wants, __: Parameters) -> Judgement:
-    return passes(round(value) in {1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, otherwise=Verdict.WARN)
-
-
-def _battery(value: float, _: Wants, __: Parameters) -> Judgement:
-    why = "only our own limit returns; it does not when we are silent"
-    return passes(round(value) != 0, "3 (Return, then Land)", 3, why, otherwise=Verdict.WARN)
 
 
 def _return_height(value: float, _: Wants, parameters: Parameters) -> Judgement:
@@ -194,29 +138,45 @@ def _return_height(value: float, _: Wants, parameters: Parameters) -> Judgement:
     return passes(value < fence_m, f"below GF_MAX_VER_DIST = {fence_m:g} m", fence_m - 5.0, why, otherwise=Verdict.WARN)
 
 
+_LOSS_TIME: Final = rules.loss_time("the last velocity is flown for this long when setpoints stop")
+_RADIO_EXCEPTIONS: Final = rules.mask(
+    "without Offboard, where a pilot has a radio",
+    "radio loss is ignored in OFFBOARD: nothing happens when the pilot's link is lost",
+    clear_bits=4,
+)
+_OVERRIDE: Final = rules.mask(
+    "with Offboard", "the sticks do not end OFFBOARD: a pilot takes over by the mode switch", set_bits=2
+)
+_RADIO_LOSS: Final = rules.one_of({1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, otherwise=Verdict.WARN)
+_BATTERY: Final = rules.one_of(
+    range(1, 10),
+    "3 (Return, then Land)",
+    3,
+    "only our own limit returns; it does not when we are silent",
+    otherwise=Verdict.WARN,
+)
+
+_M_S: Final = "{:g} m/s".format
+
 RULES: Final = (
-    Rule("COM_OF_LOSS_T", _loss_time, "{:g} s".format),
+    Rule("COM_OF_LOSS_T", _LOSS_TIME, "{:g} s".format),
     Rule("COM_OBL_RC_ACT", _loss_action, named(_LOSS_ACTIONS)),
-    Rule("COM_RCL_EXCEPT", _radio_exceptions, bits(_EXCEPTIONS), needed=False),
-    Rule("COM_RC_OVERRIDE", _override, bits(_OVERRIDES), needed=False),
-    Rule("NAV_RCL_ACT", _radio_loss, named(_RADIO_LOSS_ACTIONS), needed=False),
-    Rule("COM_LOW_BAT_ACT", _battery, named(_BATTERY_ACTIONS), needed=False),
+    Rule("COM_RCL_EXCEPT", _RADIO_EXCEPTIONS, bits(_EXCEPTIONS), needed=False),
+    Rule("COM_RC_OVERRIDE", _OVERRIDE, bits(_OVERRIDES), needed=False),
+    Rule("NAV_RCL_ACT", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS), needed=False),
+    Rule("COM_LOW_BAT_ACT", _BATTERY, named(_BATTERY_ACTIONS), needed=False),
     Rule("GF_ACTION", _fence_action, named(_FENCE_ACTIONS)),
     Rule("GF_MAX_HOR_DIST", _fence_distance, "{:g} m".format),
     Rule("GF_MAX_VER_DIST", _fence_height, "{:g} m".format),
     Rule("RTL_RETURN_ALT", _return_height, "{:g} m".format, needed=False),
-    Rule("MPC_XY_VEL_MAX", _speed, "{:g} m/s".format),
-    Rule("MPC_Z_VEL_MAX_UP", _climb, "{:g} m/s".format),
-    Rule("MPC_Z_VEL_MAX_DN", _descent, "{:g} m/s".format),
+    Rule("MPC_XY_VEL_MAX", _speed, _M_S),
+    Rule("MPC_Z_VEL_MAX_UP", lambda value, wants, _: _at_least(value, wants.game_speeds.climb_m_s), _M_S),
+    Rule("MPC_Z_VEL_MAX_DN", lambda value, wants, _: _at_least(value, wants.game_speeds.descent_m_s), _M_S),
 )
 
 
 def _mode(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
-
-
-def _mock_speeds(speeds: Speeds) -> dict[str, float]:
-    return {"MPC_Z_VEL_MAX_UP": float(speeds.climb_m_s), "MPC_Z_VEL_MAX_DN": float(speeds.descent_m_s)}
 
 
 PX4: Final = Autopilot(
@@ -230,13 +190,6 @@ PX4: Final = Autopilot(
         Mode.LAND: _mode(4, 6),
     },
     mode_titles={Mode.GUIDED: "OFFBOARD"},
-    mode_parameters={
-        Mode.GUIDED: (6, 0),
-        Mode.HOLD: (4, 3),
-        Mode.TAKEOFF: (4, 2),
-        Mode.RETURN: (4, 5),
-        Mode.LAND: (4, 6),
-    },
     arming_mode=Mode.HOLD,
     projection=AzimuthalEquidistant(),
     unused=math.nan,
@@ -260,5 +213,5 @@ PX4: Final = Autopilot(
     one_inclusion_is_enough=True,
     tells_setpoint_always=True,
     mock="px4",
-    mock_speeds=_mock_speeds,
+    mock_speeds=lambda speeds: {"MPC_Z_VEL_MAX_UP": speeds.climb_m_s, "MPC_Z_VEL_MAX_DN": speeds.descent_m_s},
 )

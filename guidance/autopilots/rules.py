@@ -1,6 +1,7 @@
 """Rules that judge the autopilot's parameters before a flight: what a value means, and what to set instead."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -63,6 +64,7 @@ class Wants(NamedTuple):
 
 Parameters = Mapping[str, float]
 
+SHORTEST_LOSS_S: Final = 0.2
 UPLOADED: Final = "uploaded fence"
 """Pseudo-parameter: 1 if an uploaded fence encloses the vehicle, 0 if none does, missing if unknown."""
 
@@ -76,11 +78,15 @@ class Judgement(NamedTuple):
     why: str = ""
 
 
+Judge = Callable[[float, Wants, Parameters], Judgement]
+"""Judges a value. The parameters are all that were read."""
+
+
 class Rule(NamedTuple):
     """Judges one parameter. If it is not `needed`, a missing parameter is only a warning."""
 
     name: str
-    judge: Callable[[float, Wants, Parameters], Judgement]
+    judge: Judge
     read: Callable[[float], str] = "{:g}".format
     needed: bool = True
 
@@ -120,6 +126,56 @@ def passes(
         otherwise: The verdict of failing.
     """
     return Judgement(Verdict.PASS, wanted) if condition else Judgement(otherwise, wanted, set_to, why)
+
+
+def one_of(
+    good: Collection[int], wanted: str, set_to: int, why: str = "", *, otherwise: Verdict | None = None
+) -> Judge:
+    """Judge an enumeration.
+
+    Args:
+        good: The values that pass.
+        wanted: The same for people.
+        set_to: The value to set instead.
+        why: The consequence of failing.
+        otherwise: The verdict of failing; None for a setting of the autopilot's fence, see `fence_verdict`.
+    """
+    return lambda value, wants, _: passes(
+        round(value) in good, wanted, set_to, why, otherwise=otherwise or fence_verdict(wants)
+    )
+
+
+def mask(wanted: str, why: str, *, set_bits: int = 0, clear_bits: int = 0, otherwise: Verdict = Verdict.WARN) -> Judge:
+    """Judge a bit mask: some bits must be set, others cleared."""
+
+    def judged(value: float, _: Wants, __: Parameters) -> Judgement:
+        right = (round(value) | set_bits) & ~clear_bits
+        return passes(round(value) == right, wanted, right, why, otherwise=otherwise)
+
+    return judged
+
+
+def loss_time(why: str) -> Judge:
+    """Judge how long the last setpoint is flown when setpoints stop."""
+
+    def judged(value: float, wants: Wants, _: Parameters) -> Judgement:
+        limit_s = wants.preflight.loss_time_limit_s
+        wanted = f"{SHORTEST_LOSS_S:g} to {limit_s:g} s"
+        return passes(SHORTEST_LOSS_S <= value <= limit_s, wanted, min(1.0, limit_s), why)
+
+    return judged
+
+
+def fence_verdict(wants: Wants) -> Verdict:
+    """Return the verdict on an autopilot's fence that does not stand behind ours."""
+    return Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
+
+
+def fence_size(size_m: float, least_m: float, wants: Wants, off: str = "") -> Judgement:
+    """Judge the radius or height of the autopilot's fence; `off` is the consequence of zero."""
+    why = off if off and size_m == 0.0 else "it would act inside ours"
+    wanted = f"at least {least_m:g} m, ours"
+    return passes(size_m >= least_m, wanted, math.ceil(least_m + 5.0), why, otherwise=fence_verdict(wants))
 
 
 def named(names: Mapping[int, str]) -> Callable[[float], str]:

@@ -118,7 +118,7 @@ def _ask(order: str, endpoint: str, name: str | None, token_file: Path | None, z
         answer = ask_here(order, endpoint=endpoint, name=name, token_file=token_file, by=by)
     if answer is not None:
         return answer
-    from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
+    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415
     from guidance.session.control_bus import ask  # noqa: PLC0415
 
     credentials = read_credentials(zenoh)

@@ -136,7 +136,7 @@ def fly(
 
 
 def _may_fly(vehicle: str, *, yes: bool) -> None:
-    from guidance.links.endpoint import parse  # noqa: PLC0415
+    from guidance.links.port import parse  # noqa: PLC0415
 
     if not (parse(vehicle).on_loopback or yes):
         agree(f"{vehicle} may be a real vehicle. Arm and fly it? Propellers will turn")

@@ -51,7 +51,7 @@ def init(
     - `guidance init --autopilot px4`: without a vehicle
     """
     from guidance.autopilots import autopilot_named  # noqa: PLC0415 - slow import
-    from guidance.links.endpoint import parse  # noqa: PLC0415
+    from guidance.links.port import parse  # noqa: PLC0415
     from guidance.session.discovery import FOUND_WITHIN_S  # noqa: PLC0415
     from guidance.session.new_vehicle_file import READ_WITHIN_S, survey, vehicle_file, write_new  # noqa: PLC0415
 
@@ -157,7 +157,7 @@ def check(
 @contextlib.contextmanager
 def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: str | None) -> "Iterator[Checkup]":
     """Open the vehicle and show a waiting line."""
-    from guidance.links.endpoint import parse  # noqa: PLC0415 - slow import
+    from guidance.links.port import parse  # noqa: PLC0415 - slow import
     from guidance.session.checkup import checkup_of  # noqa: PLC0415
     from guidance.session.discovery import FOUND_WITHIN_S  # noqa: PLC0415
     from guidance.session.fly_vehicle import Asked, checkup_at  # noqa: PLC0415

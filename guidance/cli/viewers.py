@@ -68,7 +68,7 @@ def view(
 
 
 def _live(endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None) -> "LiveFlight":
-    from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
+    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415
     from guidance.log.broadcast import LiveFlight  # noqa: PLC0415 - slow import
     from guidance.session.control_bus import join_session  # noqa: PLC0415
 

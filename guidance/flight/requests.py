@@ -4,7 +4,8 @@ import traceback
 from collections.abc import Sequence
 from typing import Final
 
-from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, Autopilot, Mode
+from guidance.autopilots import Autopilot, Mode
+from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.flight.heard import Heard
 from guidance.flight.settings import EngageOn, FlightSettings
 from guidance.flight.table import FINAL, SETPOINT_STATES, State

@@ -11,10 +11,9 @@ Contents:
     Clock: a function that returns monotonic seconds.
 """
 
-from guidance.links.endpoint import Endpoint, parse
 from guidance.links.frames import SigningKey
-from guidance.links.port import Clock, EvaderSource, VehicleLink, Wire
-from guidance.links.wires.shared import MemoryWire
+from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
+from guidance.links.wires import MemoryWire
 
 __all__ = [
     "Clock",

@@ -7,34 +7,8 @@ from typing import Final
 
 from pymavlink.dialects.v20 import common
 
-from guidance.frames import Vector
+from guidance import messages
 from guidance.links.frames import MAGIC_V1, Decoded
-from guidance.messages import (
-    Attitude,
-    Command,
-    CommandAck,
-    FenceCount,
-    FenceItem,
-    FenceReceived,
-    FenceRefused,
-    FenceRequest,
-    GlobalPosition,
-    GpsFix,
-    Heartbeat,
-    Home,
-    LandedState,
-    LocalPosition,
-    Message,
-    Odometry,
-    Origin,
-    Parameter,
-    ParameterRequest,
-    ParameterSet,
-    PositionTarget,
-    Request,
-    Setpoint,
-    SystemStatus,
-)
 from guidance.vehicle import is_plausible
 
 MAV_AUTOPILOT_PX4: Final = 12
@@ -58,17 +32,6 @@ _UNKNOWN_U8, _UNKNOWN_U16 = 0xFF, 0xFFFF
 _ZERO: Final = (0.0, 0.0, 0.0)
 
 
-def finite(x: float, y: float, z: float) -> Vector:
-    """Return three fields that are only usable together.
-
-    Raises:
-        ValueError: If one of them is not finite.
-    """
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-        raise ValueError(f"not finite: {x}, {y}, {z}")
-    return x, y, z
-
-
 def degrees(latitude_e7: int, longitude_e7: int) -> tuple[float, float]:
     """Convert units of 1e-7 degrees to WGS-84 degrees.
 
@@ -83,110 +46,78 @@ def degrees(latitude_e7: int, longitude_e7: int) -> tuple[float, float]:
     return latitude, longitude
 
 
-def _heartbeat(m: Decoded, received_s: float) -> Message:
-    armed = bool(m.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
-    return Heartbeat(received_s, m.custom_mode, armed, m.system_status, m.autopilot)
-
-
-def _local_position(m: Decoded, received_s: float) -> Message:
-    position, velocity = (m.x, m.y, m.z), (m.vx, m.vy, m.vz)
-    return LocalPosition(received_s, m.time_boot_ms / 1e3, position, velocity)
-
-
-def _global_position(m: Decoded, received_s: float) -> Message:
-    latitude, longitude = degrees(m.lat, m.lon)
-    velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
-    above_sea, above_home = m.alt / 1e3, m.relative_alt / 1e3
-    return GlobalPosition(received_s, m.time_boot_ms / 1e3, latitude, longitude, above_sea, above_home, velocity)
-
-
-def _system_status(m: Decoded, received_s: float) -> Message:
+def _system_status(m: Decoded, received_s: float) -> messages.Message:
     percent = m.battery_remaining
     remaining = percent / 100.0 if 0 <= percent <= 100 else math.nan  # -1: not sent
     present, health = m.onboard_control_sensors_present, m.onboard_control_sensors_health
     voltage_v = math.nan if m.voltage_battery in {0, _UNKNOWN_U16} else m.voltage_battery / 1e3
-    return SystemStatus(received_s, present, health, remaining, voltage_v)
+    return messages.SystemStatus(received_s, present, health, remaining, voltage_v)
 
 
-def _gps_fix(m: Decoded, received_s: float) -> Message:
+def _gps_fix(m: Decoded, received_s: float) -> messages.Message:
     satellites = None if m.satellites_visible == _UNKNOWN_U8 else m.satellites_visible
-    return GpsFix(received_s, m.fix_type, satellites)
+    return messages.GpsFix(received_s, m.fix_type, satellites)
 
 
-def _home(m: Decoded, received_s: float) -> Message:
-    latitude, longitude = degrees(m.latitude, m.longitude)
-    position = (m.x, m.y, m.z)
-    return Home(received_s, latitude, longitude, m.altitude / 1e3, position)
+def _global_position(m: Decoded, received_s: float) -> messages.Message:
+    velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
+    above_sea, above_home = m.alt / 1e3, m.relative_alt / 1e3
+    return messages.GlobalPosition(
+        received_s, m.time_boot_ms / 1e3, *degrees(m.lat, m.lon), above_sea, above_home, velocity
+    )
 
 
-def _origin(m: Decoded, received_s: float) -> Message:
-    latitude, longitude = degrees(m.latitude, m.longitude)
-    return Origin(received_s, latitude, longitude, m.altitude / 1e3)
+def _fence_item(m: Decoded, received_s: float) -> messages.Message:
+    if not math.isfinite(m.param1):
+        raise ValueError(f"param1 = {m.param1}: not a number of corners, not a radius")
+    return messages.FenceItem(received_s, m.seq, m.command, m.param1, *degrees(m.x, m.y))
 
 
-def _position_target(m: Decoded, received_s: float) -> Message:
-    velocity = (m.vx, m.vy, m.vz)
-    return PositionTarget(received_s, m.time_boot_ms / 1e3, m.type_mask, velocity)
-
-
-def _require_fence(m: Decoded) -> None:
-    if m.mission_type != MAV_MISSION_TYPE_FENCE:
-        raise ValueError(f"mission_type {m.mission_type}: only the fence ({MAV_MISSION_TYPE_FENCE}) is read")
-
-
-def _fence_count(m: Decoded, received_s: float) -> Message:
-    _require_fence(m)
-    return FenceCount(received_s, m.count)
-
-
-def _fence_item(m: Decoded, received_s: float) -> Message:
-    _require_fence(m)
-    size = m.param1
-    if not math.isfinite(size):
-        raise ValueError(f"param1 = {size}: not a number of corners, not a radius")
-    latitude, longitude = degrees(m.x, m.y)
-    return FenceItem(received_s, m.seq, m.command, size, latitude, longitude)
-
-
-def _fence_refused(m: Decoded, received_s: float) -> Message:
-    _require_fence(m)
-    return FenceRefused(received_s, m.type)
-
-
-DECODERS: Final[Mapping[str, Callable[[Decoded, float], Message]]] = {
-    "HEARTBEAT": _heartbeat,
+DECODERS: Final[Mapping[str, Callable[[Decoded, float], messages.Message]]] = {
+    "HEARTBEAT": lambda m, at_s: messages.Heartbeat(
+        at_s, m.custom_mode, bool(m.base_mode & MAV_MODE_FLAG_SAFETY_ARMED), m.system_status, m.autopilot
+    ),
     "SYS_STATUS": _system_status,
     "GPS_RAW_INT": _gps_fix,
-    "ATTITUDE": lambda m, at_s: Attitude(at_s, m.time_boot_ms / 1e3, m.yaw),
-    "LOCAL_POSITION_NED": _local_position,
+    "ATTITUDE": lambda m, at_s: messages.Attitude(at_s, m.time_boot_ms / 1e3, m.yaw),
+    "LOCAL_POSITION_NED": lambda m, at_s: messages.LocalPosition(
+        at_s, m.time_boot_ms / 1e3, (m.x, m.y, m.z), (m.vx, m.vy, m.vz)
+    ),
     "GLOBAL_POSITION_INT": _global_position,
-    "GPS_GLOBAL_ORIGIN": _origin,
-    "COMMAND_ACK": lambda m, at_s: CommandAck(at_s, m.command, m.result),
-    "POSITION_TARGET_LOCAL_NED": _position_target,
-    "HOME_POSITION": _home,
-    "EXTENDED_SYS_STATE": lambda m, at_s: LandedState(at_s, m.landed_state),
-    "ODOMETRY": lambda m, at_s: Odometry(at_s, m.reset_counter),
-    "MISSION_COUNT": _fence_count,
+    "GPS_GLOBAL_ORIGIN": lambda m, at_s: messages.Origin(at_s, *degrees(m.latitude, m.longitude), m.altitude / 1e3),
+    "COMMAND_ACK": lambda m, at_s: messages.CommandAck(at_s, m.command, m.result),
+    "POSITION_TARGET_LOCAL_NED": lambda m, at_s: messages.PositionTarget(
+        at_s, m.time_boot_ms / 1e3, m.type_mask, (m.vx, m.vy, m.vz)
+    ),
+    "HOME_POSITION": lambda m, at_s: messages.Home(
+        at_s, *degrees(m.latitude, m.longitude), m.altitude / 1e3, (m.x, m.y, m.z)
+    ),
+    "EXTENDED_SYS_STATE": lambda m, at_s: messages.LandedState(at_s, m.landed_state),
+    "ODOMETRY": lambda m, at_s: messages.Odometry(at_s, m.reset_counter),
+    "MISSION_COUNT": lambda m, at_s: messages.FenceCount(at_s, m.count),
     "MISSION_ITEM_INT": _fence_item,
-    "MISSION_ACK": _fence_refused,
+    "MISSION_ACK": lambda m, at_s: messages.FenceRefused(at_s, m.type),
 }
 """Messages that can be converted alone; STATUSTEXT, TIMESYNC and PARAM_VALUE need the state of the link."""
 
 
-def decode(message: Decoded, received_s: float) -> Message:
+def decode(message: Decoded, received_s: float) -> messages.Message:
     """Convert one message to a typed value.
 
     Raises:
         KeyError: If the message is not in `DECODERS`.
         ValueError: If a value is unknown, or implausible by `guidance.vehicle.is_plausible`.
     """
-    value = DECODERS[message.get_type()](message, received_s)
+    name = message.get_type()
+    if name.startswith("MISSION_") and message.mission_type != MAV_MISSION_TYPE_FENCE:
+        raise ValueError(f"mission_type {message.mission_type}: only the fence ({MAV_MISSION_TYPE_FENCE}) is read")
+    value = DECODERS[name](message, received_s)
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")
     return value
 
 
-def parameter(message: Decoded, received_s: float, *, autopilot: int) -> Parameter:
+def parameter(message: Decoded, received_s: float, *, autopilot: int) -> messages.Parameter:
     """Convert a PARAM_VALUE. PX4 carries integers as bytes in the float, other autopilots as a number.
 
     Raises:
@@ -200,7 +131,7 @@ def parameter(message: Decoded, received_s: float, *, autopilot: int) -> Paramet
         (value,) = struct.unpack("<i", data[start : start + min(4, data[1])].ljust(4, b"\0"))
     if not math.isfinite(value):
         raise ValueError(f"{message.param_id} = {value}: a parameter must be finite")
-    return Parameter(received_s, message.param_id, float(value), message.param_type)
+    return messages.Parameter(received_s, message.param_id, float(value), message.param_type)
 
 
 def is_bytewise(param_type: int, *, autopilot: int) -> bool:
@@ -208,7 +139,7 @@ def is_bytewise(param_type: int, *, autopilot: int) -> bool:
     return autopilot == MAV_AUTOPILOT_PX4 and param_type == MAV_PARAM_TYPE_INT32
 
 
-def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: int) -> Decoded:
+def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, component_id: int) -> Decoded:
     """Return a SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero.
 
     Its type mask is 3527 for velocity alone, 2503 with yaw, 3079 with acceleration and 2055 with both. PX4 and
@@ -234,7 +165,9 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
     return common.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
 
 
-def request(request: Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0) -> Decoded:
+def request(
+    request: messages.Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0
+) -> Decoded:
     """Return a COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_* message.
 
     Args:
@@ -249,22 +182,22 @@ def request(request: Request, *, attempt: int, system_id: int, component_id: int
     """
     to = system_id, component_id
     match request:
-        case ParameterRequest():
+        case messages.ParameterRequest():
             return common.MAVLink_param_request_read_message(*to, _parameter_name(request.name), -1)
-        case ParameterSet():
+        case messages.ParameterSet():
             value = _parameter_value(request, autopilot)
             return common.MAVLink_param_set_message(*to, _parameter_name(request.name), value, request.param_type)
-        case FenceRequest(None):
+        case messages.FenceRequest(None):
             return common.MAVLink_mission_request_list_message(*to, MAV_MISSION_TYPE_FENCE)
-        case FenceRequest(sequence):
+        case messages.FenceRequest(sequence):
             return common.MAVLink_mission_request_int_message(*to, sequence, MAV_MISSION_TYPE_FENCE)
-        case FenceReceived():
+        case messages.FenceReceived():
             return common.MAVLink_mission_ack_message(*to, 0, MAV_MISSION_TYPE_FENCE)
-        case Command():
+        case messages.Command():
             return _command(request, to, attempt)
 
 
-def _command(request: Command, to: tuple[int, int], attempt: int) -> Decoded:
+def _command(request: messages.Command, to: tuple[int, int], attempt: int) -> Decoded:
     if any(math.isinf(value) for value in request.params):
         raise ValueError(f"command {request.command}: params = {request.params}: infinite values are not allowed")
     if request.frame is None:
@@ -280,7 +213,7 @@ def _parameter_name(name: str) -> bytes:
     return name.encode()
 
 
-def _parameter_value(wanted: ParameterSet, autopilot: int) -> float:
+def _parameter_value(wanted: messages.ParameterSet, autopilot: int) -> float:
     name, value = wanted.name, wanted.value
     if not math.isfinite(value):
         raise ValueError(f"parameter {name} = {value}: only finite values can be set")

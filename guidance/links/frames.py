@@ -1,6 +1,6 @@
 """MAVLink frames: found in bytes, decoded, numbered, signed and checked.
 
-pymavlink decodes, packs and signs. Only the search for frames and the check of signatures are our own. pymavlink's
+pymavlink defines, packs and signs messages. The search for frames and the check of signatures are our own. pymavlink's
 stream parser takes twice as long, and after a false start mark it drops as many bytes as that mark announces, together
 with the valid frames among them. The search here is linear in the number of bytes for any input.
 Sources: MAVLink 2 serialisation (mavlink.io/en/guide/serialization.html) and signing
@@ -76,7 +76,8 @@ class FrameReader:
         frames = self._search(stream=stream)
         excess = len(self._buffer) - (_BUFFER_BYTES if stream else 0)
         if excess > 0:
-            self._skip(excess)
+            self._count(excess)
+            del self._buffer[:excess]
         return frames
 
     def first(self, data: bytes) -> Decoded | None:
@@ -127,10 +128,6 @@ class FrameReader:
             return self._mavlink.decode(data)
         except self._error:
             return None
-
-    def _skip(self, count: int) -> None:
-        self._count(count)
-        del self._buffer[:count]
 
     def _count(self, skipped: int) -> None:
         unknown = min(skipped, self._unknown_left)

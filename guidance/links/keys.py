@@ -17,9 +17,10 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder
-from guidance.links.wires.zenoh_access import AUTHORITY, ROUTER
+from guidance.links.zenoh_access import AUTHORITY, ROUTER
 
 _CURVE: Final = ec.SECP256R1()
+_NO_USES: Final = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
 
 
 class KeyPair(NamedTuple):
@@ -72,43 +73,35 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
 
 def _authority(validity: Validity) -> KeyPair:
     key = ec.generate_private_key(_CURVE)
-    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "pursuit guidance test authority")])
-    uses = x509.KeyUsage(
-        digital_signature=False,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
-        key_agreement=False,
-        key_cert_sign=True,
-        crl_sign=True,
-        encipher_only=False,
-        decipher_only=False,
-    )
-    built = (
-        _builder(name, name, key, validity)
-        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        .add_extension(uses, critical=True)
-    )
-    return KeyPair(key, built.sign(key, hashes.SHA256()))
+    name = _named("pursuit guidance test authority")
+    unused = dict.fromkeys((*_NO_USES, "encipher_only", "decipher_only"), False)
+    uses = x509.KeyUsage(key_cert_sign=True, crl_sign=True, **unused)
+    built = _builder(name, name, key, validity, x509.BasicConstraints(ca=True, path_length=0))
+    return KeyPair(key, built.add_extension(uses, critical=True).sign(key, hashes.SHA256()))
 
 
 def _signed(
     authority: KeyPair, common_name: str, hosts: Sequence[str], use: x509.ObjectIdentifier, validity: Validity
 ) -> KeyPair:
     key = ec.generate_private_key(_CURVE)
-    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
-    called = [_general(host) for host in hosts or (common_name,)]
-    built = (
-        _builder(name, authority.certificate.subject, key, validity)
-        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(x509.SubjectAlternativeName(called), critical=False)
-        .add_extension(x509.ExtendedKeyUsage([use]), critical=False)
-    )
+    called = x509.SubjectAlternativeName([_general(host) for host in hosts or (common_name,)])
+    constraints = x509.BasicConstraints(ca=False, path_length=None)
+    built = _builder(_named(common_name), authority.certificate.subject, key, validity, constraints)
+    for extension in (called, x509.ExtendedKeyUsage([use])):
+        built = built.add_extension(extension, critical=False)
     return KeyPair(key, built.sign(authority.key, hashes.SHA256()))
 
 
+def _named(common_name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+
+
 def _builder(
-    name: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, validity: Validity
+    name: x509.Name,
+    issuer: x509.Name,
+    key: ec.EllipticCurvePrivateKey,
+    validity: Validity,
+    constraints: x509.BasicConstraints,
 ) -> x509.CertificateBuilder:
     return (
         x509.CertificateBuilder()
@@ -118,6 +111,7 @@ def _builder(
         .serial_number(x509.random_serial_number())
         .not_valid_before(validity.begin)
         .not_valid_after(validity.end)
+        .add_extension(constraints, critical=True)
     )
 
 
@@ -130,20 +124,16 @@ def _general(host: str) -> x509.GeneralName:
 
 def _write(folder: Path, name: str, pair: KeyPair) -> list[Path]:
     certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
-    plain = serialization.NoEncryption()
-    private_file(key).write_bytes(
-        pair.key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, plain)
-    )
-    certificate.write_bytes(pair.certificate.public_bytes(serialization.Encoding.PEM))
+    pem, plain = serialization.Encoding.PEM, serialization.NoEncryption()
+    private_file(key).write_bytes(pair.key.private_bytes(pem, serialization.PrivateFormat.PKCS8, plain))
+    certificate.write_bytes(pair.certificate.public_bytes(pem))
     return [certificate, key]
 
 
 def _identity(folder: Path, name: str) -> Path:
     path = folder / f"{name}.toml"
-    path.write_text(
-        f'tls_ca_file = "{AUTHORITY}.pem"\ntls_certificate_file = "{name}.pem"\ntls_key_file = "{name}.key"\n',
-        encoding="utf-8",
-    )
+    files = {"tls_ca_file": f"{AUTHORITY}.pem", "tls_certificate_file": f"{name}.pem", "tls_key_file": f"{name}.key"}
+    path.write_text("".join(f'{key} = "{file}"\n' for key, file in files.items()), encoding="utf-8")
     return path
 
 

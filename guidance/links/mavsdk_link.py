@@ -27,20 +27,10 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, Mav
 
 from guidance.errors import LinkError
 from guidance.links.frames import Decoded, FrameReader
-from guidance.links.port import Clock, Wire
 from guidance.links.pymavlink_link import USED, PymavlinkLink
 
-_SHOWN: Final = frozenset(
-    {
-        "HEARTBEAT",
-        "AUTOPILOT_VERSION",
-        "COMMAND_ACK",
-        "PARAM_VALUE",
-        "MISSION_COUNT",
-        "MISSION_ITEM_INT",
-        "MISSION_ACK",
-    }
-)
+_ANSWERS: Final = frozenset({"COMMAND_ACK", "PARAM_VALUE", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"})
+_SHOWN: Final = _ANSWERS | {"HEARTBEAT", "AUTOPILOT_VERSION"}
 """Messages that are passed on to MAVSDK."""
 
 _DIRECT: Final = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "TIMESYNC"})
@@ -73,30 +63,13 @@ class MavsdkLink(PymavlinkLink):
 
     _reads = USED | _SHOWN
 
-    def __init__(
-        self,
-        wire: Wire,
-        clock: Clock,
-        *,
-        system_id: int,
-        component_id: int = 1,
-        own_system_id: int | None = None,
-        own_component_id: int = 195,
-    ) -> None:
-        """Take over a wire, which is closed with the link.
+    def _start(self) -> None:
+        """Start MAVSDK.
 
         Raises:
             LinkError: If MAVSDK refuses its connection.
         """
         route_to_logging()
-        super().__init__(
-            wire,
-            clock,
-            system_id=system_id,
-            component_id=component_id,
-            own_system_id=own_system_id,
-            own_component_id=own_component_id,
-        )
         self._numbering = threading.Lock()
         self._direct: MavlinkDirect | None = None
         self._own_frames = FrameReader()

@@ -3,39 +3,22 @@
 import contextlib
 import time
 from collections.abc import Callable, Collection, Mapping
-from functools import partial
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import LocalFrame
+from guidance.links.carriers import CARRIERS, EvaderIdentity
 from guidance.links.codec import MAV_MODE_FLAG_SAFETY_ARMED
-from guidance.links.endpoint import parse
-from guidance.links.evaders.carriers import (
-    AdsbVehicle,
-    Carrier,
-    FollowTarget,
-    GlobalPositionInt,
-    OdometryCarrier,
-    OpenDroneIdLocation,
-)
-from guidance.links.evaders.mavlink import MavlinkEvader
-from guidance.links.evaders.zenoh import (
-    ODOMETRY_TYPE,
-    POSE_TYPE,
-    PayloadReader,
-    RosPose,
-    ZenohEvader,
-    read_json,
-    rmw_key,
-)
 from guidance.links.frames import Decoded, FrameReader, SignatureCheck, SigningKey, Station, ticks
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
-from guidance.links.port import Clock, EvaderSource, VehicleLink, Wire
+from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink, own_heartbeat
-from guidance.links.wires.streams import SerialWire, TcpWire
-from guidance.links.wires.udp import UdpWire
-from guidance.links.wires.zenoh import ZenohWire
-from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.streams import SerialWire, TcpWire
+from guidance.links.udp import UdpWire
+from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_evader import KEYS, ZenohEvader
+from guidance.links.zenoh_wire import Session, ZenohWire, open_session
 
 KINDS: Final = ("mavsdk", "pymavlink")
 MAV_AUTOPILOT_INVALID: Final = 8
@@ -61,7 +44,7 @@ def open_wire(
     """Open the wire behind a URL.
 
     Args:
-        url: See `guidance.links.endpoint`.
+        url: See `guidance.links.port`.
         clock: Stamps what arrives.
         systems: MAVLink system ids that may call a listening UDP port; None accepts any.
         keys: Signing keys by system id. Such a system is accepted from an address only after a validly signed frame.
@@ -74,13 +57,7 @@ def open_wire(
     """
     endpoint = parse(url)
     if endpoint.scheme == "zenoh":
-        return ZenohWire(
-            clock,
-            namespace=endpoint.namespace,
-            endpoint=credentials.endpoint(endpoint.host, endpoint.port),
-            credentials=credentials,
-            timeout_s=timeout_s,
-        )
+        return ZenohWire(clock, _session(endpoint, credentials, timeout_s), endpoint.namespace)
     if endpoint.scheme == "serial":
         return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
     listen = endpoint.scheme.endswith("in")
@@ -89,6 +66,11 @@ def open_wire(
         checks = {system_id: SignatureCheck(key, now) for system_id, key in (keys or {}).items()}
         return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, systems=systems, checks=checks)
     return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
+
+
+def _session(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -> Session:
+    router = credentials.endpoint(endpoint.host, endpoint.port)
+    return open_session(router, timeout_s=timeout_s, credentials=credentials)
 
 
 def unix_now_s() -> float:
@@ -132,28 +114,28 @@ def open_link(
     ids = {"system_id": system_id, "component_id": component_id, "own_component_id": own_component_id}
     with contextlib.ExitStack() as closing:
         closing.callback(wire.close)
-        _check(kind, ids, signing_key)
-        link: PymavlinkLink
-        if kind == "mavsdk":
-            link = MavsdkLink(wire, clock, own_system_id=own_system_id, **ids)
-        else:
-            link = PymavlinkLink(
-                wire, clock, own_system_id=own_system_id, signing_key=signing_key, unix_s=unix_now_s(), **ids
-            )
+        for name, value in ids.items():
+            if not 1 <= value <= 255:
+                raise ConfigError(f"{name} = {value}: allowed are 1 to 255")
+        if kind not in KINDS:
+            raise ConfigError(f"link = {kind!r}: allowed are {', '.join(KINDS)}")
+        if kind == "mavsdk" and signing_key is not None:
+            raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
+        opened = MavsdkLink if kind == "mavsdk" else PymavlinkLink
+        link = opened(
+            wire,
+            clock,
+            system_id=system_id,
+            component_id=component_id,
+            own_system_id=own_system_id,
+            own_component_id=own_component_id,
+            signing_key=signing_key,
+            unix_s=unix_now_s(),
+        )
         closing.callback(link.close)
         wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=who)
         closing.pop_all()
     return link
-
-
-def _check(kind: str, ids: Mapping[str, int], signing_key: SigningKey | None) -> None:
-    for name, value in ids.items():
-        if not 1 <= value <= 255:
-            raise ConfigError(f"{name} = {value}: allowed are 1 to 255")
-    if kind not in KINDS:
-        raise ConfigError(f"link = {kind!r}: allowed are {', '.join(KINDS)}")
-    if kind == "mavsdk" and signing_key is not None:
-        raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
 
 
 def wait_until_heard(link: PymavlinkLink, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str) -> None:
@@ -169,21 +151,17 @@ def wait_until_heard(link: PymavlinkLink, *, clock: Clock, timeout_s: float, sle
     Raises:
         LinkError: If none arrived in time.
     """
-    deadline_s = clock() + timeout_s
-    next_heartbeat_s = clock()
-    while not link.heard:
-        if clock() >= deadline_s:
-            others = ", ".join(map(str, sorted(link.others))) or "none"
-            raise LinkError(
-                f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. "
-                "Is it running, does it send here, and is its system id right?"
-            )
-        if clock() >= next_heartbeat_s:
-            link.send_heartbeat()
-            next_heartbeat_s += _HEARTBEAT_EVERY_S
+
+    def look() -> bool:
         link.poll()
-        if not link.heard:
-            sleep(_LOOK_EVERY_S)
+        return link.heard
+
+    if not _waited(look, link.send_heartbeat, clock, timeout_s, sleep):
+        others = ", ".join(map(str, sorted(link.others))) or "none"
+        raise LinkError(
+            f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. "
+            "Is it running, does it send here, and is its system id right?"
+        )
 
 
 class Found(NamedTuple):
@@ -211,23 +189,37 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
     Raises:
         LinkError: If none arrived within `timeout_s`.
     """
-    reader, station = FrameReader(), Station(*_OWN)
-    deadline_s, beat_s, others = clock() + timeout_s, clock(), 0
+    reader, station, heard = FrameReader({"HEARTBEAT"}), Station(*_OWN), 0
+
+    def look() -> Found | None:
+        nonlocal heard
+        frames = [frame for _, data in wire.receive() for frame in reader.read(data, stream=wire.stream)]
+        heard += len(frames)
+        return next(filter(None, map(_found, frames)), None)
+
+    found = _waited(look, lambda: wire.send(station.pack(own_heartbeat())), clock, timeout_s, sleep)
+    if found is None:
+        raise LinkError(
+            f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({heard + reader.unused} other frames heard); is "
+            "it running, and does it send here?"
+        )
+    return found
+
+
+T = TypeVar("T")
+
+
+def _waited(look: Callable[[], T], beat: Callable[[], None], clock: Clock, timeout_s: float, sleep: Sleep) -> T:
+    """Look until there is an answer or the time is up, with a HEARTBEAT every second; return the last answer."""
+    beat_s = clock()
+    deadline_s = beat_s + timeout_s
     while True:
         if clock() >= beat_s:
+            beat()
             beat_s += _HEARTBEAT_EVERY_S
-            wire.send(station.pack(own_heartbeat()))
-        for _, data in wire.receive():
-            for frame in reader.read(data, stream=wire.stream):
-                found = _found(frame)
-                if found is not None:
-                    return found
-                others += 1
-        if clock() >= deadline_s:
-            raise LinkError(
-                f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({others} other frames heard); is it running, "
-                "and does it send here?"
-            )
+        answer = look()
+        if answer or clock() >= deadline_s:
+            return answer
         sleep(_LOOK_EVERY_S)
 
 
@@ -236,38 +228,6 @@ def _found(frame: Decoded) -> Found | None:
         return None
     armed = bool(frame.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
     return Found(frame.get_srcSystem(), frame.get_srcComponent(), frame.autopilot, frame.type, armed)
-
-
-class EvaderIdentity(NamedTuple):
-    """The evader's identity, as far as its carrier needs it: MAVLink ids, an ICAO address, a remote id."""
-
-    system_id: int | None = None
-    component_id: int | None = None
-    icao_address: int | None = None
-    id_or_mac: bytes | None = None
-
-
-def _adsb(frame: LocalFrame, identity: EvaderIdentity) -> Carrier:
-    if identity.icao_address is None:
-        raise ConfigError("evader.icao_address is missing: ADSB_VEHICLE needs the aircraft's address")
-    return AdsbVehicle(frame, identity.icao_address)
-
-
-MAVLINK: Final[Mapping[str, Callable[[LocalFrame, EvaderIdentity], Carrier]]] = {
-    "follow_target": lambda _frame, _identity: FollowTarget(),
-    "global_position": lambda _frame, _identity: GlobalPositionInt(),
-    "odometry": lambda frame, _identity: OdometryCarrier(frame),
-    "open_drone_id": lambda frame, identity: OpenDroneIdLocation(frame, identity.id_or_mac),
-    "adsb": _adsb,
-}
-"""Carriers on a MAVLink wire, by their name in a configuration."""
-
-ZENOH: Final[Mapping[str, Callable[[LocalFrame, str], tuple[str, PayloadReader]]]] = {
-    "json": lambda frame, key: (key, partial(read_json, frame=frame, source=key)),
-    "ros_pose": lambda frame, topic: (rmw_key(topic, POSE_TYPE), RosPose(frame).pose_stamped),
-    "ros_odometry": lambda frame, topic: (rmw_key(topic, ODOMETRY_TYPE), RosPose(frame).odometry),
-}
-"""Payloads on a Zenoh key, by their name in a configuration. The URL's path is the key, or the ROS topic."""
 
 
 def open_source(
@@ -285,13 +245,13 @@ def open_source(
     """Open the source of reports called `kind` at `url`.
 
     Args:
-        kind: A key of `MAVLINK` or `ZENOH`.
-        url: As for links; for `ZENOH` kinds zenoh://host:port/key.
+        kind: A name in `CARRIERS` (MAVLink) or in `KEYS` (Zenoh).
+        url: As for links; for Zenoh zenoh://host:port/key.
         clock: Stamps what arrives.
         frame: The evader's declared local frame, for the datum and for positions in metres.
         identity: The evader.
-        wire: For `MAVLINK` kinds: an open wire to use instead of `url`.
-        signing_key: `MAVLINK` reports must be signed with it; None asks for no signature.
+        wire: For MAVLink: an open wire to use instead of `url`.
+        signing_key: MAVLink reports must be signed with it; None asks for no signature.
         credentials: For a Zenoh router.
         timeout_s: Limit for connecting, in real time.
 
@@ -299,19 +259,16 @@ def open_source(
         ConfigError: If an argument is wrong or missing.
         LinkError: If the wire cannot be opened.
     """
-    if kind in ZENOH:
+    if kind in KEYS:
         endpoint = parse(url)
-        if endpoint.scheme != "zenoh" or not endpoint.namespace:
-            raise ConfigError(f"evader.url = {url!r}: {kind} needs zenoh://host:port/key")
-        key, read = ZENOH[kind](frame, endpoint.namespace)
-        router = credentials.endpoint(endpoint.host, endpoint.port)
-        return ZenohEvader(clock, key, read, endpoint=router, credentials=credentials, timeout_s=timeout_s)
-    if kind not in MAVLINK:
-        raise ConfigError(f"evader.kind = {kind!r}: allowed are {', '.join((*MAVLINK, *ZENOH))}")
+        key, read = KEYS[kind](frame, endpoint.namespace)
+        return ZenohEvader(clock, _session(endpoint, credentials, timeout_s), key, read)
+    if kind not in CARRIERS:
+        raise ConfigError(f"evader.kind = {kind!r}: allowed are {', '.join((*CARRIERS, *KEYS))}")
     system_id = identity.system_id
     if system_id is None:
         raise ConfigError(f"evader.system_id is missing: {kind} reads the messages of one MAVLink system")
-    carrier = MAVLINK[kind](frame, identity)
+    carrier = CARRIERS[kind](frame, identity)
     if wire is None:
         keys = {} if signing_key is None else {system_id: signing_key}
         wire = open_wire(

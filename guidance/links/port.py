@@ -1,13 +1,16 @@
-"""The contracts between the core and the links: `VehicleLink`, `EvaderSource` and `Wire`.
+"""The contracts between the core and the links: `VehicleLink`, `EvaderSource` and `Wire`, and the URLs of links.
 
 One contract test suite checks every adapter. A link never blocks and never repeats a setpoint. It accepts messages of
 one configured system and component, converts them to typed values in order of arrival, and drops and counts the rest.
 Use a link from one thread only; threads of its libraries stay inside it.
 """
 
+import ipaddress
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import Final, NamedTuple, Protocol
+from urllib.parse import urlsplit
 
+from guidance.errors import ConfigError
 from guidance.messages import EvaderReport, Message, Request, Setpoint
 
 Clock = Callable[[], float]
@@ -100,3 +103,77 @@ class Wire(Protocol):
 
     def close(self) -> None:
         """Release everything. May be called twice."""
+
+
+_FORMS: Final = (
+    "udpin://host:port, udpout://host:port, tcpin://host:port, tcpout://host:port, serial:///dev/name:baud, "
+    "zenoh://host:port/namespace"
+)
+_HOSTS_AND_PORTS: Final = ("udpin", "udpout", "tcpin", "tcpout", "zenoh")
+
+
+class Endpoint(NamedTuple):
+    """A parsed URL: host and port, or for serial the device (`host`) and baud rate (`port`); `namespace` is Zenoh's."""
+
+    url: str
+    scheme: str
+    host: str
+    port: int
+    namespace: str = ""
+
+    @property
+    def on_loopback(self) -> bool:
+        """True if the other end is on this computer, so most likely a simulator."""
+        if self.scheme == "serial":
+            return False
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host == "localhost"
+
+
+def parse(url: str) -> Endpoint:
+    """Parse a URL.
+
+    Raises:
+        ConfigError: If it has none of the forms of docs/vehicles.md.
+    """
+    try:
+        return taken_apart(url)
+    except ValueError as error:
+        raise ConfigError(f"url = {url!r}: {error}") from error
+
+
+def taken_apart(url: str) -> Endpoint:
+    """Parse a URL for a configuration, whose own error names the key and the value.
+
+    Raises:
+        ValueError: If it has none of the forms of docs/vehicles.md.
+    """
+    scheme, separator, rest = url.partition("://")
+    if separator and scheme in ("udp", "tcp"):
+        raise ValueError(
+            f"{scheme}:// does not say who calls whom: {scheme}in://host:port waits for the vehicle, "
+            f"{scheme}out://host:port calls it"
+        )
+    if not separator or scheme not in (*_HOSTS_AND_PORTS, "serial"):
+        raise ValueError(f"allowed are {_FORMS}")
+    if scheme == "serial":
+        device, _, baud = rest.rpartition(":")
+        if not device or not baud.isdecimal() or int(baud) == 0:
+            raise ValueError("a device and a baud rate are needed, as in serial:///dev/ttyACM0:57600")
+        return Endpoint(url, scheme, device, int(baud))
+    return _host_and_port(url, scheme)
+
+
+def _host_and_port(url: str, scheme: str) -> Endpoint:
+    parts = urlsplit(url)
+    host, port = parts.hostname, parts.port
+    namespace = parts.path.strip("/")
+    if not host or not port or parts.query or parts.fragment or parts.username:
+        raise ValueError(f"a host and a port are needed, as in {scheme}://127.0.0.1:14540")
+    if namespace and scheme != "zenoh":
+        raise ValueError("only zenoh:// takes a path (its namespace)")
+    if any(character in namespace for character in "*$#?") or "//" in namespace:
+        raise ValueError("a namespace is a plain key such as uav1, without wildcards")
+    return Endpoint(url, scheme, host, port, namespace)

@@ -4,8 +4,10 @@ It listens to one vehicle on one wire. Messages of others are dropped and counte
 arrives in chunks; they are joined here.
 """
 
+import math
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common
@@ -36,7 +38,6 @@ ADDRESSED: Final = frozenset(
 """Names of the messages that are addressed to one station."""
 
 QUEUE_LENGTH: Final = 2048
-_ANSWERS: Final = (Heartbeat, CommandAck, FenceCount, FenceItem, FenceRefused)
 _TEXT_CHUNK_BYTES: Final = 50
 _TEXT_TIMEOUT_S: Final = 1.0
 _MAX_TEXT_CHUNKS: Final = 16
@@ -56,48 +57,38 @@ def own_heartbeat() -> Decoded:
     return common.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
 
 
-class OpenText(NamedTuple):
-    """A text whose last chunk has not arrived."""
+@dataclass(slots=True)
+class TextJoiner:
+    """Joins the chunks of long STATUSTEXTs. A lost chunk shows as an ellipsis."""
 
-    first_received_s: float
-    message_id: int
-    severity: int
-    chunks: tuple[str, ...]
-    next_sequence: int
+    _first_received_s: float = 0.0
+    _severity: int = 0
+    _message_id: int = 0
+    _next_sequence: int = 0
+    _chunks: list[str] = field(default_factory=list)
 
-    def close(self) -> StatusText:
-        """Return the text so far."""
-        return StatusText(self.first_received_s, self.severity, "".join(self.chunks))
+    def hear(self, message: Decoded, received_s: float) -> list[StatusText]:
+        """Add one STATUSTEXT; return the texts that are complete.
 
+        A text with `id` 0 has one chunk. A chunk that is not full is the last one.
+        """
+        done = [] if message.id == self._message_id else self.close()
+        if not self._chunks:
+            self._first_received_s, self._severity, self._next_sequence = received_s, message.severity, 0
+        if message.chunk_seq != self._next_sequence and message.id:
+            self._chunks.append("…")
+        self._chunks.append(message.text)
+        self._message_id, self._next_sequence = message.id, message.chunk_seq + 1
+        is_last = message.id == 0 or len(message.text.encode()) < _TEXT_CHUNK_BYTES
+        return done + self.close() if is_last or len(self._chunks) >= _MAX_TEXT_CHUNKS else done
 
-def join_text(
-    open_text: OpenText | None, message: Decoded, received_s: float
-) -> tuple[OpenText | None, list[StatusText]]:
-    """Add one STATUSTEXT; return the text that is still open and the texts that are complete.
-
-    A text with `id` 0 has one chunk. A chunk that is not full is the last one. A lost chunk shows as an ellipsis.
-    """
-    done: list[StatusText] = []
-    message_id, sequence, text = message.id, message.chunk_seq, message.text
-    if open_text is not None and not message_id == open_text.message_id != 0:
-        done.append(open_text.close())
-        open_text = None
-    if message_id == 0:
-        return None, [*done, StatusText(received_s, message.severity, text)]
-    if open_text is None:
-        open_text = OpenText(received_s, message_id, message.severity, (), 0)
-    gap = ("…",) if sequence != open_text.next_sequence else ()
-    open_text = open_text._replace(chunks=(*open_text.chunks, *gap, text), next_sequence=sequence + 1)
-    if len(text.encode()) < _TEXT_CHUNK_BYTES or len(open_text.chunks) >= _MAX_TEXT_CHUNKS:
-        return None, [*done, open_text.close()]
-    return open_text, done
-
-
-def expire_text(open_text: OpenText | None, now_s: float) -> tuple[OpenText | None, list[StatusText]]:
-    """Close an open text after a second; return what `join_text` returns."""
-    if open_text is not None and now_s - open_text.first_received_s > _TEXT_TIMEOUT_S:
-        return None, [open_text.close()]
-    return open_text, []
+    def close(self, before_s: float = math.inf) -> list[StatusText]:
+        """Return the open text as it is, if it began before `before_s`; it is closed then."""
+        if not self._chunks or self._first_received_s >= before_s:
+            return []
+        text = StatusText(self._first_received_s, self._severity, "".join(self._chunks))
+        self._chunks.clear()
+        return [text]
 
 
 class PymavlinkLink:
@@ -140,13 +131,17 @@ class PymavlinkLink:
         self._inbox: deque[Message] = deque()
         self._requests = RequestQueue()
         self._timesync = TimesyncPeer()
-        self._open_text: OpenText | None = None
+        self._texts = TextJoiner()
         self._closed = False
         self.autopilot = 0
         self.heartbeats = 0
         self.others: set[int] = set()
         """System ids of other senders, named in an error."""
         self.counts: Counter[str] = Counter()
+        self._start()
+
+    def _start(self) -> None:
+        """Prepare whatever else sends for this link."""
 
     @property
     def heard(self) -> bool:
@@ -200,8 +195,7 @@ class PymavlinkLink:
         if name in ADDRESSED and not self._is_for_us(message):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
-            self._open_text, texts = join_text(self._open_text, message, received_s)
-            self._inbox.extend(texts)
+            self._inbox.extend(self._texts.hear(message, received_s))
         elif name == "TIMESYNC":
             answer, reply = self._timesync.hear(message, received_s)
             if answer is not None:
@@ -210,13 +204,11 @@ class PymavlinkLink:
                 self._send(reply)
         elif name == "PARAM_VALUE":
             self._requests.parameter_came(message.param_id)
-            read = parameter(message, received_s, autopilot=self.autopilot)
-            self._inbox.append(read)
+            self._inbox.append(parameter(message, received_s, autopilot=self.autopilot))
         else:
             value = decode(message, received_s)
             self._inbox.append(value)
-            if isinstance(value, _ANSWERS):
-                self._note(value)
+            self._note(value)
 
     def _is_for_us(self, message: Decoded) -> bool:
         """Return whether the message is addressed to us or to all (0)."""
@@ -225,22 +217,23 @@ class PymavlinkLink:
 
     def _note(self, message: Message) -> None:
         """Note the vehicle's HEARTBEAT, and which request a message answers."""
-        if isinstance(message, Heartbeat):
-            self.autopilot = message.autopilot
-            self.heartbeats += 1
-        elif isinstance(message, CommandAck):
-            self._requests.acknowledged(message.command, message.result, message.received_s)
-        elif isinstance(message, FenceCount | FenceItem):
-            self._requests.fence_came(message.sequence if isinstance(message, FenceItem) else None)
-        elif isinstance(message, FenceRefused):
-            self._requests.fence_refused()
+        match message:
+            case Heartbeat():
+                self.autopilot = message.autopilot
+                self.heartbeats += 1
+            case CommandAck():
+                self._requests.acknowledged(message.command, message.result, message.received_s)
+            case FenceCount():
+                self._requests.fence_came(None)
+            case FenceItem():
+                self._requests.fence_came(message.sequence)
+            case FenceRefused():
+                self._requests.fence_refused()
 
     def _tend(self, now_s: float) -> None:
         """Send unanswered requests again, and our TIMESYNC once a HEARTBEAT has arrived."""
-        if self._open_text is not None:
-            self._open_text, texts = expire_text(self._open_text, now_s)
-            self._inbox.extend(texts)
-        for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
+        self._inbox.extend(self._texts.close(now_s - _TEXT_TIMEOUT_S))
+        for request, attempt in self._requests.due(now_s):
             self._send(codec.request(request, attempt=attempt, autopilot=self.autopilot, **self._to_vehicle))
             self.counts["requests_sent"] += 1
         if self.heartbeats and now_s >= self._timesync.next_ask_s:

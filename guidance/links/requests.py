@@ -32,17 +32,13 @@ Key = tuple[str, int | str]
 
 
 def key_of(request: Request) -> Key:
-    """Return the key that an answer will name: a command's number or a parameter's name."""
+    """Return the key that an answer will name: a command's number or a parameter's name. The fence is read in steps."""
     match request:
-        case ParameterRequest(name):
-            return "parameter", name
-        case ParameterSet(name):
-            return "parameter set", name
-        case FenceRequest():
-            return "fence", 0  # one step at a time
-        case FenceReceived():
-            return "fence received", 0
-    return "command", request.command
+        case Command(number):
+            return "command", number
+        case ParameterRequest(name) | ParameterSet(name):
+            return type(request).__name__, name
+    return type(request).__name__, 0
 
 
 def is_repeatable(request: Request) -> bool:
@@ -110,18 +106,18 @@ class RequestQueue:
 
     def fence_came(self, sequence: int | None) -> None:
         """Note a MISSION_COUNT (None) or a MISSION_ITEM_INT of the fence."""
-        lane = self.waiting.get(("fence", 0))
+        lane = self.waiting.get(key_of(FenceRequest(sequence)))
         if lane and lane[0].request == FenceRequest(sequence):
-            del self.waiting["fence", 0]
+            self.fence_refused()
 
     def fence_refused(self) -> None:
         """Note that the vehicle has no fence to read."""
-        self.waiting.pop(("fence", 0), None)
+        self.waiting.pop(key_of(FenceRequest(None)), None)
 
     def parameter_came(self, name: str) -> None:
         """Note a PARAM_VALUE."""
-        self.waiting.pop(("parameter", name), None)
-        self.waiting.pop(("parameter set", name), None)
+        self.waiting.pop((ParameterRequest.__name__, name), None)
+        self.waiting.pop((ParameterSet.__name__, name), None)
 
 
 @dataclass(slots=True)

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.wires.zenoh import is_over
+from guidance.links.zenoh_wire import is_over
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, InputsEntry
 from guidance.log.reader import Idle, Item
 

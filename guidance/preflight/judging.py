@@ -1,18 +1,23 @@
 """Judges the facts of one vehicle as rows, and computes the parameter changes that make the rows pass."""
 
+import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_of
-from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, judge
+from guidance import messages
+from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_of, description
+from guidance.autopilots.rules import UPLOADED, Judgement, judge
+from guidance.frames import Amsl, LocalFrame, Projection
 from guidance.messages import Heartbeat, Home, ParameterSet
-from guidance.preflight import fence, telemetry
+from guidance.preflight import fence
 from guidance.preflight.survey import Facts
 from guidance.vehicle import local_frame
 
 _MOST_ROUNDS: Final = 4
 _REAL32: Final = 9
+_AGREEMENT_M: Final = 5.0
+_HOME_HEIGHT_M: Final = 3.0
 
 
 class ParameterChange(NamedTuple):
@@ -36,22 +41,121 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
     other = another_autopilot(facts, autopilot)
     if other is not None:
         return (other,)
-    home, frame = facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection)
-    wants, parameters = fence.about_home(wants, home, frame), _judged(facts)
+    parameters, wants = _judged(facts), _about_home(facts, autopilot, wants)
     return (
         *judge(autopilot.rules, parameters, wants),
         fence.uploaded_row(
             facts.uploaded,
             wants,
-            home,
-            frame,
+            facts.vehicle.last(Home),
+            local_frame(facts.vehicle, autopilot.projection),
             in_use=autopilot.uploaded_fence_counts(parameters),
             any_inclusion=autopilot.one_inclusion_is_enough,
         ),
         *fence.home_row(wants),
-        *telemetry.position_rows(facts, autopilot.projection, wants),
-        *telemetry.stream_rows(facts, autopilot),
+        *_position_rows(facts, autopilot.projection, wants),
+        *_stream_rows(facts, autopilot),
     )
+
+
+def _about_home(facts: Facts, autopilot: Autopilot, wants: Wants) -> Wants:
+    return fence.about_home(wants, facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection))
+
+
+def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Finding]:
+    """Judge battery, origin, home, position and height datum.
+
+    An old estimator origin or a wrong height datum has flown vehicles into the ground. Comparing two messages about
+    the same place reveals both.
+    """
+    vehicle = facts.vehicle
+    if wants.battery_needed is not None:
+        yield _battery(vehicle.last(messages.SystemStatus), wants.battery_needed)
+    origin, home = vehicle.last(messages.Origin), vehicle.last(messages.Home)
+    if origin is None or home is None:
+        names = ("GPS_GLOBAL_ORIGIN", origin), ("HOME_POSITION", home)
+        missing = " and ".join(name for name, message in names if message is None)
+        yield Finding("local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for a position fix")
+        return
+    home_amsl_m = home.altitude_amsl_m
+    zero = origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), Amsl(home_amsl_m)
+    frame = LocalFrame(*zero, projection=projection)
+    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home_amsl_m))
+    away_m, limit_m = math.hypot(*home_ned_m[:2]), wants.preflight.origin_distance_limit_m
+    yield _within("frame origin", away_m, limit_m, "m from home", "restart the autopilot here: its origin is old")
+    apart_m = math.dist(home_ned_m, home.position_ned_m)
+    advice = "home was set in another frame: set it again"
+    yield _within("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
+    place, local = vehicle.last(messages.GlobalPosition), vehicle.last(messages.LocalPosition)
+    if place is None or local is None:
+        yield Finding("position", "unknown", "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard", Verdict.REFUSE)
+        return
+    reckoned_m = frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m))
+    apart_m = math.dist(reckoned_m, local.position_ned_m)
+    advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
+    yield _within("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
+    difference_m = abs(place.altitude_amsl_m - place.altitude_above_home_m - home_amsl_m)
+    advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
+    yield _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
+    limit_m, evader_amsl_m = wants.preflight.evader_height_limit_m, facts.evader_amsl_m
+    if evader_amsl_m is None:
+        wanted = f"within {limit_m:g} m of home"
+        yield Finding("evader's altitude", "not heard", wanted, Verdict.WARN, "is it sending?")
+        return
+    advice = "a different datum? The geoid is about 50 m above the ellipsoid: see evader.frame.undulation_m"
+    yield _within("evader's altitude", abs(evader_amsl_m - home_amsl_m), limit_m, "m from home's", advice)
+
+
+def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
+    wanted = f"at least {needed:.0%}, to fly home from the edge of the fence"
+    if status is None or math.isnan(status.battery_remaining):
+        return Finding("battery reserve", "unknown", wanted, Verdict.WARN, "the autopilot does not report the battery")
+    left, advice = status.battery_remaining, "charge the battery or make the fence smaller; see flight.reserve"
+    verdict = Verdict.REFUSE if left < needed else Verdict.PASS
+    return Finding("battery reserve", f"{left:.0%}", wanted, verdict, advice if left < needed else "")
+
+
+def _within(name: str, found: float, limit: float, what: str, advice: str) -> Finding:
+    passed = found <= limit
+    verdict = Verdict.PASS if passed else Verdict.REFUSE
+    return Finding(name, f"{found:.1f} {what}", f"at most {limit:g} m", verdict, "" if passed else advice)
+
+
+class _Stream(NamedTuple):
+    name: str
+    kind: type[messages.Message]
+    least_hz: float
+    otherwise: Verdict
+    reader: str
+
+
+_STREAMS: Final = (
+    _Stream("LOCAL_POSITION_NED", messages.LocalPosition, 10.0, Verdict.REFUSE, "the game"),
+    _Stream("ATTITUDE", messages.Attitude, 4.0, Verdict.REFUSE, "the heading"),
+    _Stream("GLOBAL_POSITION_INT", messages.GlobalPosition, 1.0, Verdict.WARN, "the frame check"),
+    _Stream("ODOMETRY", messages.Odometry, 5.0, Verdict.WARN, "the detection of estimator resets"),
+    _Stream(
+        "POSITION_TARGET_LOCAL_NED", messages.PositionTarget, 1.0, Verdict.WARN, "the detection of foreign setpoints"
+    ),
+)
+
+
+def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
+    """Judge the rate of every requested stream."""
+    for stream in _STREAMS:
+        asked_hz = autopilot.streams_hz.get(getattr(description, stream.name))
+        # ArduCopter reports its setpoint in GUIDED only.
+        if asked_hz is None or (stream.kind is messages.PositionTarget and not autopilot.tells_setpoint_always):
+            continue
+        rate_hz = facts.rates_hz.get(stream.kind, 0.0)
+        passed = rate_hz >= stream.least_hz
+        yield Finding(
+            stream.name,
+            f"{rate_hz:.1f} Hz",
+            f"at least {stream.least_hz:g} Hz ({asked_hz:g} requested)",
+            Verdict.PASS if passed else stream.otherwise,
+            "" if passed else f"{stream.reader} needs it: is the link fast enough for {asked_hz:g} Hz?",
+        )
 
 
 def engage_names(autopilot: Autopilot) -> tuple[str, ...]:
@@ -61,8 +165,8 @@ def engage_names(autopilot: Autopilot) -> tuple[str, ...]:
 
 def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
     """Judge the needed parameters; an unknown one has not been answered."""
-    wants = fence.about_home(wants, facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection))
-    judged = judge([rule for rule in autopilot.rules if rule.needed], _judged(facts), wants)
+    needed = [rule for rule in autopilot.rules if rule.needed]
+    judged = judge(needed, _judged(facts), _about_home(facts, autopilot, wants))
     return tuple(
         row if row.name in facts.parameters else row._replace(value="not answered", advice="check the link")
         for row in judged
@@ -93,9 +197,31 @@ def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool =
         wants: What the configuration demands.
         advised: Whether to change parameters with a warning, too.
     """
-    home, frame = facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection)
-    wants, before = fence.about_home(wants, home, frame), _judged(facts)
-    return mend(autopilot.rules, before, facts.parameter_types, wants, advised=advised)
+    rules, before, wants = autopilot.rules, _judged(facts), _about_home(facts, autopilot, wants)
+    after = dict(before)
+    wrong: dict[str, Judgement] = {}
+    for _ in range(_MOST_ROUNDS):
+        found = {
+            rule.name: judgement
+            for rule in rules
+            if rule.name in after and _to_mend(judgement := rule.judge(after[rule.name], wants, after), advised=advised)
+        }
+        if not found:
+            break
+        wrong = found | wrong
+        after |= {name: single(judgement.set_to) for name, judgement in found.items() if judgement.set_to is not None}
+    return tuple(
+        ParameterChange(
+            rule.name,
+            rule.read(before[rule.name]),
+            rule.read(after[rule.name]),
+            "; ".join(filter(None, (wrong[rule.name].wanted, wrong[rule.name].why))),
+            wrong[rule.name].verdict,
+            ParameterSet(rule.name, after[rule.name], facts.parameter_types.get(rule.name, _REAL32)),
+        )
+        for rule in rules
+        if rule.name in wrong and after[rule.name] != before[rule.name]
+    )
 
 
 def _judged(facts: Facts) -> dict[str, float]:
@@ -114,44 +240,6 @@ def advice(rows: Sequence[Finding]) -> str:
     """Return one line with every refused row and its fix."""
     refused = (row for row in rows if row.verdict is Verdict.REFUSE)
     return "; ".join(f"{row.name} is {row.value}, expected {row.wanted} ({row.advice})" for row in refused)
-
-
-def mend(
-    rules: Sequence[Rule], before: Parameters, types: Mapping[str, int], wants: Wants, *, advised: bool
-) -> tuple[ParameterChange, ...]:
-    """Return the parameters to set, in the rules' order; a rule without a value leaves its parameter alone.
-
-    Args:
-        rules: The rules.
-        before: The parameters as read.
-        types: MAV_PARAM_TYPE of each.
-        wants: What the configuration demands.
-        advised: Whether to change parameters with a warning, too.
-    """
-    after = dict(before)
-    wrong: dict[str, Judgement] = {}
-    for _ in range(_MOST_ROUNDS):
-        found = {
-            rule.name: judgement
-            for rule in rules
-            if rule.name in after and _to_mend(judgement := rule.judge(after[rule.name], wants, after), advised=advised)
-        }
-        if not found:
-            break
-        wrong |= {name: judgement for name, judgement in found.items() if name not in wrong}
-        after |= {name: single(judgement.set_to) for name, judgement in found.items() if judgement.set_to is not None}
-    return tuple(
-        ParameterChange(
-            rule.name,
-            rule.read(before[rule.name]),
-            rule.read(after[rule.name]),
-            f"{wrong[rule.name].wanted}" + (f"; {wrong[rule.name].why}" if wrong[rule.name].why else ""),
-            wrong[rule.name].verdict,
-            ParameterSet(rule.name, after[rule.name], types.get(rule.name, _REAL32)),
-        )
-        for rule in rules
-        if rule.name in wrong and after[rule.name] != before[rule.name]
-    )
 
 
 def single(value: float) -> float:

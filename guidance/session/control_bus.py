@@ -16,8 +16,8 @@ from typing import Any, Final, NamedTuple
 import zenoh
 
 from guidance.errors import ConfigError, GuidanceError, LinkError
-from guidance.links.wires.zenoh import is_over, open_session
-from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_wire import is_over, open_session
 from guidance.log.broadcast import Broadcast
 from guidance.session import control_token
 from guidance.session.control_socket import (

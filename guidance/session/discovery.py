@@ -5,15 +5,8 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
-from guidance.autopilots import (
-    AUTOPILOTS,
-    GPS_GLOBAL_ORIGIN,
-    HOME_POSITION,
-    Autopilot,
-    AutopilotProfile,
-    autopilot_named,
-    autopilots_of,
-)
+from guidance.autopilots import AUTOPILOTS, Autopilot, AutopilotProfile, autopilot_named, autopilots_of
+from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.clock import Clock
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import State
@@ -55,7 +48,7 @@ def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iter
     """Find the autopilot at a URL; the wire is closed in the end.
 
     Args:
-        url: See `guidance.links.endpoint`.
+        url: See `guidance.links.port`.
         asked: Name of the expected autopilot; None accepts any.
         clock: The clock.
         who: Names it in errors.

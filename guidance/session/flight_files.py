@@ -16,7 +16,7 @@ from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.files import private_folder, writing
 from guidance.flight import Authority, FlightSettings, Inputs, Outputs
-from guidance.links.wires.shared import CapturedFrame
+from guidance.links.wires import CapturedFrame
 from guidance.log.entries import BEGUN, STOPPED, cycle_entry
 from guidance.log.reader import CONFIG, SCENARIO
 from guidance.log.writer import BackgroundRecorder, NullRecorder, Record, Recorder, started_utc, versions

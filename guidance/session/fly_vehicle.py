@@ -13,10 +13,9 @@ from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame, ned_from_game
-from guidance.links.endpoint import parse
 from guidance.links.opening import KINDS
-from guidance.links.port import Wire
-from guidance.links.wires.udp import UdpWire
+from guidance.links.port import Wire, parse
+from guidance.links.udp import UdpWire
 from guidance.log.entries import FLIGHT_OVER
 from guidance.messages import Home
 from guidance.session.answers import startup_answers

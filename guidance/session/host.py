@@ -19,7 +19,7 @@ from serial.tools import list_ports
 
 from guidance.autopilots import Finding, Verdict
 from guidance.extras import EXTRAS, how_to_add
-from guidance.links.endpoint import parse
+from guidance.links.port import parse
 from guidance.session.control_token import default_path
 from guidance.session.loop import PERIOD_S
 from guidance.session.process import PRIORITY

@@ -19,7 +19,7 @@ from guidance.clock import Clock, Timing
 from guidance.flight import Event
 from guidance.frames import Vector
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.links.wires.shared import CapturedFrame
+from guidance.links.wires import CapturedFrame
 from guidance.session.daemon import Daemon
 from guidance.session.plan import FlightPlan
 from guidance.session.process import GcScheduler

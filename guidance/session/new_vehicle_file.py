@@ -40,7 +40,7 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
     """Find the autopilot at a URL and read its limits. Sets and orders nothing.
 
     Args:
-        url: See `guidance.links.endpoint`.
+        url: See `guidance.links.port`.
         asked: Name of the expected autopilot.
 
     Raises:

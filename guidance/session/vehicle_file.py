@@ -13,8 +13,8 @@ from guidance.config import Altitude, Latitude, Longitude, Section, parse, read_
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
 from guidance.flight.settings import FlightSection
-from guidance.links.endpoint import taken_apart
-from guidance.links.wires.zenoh_access import ZenohSection
+from guidance.links.port import taken_apart
+from guidance.links.zenoh_access import ZenohSection
 from guidance.strategies import COURSES, PURSUER_STRATEGIES
 
 _ABOVE_THE_FLOOR_M: Final = 1.0

@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Final
 
-from guidance.autopilots import MAV_CMD_SET_MESSAGE_INTERVAL
+from guidance.autopilots.description import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.clock import Clock
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.endpoint import parse
+from guidance.links.carriers import EvaderIdentity
 from guidance.links.frames import SigningKey
-from guidance.links.opening import EvaderIdentity, open_link, open_source, open_wire
-from guidance.links.port import EvaderSource, VehicleLink, Wire
+from guidance.links.opening import open_link, open_source, open_wire
+from guidance.links.port import EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires.shared import CapturedFrame, TappedWire, share
-from guidance.links.wires.zenoh import open_session
-from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
+from guidance.links.wires import CapturedFrame, TappedWire, share
+from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
+from guidance.links.zenoh_wire import open_session
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import ControlBus, OwnerToken
 from guidance.session.loop import EvaderPlayer

@@ -8,11 +8,12 @@ from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import open_link, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
-from guidance.links.wires.shared import CapturedFrame, TappedWire, share
-from guidance.links.wires.zenoh import ZenohWire, open_session
+from guidance.links.wires import CapturedFrame, TappedWire, share
+from guidance.links.zenoh_wire import ZenohWire, open_session
 from guidance.sim.mock_files import check_faults, faults_after, fleet, script, system_ids
 from guidance.sim.players import EvaderPilot
 from guidance.sim.scenario import Flown, Scenario, pursuits_of
@@ -86,7 +87,7 @@ class LiveWorld:
         vehicle, now_s = self._mock[name], self._clock.now_s
         if vehicle.udp_port is not None:
             return share(open_wire(vehicle.udp, clock=now_s), readers)
-        return [ZenohWire(now_s, namespace=name, endpoint=vehicle.zenoh or "") for _ in range(readers)]
+        return [ZenohWire(now_s, open_session(vehicle.zenoh or ""), name) for _ in range(readers)]
 
     def _open_link(self, kind: str, bare: Wire, name: str) -> VehicleLink:
         now_s = self._clock.now_s

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, ROVER, Mode
+from guidance.autopilots import ROVER, Mode
+from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.frames import Amsl, GameFrame, Vector, ned_from_game
 from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
 from guidance.links.port import VehicleLink
@@ -39,7 +40,7 @@ class EvaderPilot:
         start_m = np.array((*scenario.evader.position_m, 0.0))
         self._strategy = evader_strategy(scenario, start_m, scenario.evader.speed_m_s, scenario.seed)
         self._began_s: float | None = None
-        self._requested_s = float("-inf")
+        self._requested_s = self._stood_s = float("-inf")
         self.vehicle = VehicleState()
         self.messages: Sequence[Message] = ()
         self._frame: GameFrame | None = None
@@ -73,7 +74,9 @@ class EvaderPilot:
             self._began_s = now_s if self._began_s is None else self._began_s
             nearest = min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position))
             self._link.send_setpoint(Setpoint(self._velocity_ned_m_s(nearest, position, now_s - self._began_s)))
-        else:
+            self._stood_s = float("-inf")
+        elif now_s - self._stood_s >= REPEAT_S:
+            self._stood_s = now_s
             self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
 
     def stop(self) -> None:

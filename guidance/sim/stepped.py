@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Final
 from guidance.clock import Clock
 from guidance.frames import Vector
 from guidance.links import MemoryWire, Wire
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires.shared import CapturedFrame, TappedWire
+from guidance.links.wires import CapturedFrame, TappedWire
 from guidance.sim.mock_files import faulted_fleet, faults_after, system_ids
 from guidance.sim.players import EvaderPilot
 from guidance.sim.scenario import EVADER, Flown, Scenario, pursuits_of

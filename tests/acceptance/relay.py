@@ -16,7 +16,7 @@ from guidance.autopilots import AUTOPILOTS, AutopilotProfile, Mode
 from guidance.links.frames import Decoded, FrameReader
 from guidance.links.opening import Found, find_autopilot, open_wire
 from guidance.links.port import Wire
-from guidance.links.wires.udp import UdpWire
+from guidance.links.udp import UdpWire
 
 PILOT = (255, 190)
 HEARTBEAT, PARAM_VALUE, LOCAL_POSITION_NED, SET_POSITION_TARGET, HOME_POSITION = 0, 22, 32, 84, 242
@@ -110,10 +110,8 @@ class Relay:
 
     def switch(self, mode: Mode) -> None:
         """Switch the mode, as a pilot does."""
-        main, sub = self.profile.mode_parameters[mode]
-        self.say(
-            mavlink.MAVLink_command_long_message(*self.found[:2], 176, 0, 1.0, float(main), float(sub), 0, 0, 0, 0)
-        )
+        main, sub = self.profile.set_mode(mode).params[1:3]
+        self.say(mavlink.MAVLink_command_long_message(*self.found[:2], 176, 0, 1.0, main, sub, 0, 0, 0, 0))
 
     def set(self, name: str, value: float, *, within_s: float = 3.0) -> float | None:
         """Set a parameter that is a float, or an integer of ArduPilot's; return what it was before."""

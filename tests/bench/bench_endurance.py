@@ -39,7 +39,8 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.flight import State
 from guidance.links import MemoryWire
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.log import compare
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, CycleEntry, EventEntry

@@ -36,10 +36,13 @@ from guidance.config import load as load_file  # noqa: E402
 from guidance.errors import GuidanceError  # noqa: E402
 from guidance.frames import Amsl, LocalFrame  # noqa: E402
 from guidance.links import MemoryWire  # noqa: E402
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader  # noqa: E402
-from guidance.links.evaders.carriers import Refused  # noqa: E402
-from guidance.links.evaders.zenoh import read_json  # noqa: E402
+from guidance.links.carriers import (  # noqa: E402
+    GlobalPositionInt,
+    MavlinkEvader,
+    Refused,
+)
 from guidance.links.pymavlink_link import PymavlinkLink  # noqa: E402
+from guidance.links.zenoh_evader import read_json  # noqa: E402
 from guidance.log import record_errors, survey_of  # noqa: E402
 from guidance.session.metrics import Metrics, MetricsServer  # noqa: E402
 from guidance.session.vehicle_file import Config  # noqa: E402

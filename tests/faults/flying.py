@@ -14,7 +14,8 @@ from guidance.clock import VirtualClock
 from guidance.control import Polygon
 from guidance.flight import FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.log.replay import compare
 from guidance.log.writer import NullRecorder, Recorder
 from guidance.session.daemon import Equipment

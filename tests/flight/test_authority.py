@@ -35,7 +35,7 @@ class Obeying(Flown):
         self.mission = mission
         outputs = super().cycle(*orders, **given)
         for request in outputs.requests:
-            self.mode = next((one for one in Mode if one in self.autopilot.mode_parameters
+            self.mode = next((one for one in Mode if one in self.autopilot.custom_modes
                               and request == self.autopilot.set_mode(one)), self.mode)  # fmt: skip
         return outputs
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links.frames import SignatureCheck, SigningKey, ticks
-from guidance.links.wires.udp import IMPOSTORS_PER_S, MAX_SYSTEMS, SILENT_S, STRANGERS_PER_S, AddressPins
+from guidance.links.udp import IMPOSTORS_PER_S, MAX_SYSTEMS, SILENT_S, STRANGERS_PER_S, AddressPins
 from tests.links.peer import Peer
 
 VEHICLE, FORGER, ELSEWHERE = ("127.0.0.1", 14580), ("127.0.0.1", 666), ("127.0.0.1", 14590)

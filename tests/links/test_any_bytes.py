@@ -8,15 +8,9 @@ from hypothesis import strategies as st
 
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.evaders import (
-    AdsbVehicle,
-    FollowTarget,
-    GlobalPositionInt,
-    MavlinkEvader,
-    OdometryCarrier,
-    OpenDroneIdLocation,
-)
+from guidance.links.carriers import AdsbVehicle, FollowTarget, GlobalPositionInt, OdometryCarrier, OpenDroneIdLocation
 from guidance.links.frames import FrameReader
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import USED, PymavlinkLink
 from guidance.messages import Attitude, GlobalPosition, Home, LocalPosition, Origin
 from tests.harness.examples import drawn

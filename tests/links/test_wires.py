@@ -12,12 +12,11 @@ import zenoh
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import LinkError
-from guidance.links import MemoryWire
-from guidance.links.wires import udp
-from guidance.links.wires.shared import QUEUE_LENGTH, Arrivals, TappedWire, share
-from guidance.links.wires.streams import SerialWire, Tail, TcpWire
-from guidance.links.wires.udp import UdpWire
-from guidance.links.wires.zenoh import ZenohWire
+from guidance.links import MemoryWire, udp
+from guidance.links.streams import SerialWire, StreamWire, TcpWire
+from guidance.links.udp import UdpWire
+from guidance.links.wires import QUEUE_LENGTH, Arrivals, TappedWire, share
+from guidance.links.zenoh_wire import ZenohWire, open_session
 from tests.links.peer import Peer, until
 from tests.links.rigs import clock, free_port, router_config
 
@@ -59,13 +58,13 @@ def test_arrivals_keep_the_newest_and_count_the_rest():
 
 
 def test_arrivals_from_many_threads_are_all_there():
-    arrivals = Arrivals[int](length=10_000)
-    threads = [threading.Thread(target=lambda: [arrivals.put(n) for n in range(1000)]) for _ in range(4)]
+    arrivals = Arrivals[int]()
+    threads = [threading.Thread(target=lambda: [arrivals.put(n) for n in range(250)]) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(arrivals.take()) == 4000
+    assert len(arrivals.take()) == 1000
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp", "serial", "zenoh", "memory"])
@@ -100,7 +99,7 @@ def opened(kind, router):
             yield wire, lambda data: os.write(near, data)
         elif kind == "zenoh":
             endpoint = f"tcp/127.0.0.1:{router.port}"
-            wire = stack.enter_context(closing(ZenohWire(clock, namespace="waited", endpoint=endpoint)))
+            wire = stack.enter_context(closing(ZenohWire(clock, open_session(endpoint), "waited")))
             publisher = router.session.declare_publisher("waited/mavlink_raw/out")
             stack.callback(publisher.undeclare)
             assert until(lambda: publisher.matching_status.matching)
@@ -178,38 +177,61 @@ class Port:
         return len(part)
 
 
+class StreamOf(StreamWire):
+    """A stream into a port that sends nothing."""
+
+    def __init__(self, port: Port) -> None:
+        super().__init__(clock)
+        self.port = port
+
+    def _read(self) -> bytes:
+        return b""
+
+    def _write_some(self, data: bytes) -> int:
+        return self.port.write(data)
+
+    def _hang_up(self) -> None:
+        pass
+
+
+def sent(wire: StreamOf, frame: bytes) -> bool:
+    before = wire.counters()["wire_sent"]
+    wire.send(frame)
+    return wire.counters()["wire_sent"] > before
+
+
 def test_a_full_port_never_sees_half_a_frame_followed_by_another():
     port = Port()
-    tail = Tail(port.write)
-    sent = [tail.send(b"AAAA")]
+    wire = StreamOf(port)
+    taken = [sent(wire, b"AAAA")]
     port.room = 2
-    sent += [tail.send(b"BBBB"), tail.send(b"CCCC")]
+    taken += [sent(wire, b"BBBB"), sent(wire, b"CCCC")]
     port.room = 100
-    sent.append(tail.send(b"DDDD"))
+    taken.append(sent(wire, b"DDDD"))
     assert port.taken == b"BBBBDDDD"
-    assert sent == [False, True, False, True]
+    assert taken == [False, True, False, True]
 
 
 def test_a_broken_port_drops_the_rest_of_its_frame():
     port = Port()
-    tail = Tail(port.write)
+    wire = StreamOf(port)
     port.room = 2
-    assert tail.send(b"BBBB")
+    assert sent(wire, b"BBBB")
     port.broken = True
-    assert not tail.send(b"CCCC")
+    assert not sent(wire, b"CCCC")
     port.broken, port.room = False, 100
-    tail.send(b"DDDD")
+    sent(wire, b"DDDD")
     assert port.taken == b"BBDDDD"
 
 
 def test_a_new_peer_gets_whole_frames_only():
     port = Port()
-    tail = Tail(port.write)
+    wire = StreamOf(port)
     port.room = 2
-    tail.send(b"BBBB")
-    tail.forget()
+    sent(wire, b"BBBB")
+    wire.start_again()
     port.room = 100
-    tail.send(b"CCCC")
+    sent(wire, b"CCCC")
     assert port.taken == b"BBCCCC"
 
 
@@ -410,7 +432,7 @@ def test_zenoh_reconnects_to_a_restarted_router():
     port = free_port(socket.SOCK_STREAM)
     with contextlib.ExitStack() as stack:
         with zenoh.open(router_config(port)) as first:
-            wire = stack.enter_context(closing(ZenohWire(clock, namespace="v", endpoint=f"tcp/127.0.0.1:{port}")))
+            wire = stack.enter_context(closing(ZenohWire(clock, open_session(f"tcp/127.0.0.1:{port}"), "v")))
             assert received_again(lambda: first.put("v/mavlink_raw/out", b"one"), wire, b"one")
         before_s = time.perf_counter()
         for _ in range(50):
@@ -421,7 +443,7 @@ def test_zenoh_reconnects_to_a_restarted_router():
 
 
 def test_zenoh_carries_one_frame_per_sample_marked_as_mavlink(router):
-    with closing(ZenohWire(clock, namespace="q", endpoint=f"tcp/127.0.0.1:{router.port}")) as wire:
+    with closing(ZenohWire(clock, open_session(f"tcp/127.0.0.1:{router.port}"), "q")) as wire:
         into = router.session.declare_subscriber("q/mavlink_raw/in", zenoh.handlers.FifoChannel(8))
         samples = []
 
@@ -442,8 +464,8 @@ def test_zenoh_carries_one_frame_per_sample_marked_as_mavlink(router):
 
 def test_zenoh_namespaces_are_separate_and_our_frames_do_not_return(router):
     endpoint = f"tcp/127.0.0.1:{router.port}"
-    one_wire = ZenohWire(clock, namespace="a", endpoint=endpoint)
-    other_wire = ZenohWire(clock, namespace="b", endpoint=endpoint)
+    one_wire = ZenohWire(clock, open_session(endpoint), "a")
+    other_wire = ZenohWire(clock, open_session(endpoint), "b")
     with closing(one_wire) as one, closing(other_wire) as other:
         assert received_again(lambda: router.session.put("b/mavlink_raw/out", b"for b"), other, b"for b")
         one.send(FRAME)

@@ -1,9 +1,10 @@
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links import MemoryWire
-from guidance.links.evaders import FollowTarget, MavlinkEvader
+from guidance.links.carriers import FollowTarget
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires.shared import QUEUE_LENGTH, share
+from guidance.links.wires import QUEUE_LENGTH, share
 from guidance.messages import Heartbeat, Setpoint
 from tests.links.peer import Peer
 

@@ -15,16 +15,17 @@ from guidance.cli import app
 from guidance.config import config_folder
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
+from guidance.links.carriers import EvaderIdentity
 from guidance.links.keys import Validity, make_keys
-from guidance.links.opening import EvaderIdentity, open_source, open_wire
-from guidance.links.wires.zenoh import open_router, open_session
-from guidance.links.wires.zenoh_access import (
+from guidance.links.opening import open_source, open_wire
+from guidance.links.zenoh_access import (
     NO_CREDENTIALS,
     Credentials,
     ZenohSection,
     credentials_of,
     read_credentials,
 )
+from guidance.links.zenoh_wire import open_router, open_session
 from guidance.log.broadcast import Broadcast, LiveFlight
 from guidance.session.control_bus import ControlBus, OwnerToken, ask, join_session
 from guidance.session.orders import Mailbox

@@ -10,10 +10,11 @@ import pytest
 from guidance.config import config_folder
 from guidance.errors import LinkError
 from guidance.frames import Amsl, LocalFrame
+from guidance.links.carriers import EvaderIdentity
 from guidance.links.keys import Validity, make_keys
-from guidance.links.opening import EvaderIdentity, open_source, open_wire
-from guidance.links.wires.zenoh import open_router, open_session
-from guidance.links.wires.zenoh_access import Credentials, read_credentials
+from guidance.links.opening import open_source, open_wire
+from guidance.links.zenoh_access import Credentials, read_credentials
+from guidance.links.zenoh_wire import open_router, open_session
 from guidance.session.control_bus import ControlBus, OwnerToken, ask
 from guidance.session.orders import Mailbox
 from tests.links.peer import until

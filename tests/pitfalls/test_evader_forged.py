@@ -16,9 +16,9 @@ from guidance.config import parse
 from guidance.flight import Event, State
 from guidance.frames import Amsl, LocalFrame, game_from_ned
 from guidance.links import MemoryWire
-from guidance.links.evaders import FollowTarget, MavlinkEvader
-from guidance.links.evaders.carriers import AdsbVehicle
-from guidance.links.opening import ZENOH
+from guidance.links.carriers import AdsbVehicle, FollowTarget
+from guidance.links.mavlink_evader import MavlinkEvader
+from guidance.links.zenoh_evader import KEYS
 from guidance.session.loop import run
 from guidance.session.mission import Mission
 from guidance.session.plan import plan_of
@@ -141,7 +141,7 @@ class Relayed:
 
 
 def over_zenoh(kind):
-    _, read = ZENOH[kind](SITE, "evader")
+    _, read = KEYS[kind](SITE, "evader")
 
     def tell(place, velocity, now_s):
         if kind == "json":

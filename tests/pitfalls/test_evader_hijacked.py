@@ -10,7 +10,8 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.session.loop import run
 from guidance.session.mission import Mission
 from guidance.sim.scenario import EVADER_ID

@@ -13,7 +13,7 @@ from guidance.clock import VirtualClock
 from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.evaders import FollowTarget
+from guidance.links.carriers import FollowTarget
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat
 

@@ -4,7 +4,8 @@ import itertools
 
 import pytest
 
-from guidance.autopilots import AUTOPILOTS, MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, Mode
+from guidance.autopilots import AUTOPILOTS, Mode
+from guidance.autopilots.description import MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE
 from guidance.flight import Event, State
 
 pytestmark = pytest.mark.flight
@@ -14,7 +15,7 @@ GUIDED = {"px4": "OFFBOARD", "arducopter": "GUIDED"}
 
 
 def is_guided_request(sent, profile):
-    main, _ = profile.mode_parameters[Mode.GUIDED]
+    main = profile.set_mode(Mode.GUIDED).params[1]
     return sent.name == "COMMAND_LONG" and sent.message.command == MAV_CMD_DO_SET_MODE and sent.message.param2 == main
 
 

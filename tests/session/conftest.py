@@ -11,10 +11,11 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.flight import Authority, State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
 from guidance.links.frames import ticks
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires.shared import TappedWire
+from guidance.links.wires import TappedWire
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.metrics import Metrics
 from guidance.session.orders import Mailbox

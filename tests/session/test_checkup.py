@@ -12,7 +12,8 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import FlightError
 from guidance.links import MemoryWire
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.preflight import refusals
 from guidance.session.checkup import Checkup

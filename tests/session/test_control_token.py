@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from guidance.errors import ConfigError, LinkError, OutputError
-from guidance.links.wires.zenoh import open_session
+from guidance.links.zenoh_wire import open_session
 from guidance.session import control_token
 from guidance.session.control_bus import ControlBus, join_session
 from guidance.session.orders import Mailbox

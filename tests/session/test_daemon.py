@@ -3,7 +3,7 @@ import logging
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import MAV_CMD_DO_SET_MODE
+from guidance.autopilots.description import MAV_CMD_DO_SET_MODE
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import Event, State

@@ -17,9 +17,10 @@ from guidance.config import load
 from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.flight import Event, State
 from guidance.links import MemoryWire
-from guidance.links.endpoint import parse
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
+from guidance.links.port import parse
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.fly_vehicle import laid_about

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event
-from guidance.links.wires.shared import CapturedFrame
+from guidance.links.wires import CapturedFrame
 from guidance.log.writer import Recorder
 from guidance.session.flight_files import Recording
 from guidance.session.loop import AGE_S, MOST_NUDGE_S, PERIOD_S, Signals, next_due, nudge_s, run

@@ -1,8 +1,9 @@
 from guidance.clock import VirtualClock
 from guidance.links import MemoryWire
-from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.carriers import GlobalPositionInt
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires.shared import share
+from guidance.links.wires import share
 from guidance.session.vehicle_world import ASK_AGAIN_S, PolledEvader
 from sitl_mock import Home, MockVehicle
 

@@ -15,8 +15,8 @@ import zenoh
 
 from guidance.clock import Clock
 from guidance.errors import GuidanceError, LinkError
-from guidance.links.wires.zenoh import is_over
-from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_wire import is_over
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.reader import Item
 from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session

@@ -16,7 +16,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError, LinkError
-from guidance.links.wires.zenoh_access import read_credentials
+from guidance.links.zenoh_access import read_credentials
 from guidance.log import SettingsOf
 from guidance.viz.panel.access import Access, Listener, PasswordThrottle, listen, origin_of, page_file, remote_access
 from guidance.viz.panel.bus import DaemonBus

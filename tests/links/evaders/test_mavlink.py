@@ -13,16 +13,17 @@ from guidance.errors import ConfigError
 from guidance.estimation import Observer, TrackSettings, observe, predict
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.evaders import (
+from guidance.links.carriers import (
     AdsbVehicle,
+    EvaderIdentity,
     FollowTarget,
     GlobalPositionInt,
-    MavlinkEvader,
     OdometryCarrier,
     OpenDroneIdLocation,
 )
 from guidance.links.frames import ticks
-from guidance.links.opening import EvaderIdentity, open_source
+from guidance.links.mavlink_evader import MavlinkEvader
+from guidance.links.opening import open_source
 from guidance.messages import AltitudeSaid, Datum, EvaderReport
 from tests.links.peer import Peer, until
 from tests.links.rigs import free_port

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.evaders import Refused
-from guidance.links.evaders.zenoh import RosPose, ZenohEvader, json_schema, read_json, rmw_key
-from guidance.links.opening import EvaderIdentity, open_source
+from guidance.links.carriers import EvaderIdentity, Refused
+from guidance.links.opening import open_source
+from guidance.links.zenoh_evader import RosPose, ZenohEvader, json_schema, read_json, rmw_key
+from guidance.links.zenoh_wire import open_session
 from tests.links.peer import Peer, until
 from tests.links.rigs import clock, free_port
 
@@ -254,8 +255,6 @@ def test_an_evader_is_received_from_its_zenoh_key_only(router, kind, path, key, 
         ("radar", "udpin://127.0.0.1:14600", EvaderIdentity(9), "evader.kind = 'radar': allowed are follow_target"),
         ("follow_target", "udpin://127.0.0.1:14600", EvaderIdentity(), "evader.system_id is missing"),
         ("adsb", "udpin://127.0.0.1:14600", EvaderIdentity(9), "evader.icao_address is missing"),
-        ("json", "udpin://127.0.0.1:14600", EvaderIdentity(), "needs zenoh://host:port/key"),
-        ("json", "zenoh://127.0.0.1:7447", EvaderIdentity(), "needs zenoh://host:port/key"),
         ("follow_target", "nonsense", EvaderIdentity(9), "nonsense"),
     ],
 )
@@ -293,7 +292,7 @@ def test_a_source_without_a_router_is_a_clear_error():
 
 def test_a_key_that_is_none_is_a_config_error(router):
     with pytest.raises(ConfigError, match="not a Zenoh key expression"):
-        ZenohEvader(clock, "/bad//key", read, endpoint=f"tcp/127.0.0.1:{router.port}")
+        ZenohEvader(clock, open_session(f"tcp/127.0.0.1:{router.port}"), "/bad//key", read)
 
 
 def test_rmw_keys_hold_any_domain_and_any_hash():

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from guidance.links.evaders.carriers import Carrier, Refused, plausible
+from guidance.links.carriers import Carrier, Refused, plausible
 from guidance.links.frames import Decoded, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import TimesyncPeer

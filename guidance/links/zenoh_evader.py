@@ -14,19 +14,20 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal, NamedTuple
+from functools import partial
+from typing import Any, Final, Literal
 
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from guidance.errors import ConfigError
 from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, Vector, ned_from_game
-from guidance.links.evaders.carriers import Refused, known_velocity, plausible, rotate, standard_deviation
+from guidance.links.carriers import Refused, known_velocity, plausible, rotate, standard_deviation
 from guidance.links.port import Clock
-from guidance.links.wires.shared import Arrivals
-from guidance.links.wires.zenoh import Subscription, open_session
-from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.wires import Arrivals
+from guidance.links.zenoh_wire import Session, Subscription
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
+from guidance.vehicle import FARTHEST_M
 
 PayloadReader = Callable[[bytes, float], EvaderReport]
 
@@ -38,44 +39,30 @@ _ORDERS: Final = {b"\x00\x00": ">", b"\x00\x01": "<"}  # CDR_BE, CDR_LE
 _GID_BYTES, _RMW_BYTES = 16, 33
 """rmw_zenoh attaches a number, a time, and the publisher's identity after its length."""
 
-_DATUMS: dict[str, type[Amsl] | type[Ellipsoid] | type[Relative]] = {
-    "amsl": Amsl,
-    "ellipsoid": Ellipsoid,
-    "relative": Relative,
-}
+_DATUMS: Final[Mapping[str, type[Altitude]]] = {"amsl": Amsl, "ellipsoid": Ellipsoid, "relative": Relative}
 
 
 class ZenohEvader:
-    """`EvaderSource` on one key expression, in a session of its own."""
+    """`EvaderSource` on one key expression."""
 
-    def __init__(
-        self,
-        clock: Clock,
-        key: str,
-        read: PayloadReader,
-        *,
-        endpoint: str,
-        credentials: Credentials = NO_CREDENTIALS,
-        timeout_s: float = 3.0,
-    ) -> None:
-        """Subscribe.
+    def __init__(self, clock: Clock, session: Session, key: str, read: PayloadReader) -> None:
+        """Subscribe; the session is closed with the source.
 
         Raises:
             ConfigError: If the key is not a Zenoh key expression.
-            LinkError: If no session can be opened within `timeout_s`.
         """
-        try:
-            expression = zenoh.KeyExpr(key)
-        except zenoh.ZError as error:
-            raise ConfigError(f"key = {key!r}: not a Zenoh key expression") from error
         self._read = read
         self._arrivals = Arrivals[tuple[float, bytes, str]]()
         self._counts: Counter[str] = Counter()
-        self._subscription = Subscription(
-            open_session(endpoint, timeout_s=timeout_s, credentials=credentials),
-            expression,
-            lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes(), sender(sample))),
-        )
+        try:
+            self._subscription = Subscription(
+                session,
+                key,
+                lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes(), sender(sample))),
+            )
+        except zenoh.ZError as error:
+            session.close()  # type: ignore[no-untyped-call]
+            raise ConfigError(f"key = {key!r}: not a Zenoh key expression") from error
 
     def receive(self) -> Sequence[EvaderReport]:
         """Return all reports since the last call, in order of arrival."""
@@ -161,25 +148,14 @@ def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: s
         raise Refused("position")
     altitude: Altitude = _DATUMS[given.altitude_datum](given.altitude_m)
     try:
-        above_sea = frame.amsl(altitude)
+        place = given.latitude_deg, given.longitude_deg, frame.amsl(altitude).metres
     except ConfigError as error:
         raise Refused("datum") from error
-    return EvaderReport(
-        received_s,
-        _or_nan(given.sent_s),
-        source,
-        given.latitude_deg,
-        given.longitude_deg,
-        above_sea.metres,
-        given.velocity_ned_m_s or UNKNOWN_VELOCITY,
-        _or_nan(given.position_sd_m),
-        _or_nan(given.velocity_sd_m_s),
-        said=AltitudeSaid(given.altitude_m, Datum(given.altitude_datum)),
-    )
-
-
-def _or_nan(value: float | None) -> float:
-    return math.nan if value is None else value
+    numbers = (given.sent_s, given.position_sd_m, given.velocity_sd_m_s)
+    sent_s, sd_m, sd_m_s = (math.nan if number is None else number for number in numbers)
+    velocity = given.velocity_ned_m_s or UNKNOWN_VELOCITY
+    said = AltitudeSaid(given.altitude_m, Datum(given.altitude_datum))
+    return EvaderReport(received_s, sent_s, source, *place, velocity, sd_m, sd_m_s, said=said)
 
 
 class CdrReader:
@@ -226,24 +202,6 @@ def rmw_key(topic: str, dds_type: str) -> str:
     return f"*/{topic.strip('/')}/{dds_type}/*"
 
 
-class _Header(NamedTuple):
-    stamp_s: float
-    frame_id: str
-
-
-def _header(reader: CdrReader) -> _Header:
-    (seconds,), (nanoseconds,), frame_id = reader.take("i"), reader.take("I"), reader.string()
-    stamp_s = seconds + nanoseconds / 1e9
-    return _Header(stamp_s if stamp_s != 0.0 else math.nan, frame_id)
-
-
-def _position(reader: CdrReader) -> Vector:
-    x, y, z = reader.take("d", 3)
-    if not (abs(x) < 1e6 and abs(y) < 1e6 and abs(z) < 1e6):  # NaN fails this too
-        raise Refused("position")
-    return x, y, z
-
-
 @dataclass(frozen=True, slots=True)
 class RosPose:
     """Reads both types. `frame` is the frame that ROS calls `frame_id`; poses in other frames are refused."""
@@ -258,9 +216,9 @@ class RosPose:
             Refused: If the bytes are not one, or it is in another frame.
         """
         reader = CdrReader(payload)
-        header, position = _header(reader), _position(reader)
-        reader.take("d", 4)
-        return self._report(header, received_s, position, UNKNOWN_VELOCITY, math.nan, math.nan)
+        stamp_s = self._stamp_s(reader)
+        pose = reader.take("d", 7)
+        return self._report(stamp_s, received_s, pose[:3], UNKNOWN_VELOCITY, math.nan, math.nan)
 
     def odometry(self, payload: bytes, received_s: float) -> EvaderReport:
         """Convert a nav_msgs/Odometry.
@@ -269,38 +227,38 @@ class RosPose:
             Refused: If the bytes are not one, or it is in another frame.
         """
         reader = CdrReader(payload)
-        header = _header(reader)
-        reader.string()
-        position = _position(reader)
-        x, y, z, w = reader.take("d", 4)
+        stamp_s = self._stamp_s(reader)
+        reader.string()  # child_frame_id
+        x, y, z, q_x, q_y, q_z, q_w = reader.take("d", 7)
         pose_variance = reader.take("d", 36)
-        vx, vy, vz = reader.take("d", 3)
-        reader.take("d", 3)
+        twist = reader.take("d", 6)
         twist_variance = reader.take("d", 36)
-        return self._report(
-            header,
-            received_s,
-            position,
-            ned_from_game(known_velocity(rotate((w, x, y, z), (vx, vy, vz)))),
-            standard_deviation(*(pose_variance[index] for index in _DIAGONAL)),
-            standard_deviation(*(twist_variance[index] for index in _DIAGONAL)),
-        )
+        velocity_enu = known_velocity(rotate((q_w, q_x, q_y, q_z), twist[:3]))
+        sd_m = standard_deviation(*(pose_variance[index] for index in _DIAGONAL))
+        sd_m_s = standard_deviation(*(twist_variance[index] for index in _DIAGONAL))
+        return self._report(stamp_s, received_s, (x, y, z), ned_from_game(velocity_enu), sd_m, sd_m_s)
+
+    def _stamp_s(self, reader: CdrReader) -> float:
+        """Read a std_msgs/Header; return its time, NaN for none."""
+        (seconds,), (nanoseconds,) = reader.take("i"), reader.take("I")
+        if reader.string() != self.frame_id:
+            raise Refused("frame")
+        return seconds + nanoseconds / 1e9 or math.nan
 
     def _report(
-        self, header: _Header, received_s: float, enu_m: Vector, velocity_ned: Vector, sd_m: float, sd_m_s: float
+        self, stamp_s: float, received_s: float, enu_m: Vector, velocity_ned: Vector, sd_m: float, sd_m_s: float
     ) -> EvaderReport:
-        if header.frame_id != self.frame_id:
-            raise Refused("frame")
+        if not all(abs(part) < FARTHEST_M for part in enu_m):  # NaN fails this too
+            raise Refused("position")
         latitude, longitude, altitude = self.frame.wgs84_from_ned(ned_from_game(enu_m))
-        return EvaderReport(
-            received_s,
-            header.stamp_s,
-            "ROS 2",
-            latitude,
-            longitude,
-            altitude.metres,
-            velocity_ned,
-            sd_m,
-            sd_m_s,
-            said=AltitudeSaid(enu_m[2], Datum.ORIGIN),
-        )
+        place = latitude, longitude, altitude.metres
+        said = AltitudeSaid(enu_m[2], Datum.ORIGIN)
+        return EvaderReport(received_s, stamp_s, "ROS 2", *place, velocity_ned, sd_m, sd_m_s, said=said)
+
+
+KEYS: Final[Mapping[str, Callable[[LocalFrame, str], tuple[str, PayloadReader]]]] = {
+    "json": lambda frame, key: (key, partial(read_json, frame=frame, source=key)),
+    "ros_pose": lambda frame, topic: (rmw_key(topic, POSE_TYPE), RosPose(frame).pose_stamped),
+    "ros_odometry": lambda frame, topic: (rmw_key(topic, ODOMETRY_TYPE), RosPose(frame).odometry),
+}
+"""Key and payload by their name in a configuration. The URL's path is the key, or the ROS topic."""

@@ -24,13 +24,11 @@ Packet = tuple[float, bytes]
 
 
 class Arrivals(Generic[T]):
-    """A bounded queue: another thread fills it, the loop empties it. When it is full, the oldest item is dropped."""
+    """A bounded queue: one thread fills it, the loop empties it. When it is full, the oldest item is dropped."""
 
-    def __init__(self, *, length: int = QUEUE_LENGTH) -> None:
-        self._length = length
-        self._waiting: deque[T] = deque()
-        self._lock = threading.Lock()
-        self._arrived = threading.Condition(self._lock)
+    def __init__(self) -> None:
+        self._waiting: deque[T] = deque(maxlen=QUEUE_LENGTH)
+        self._arrived = threading.Event()
         self.closed = False
         self.dropped = 0
 
@@ -39,33 +37,28 @@ class Arrivals(Generic[T]):
 
     def put(self, item: T) -> None:
         """Add an item and wake the thread that waits. Does nothing once closed."""
-        with self._lock:
-            if self.closed:
-                return
-            if len(self._waiting) >= self._length:
-                self._waiting.popleft()
-                self.dropped += 1
-            self._waiting.append(item)
-            self._arrived.notify()
+        if self.closed:
+            return
+        self.dropped += len(self._waiting) == QUEUE_LENGTH
+        self._waiting.append(item)
+        if not self._arrived.is_set():
+            self._arrived.set()
 
     def take(self) -> list[T]:
-        """Return and remove all items, oldest first."""
-        with self._lock:
-            taken = list(self._waiting)
-            self._waiting.clear()
-        return taken
+        """Return and remove all items, oldest first; none once closed."""
+        waiting = self._waiting
+        return [] if self.closed else [waiting.popleft() for _ in range(len(waiting))]
 
     def wait(self, timeout_s: float) -> None:
         """Block until an item is here, at most `timeout_s`."""
-        with self._lock:
-            self._arrived.wait_for(lambda: self._waiting or self.closed, timeout_s)
+        self._arrived.clear()
+        if not (self._waiting or self.closed):
+            self._arrived.wait(timeout_s)
 
     def close(self) -> None:
-        """Drop all items and accept no more."""
-        with self._lock:
-            self.closed = True
-            self._waiting.clear()
-            self._arrived.notify_all()
+        """Accept no more items."""
+        self.closed = True
+        self._arrived.set()
 
 
 class Reader:
@@ -177,52 +170,39 @@ class WireShare:
     def __init__(self, wire: Wire, shares: list["WireShare"]) -> None:
         self._wire = wire
         self._shares = shares
-        self._waiting: deque[Packet] = deque()
-        self._dropped = 0
+        self._arrivals = Arrivals[Packet]()
+        self.stream, self.impostors = wire.stream, wire.impostors  # impostors: for the first reader that asks
         shares.append(self)
-
-    @property
-    def stream(self) -> bool:
-        """The wire's."""
-        return self._wire.stream
 
     def receive(self) -> Sequence[Packet]:
         """Return everything since this reader's last call, and keep it for the other readers."""
         for packet in self._wire.receive():
             for share in self._shares:
                 share.keep(packet)
-        taken = list(self._waiting)
-        self._waiting.clear()
-        return taken
+        return self._arrivals.take()
 
-    def impostors(self) -> Sequence[bytes]:
-        """Return the wire's; the first reader that asks gets them."""
-        return self._wire.impostors()
+    def keep(self, packet: Packet) -> None:
+        """Queue a packet for this reader."""
+        self._arrivals.put(packet)
 
     def wait(self, timeout_s: float) -> None:
         """Wait at the wire, unless something is here already."""
-        if not self._waiting:
+        if not self._arrivals:
             self._wire.wait(timeout_s)
-
-    def keep(self, packet: Packet) -> None:
-        """Queue a packet for this reader; when the queue is full, the oldest is dropped."""
-        if len(self._waiting) >= QUEUE_LENGTH:
-            self._waiting.popleft()
-            self._dropped += 1
-        self._waiting.append(packet)
 
     def send(self, frame: bytes) -> None:
         """Send on the common wire."""
-        if self in self._shares:
+        if not self._arrivals.closed:
             self._wire.send(frame)
 
     def counters(self) -> Mapping[str, int]:
         """Return the wire's counts, and how many packets this slow reader has lost."""
-        return {**self._wire.counters(), "share_dropped": self._dropped}
+        return {**self._wire.counters(), "share_dropped": self._arrivals.dropped}
 
     def close(self) -> None:
         """Leave; the last reader closes the wire."""
-        if self in self._shares:
+        if not self._arrivals.closed:
+            self._arrivals.close()
             self._shares.remove(self)
             if not self._shares:
                 self._wire.close()

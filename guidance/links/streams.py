@@ -6,61 +6,34 @@ next one; only whole frames are dropped.
 
 import contextlib
 import os
+import select
 import socket
 import termios
 from abc import abstractmethod
-from collections.abc import Callable
 from typing import Final
 
 import serial
 
 from guidance.errors import LinkError
 from guidance.links.port import Clock
-from guidance.links.wires.shared import QueuedWire, Reader
+from guidance.links.wires import QueuedWire, Reader
 
 _WAIT_S: Final = 0.1
 _TCP_BYTES: Final = 16384
 _SERIAL_BYTES: Final = 4096
 
 
-class Tail:
-    """Keeps the unsent rest of the last frame, so that the stream never holds half a frame followed by another."""
+class StreamWire(QueuedWire):
+    """A stream with a reader thread; sending never waits.
 
-    def __init__(self, write: Callable[[bytes], int]) -> None:
-        self._write = write
-        self._rest = b""
-
-    def send(self, frame: bytes) -> bool:
-        """Write without waiting; return whether the frame was accepted, even in part.
-
-        `write` returns how many bytes it accepted, and raises OSError if it accepts none.
-        """
-        try:
-            if self._rest:
-                self._rest = self._rest[self._write(self._rest) :]
-            if self._rest:
-                return False
-            self._rest = frame[self._write(frame) :]
-        except BlockingIOError:
-            return False
-        except OSError:
-            self._rest = b""
-            return False
-        return True
-
-    def forget(self) -> None:
-        """Start with a whole frame: there is a new peer."""
-        self._rest = b""
-
-
-class _StreamWire(QueuedWire):
-    """A stream with a reader thread; sending never waits."""
+    The unsent rest of the last frame is kept, so that the stream never holds half a frame followed by another.
+    """
 
     stream = True
 
     def __init__(self, clock: Clock) -> None:
         super().__init__(clock)
-        self._tail = Tail(self._write_some)
+        self._rest = b""
 
     def _begin(self, *, name: str) -> None:
         self._reader = Reader(self._read_once, name=name)
@@ -75,14 +48,30 @@ class _StreamWire(QueuedWire):
 
     @abstractmethod
     def _write_some(self, data: bytes) -> int:
-        """Write without waiting; return how many bytes were accepted."""
+        """Write without waiting; return how many bytes were accepted. Raises OSError if none is."""
 
     @abstractmethod
     def _hang_up(self) -> None:
         """Close the connection or port."""
 
     def _write(self, frame: bytes) -> bool:
-        return self._tail.send(frame)
+        """Return whether the frame was accepted, even in part."""
+        try:
+            if self._rest:
+                self._rest = self._rest[self._write_some(self._rest) :]
+            if self._rest:
+                return False
+            self._rest = frame[self._write_some(frame) :]
+        except BlockingIOError:
+            return False
+        except OSError:
+            self._rest = b""
+            return False
+        return True
+
+    def start_again(self) -> None:
+        """Begin with a whole frame: there is a new peer."""
+        self._rest = b""
 
     def _release(self) -> None:
         self._arrivals.close()
@@ -90,18 +79,10 @@ class _StreamWire(QueuedWire):
         self._hang_up()
 
 
-class TcpWire(_StreamWire):
+class TcpWire(StreamWire):
     """One connection at a time. When it breaks, we call again or accept the next caller."""
 
-    def __init__(
-        self,
-        clock: Clock,
-        *,
-        host: str,
-        port: int,
-        listen: bool,
-        timeout_s: float = 5.0,
-    ) -> None:
+    def __init__(self, clock: Clock, *, host: str, port: int, listen: bool, timeout_s: float = 5.0) -> None:
         """Connect, or begin to listen.
 
         Raises:
@@ -109,27 +90,20 @@ class TcpWire(_StreamWire):
         """
         super().__init__(clock)
         self._address = (host, port)
-        self._writer: socket.socket | None = None
         self._server: socket.socket | None = None
         self._peer: socket.socket | None = None
+        self._readable = select.poll()
         try:
             if listen:
                 self._server = socket.create_server((host, port), backlog=1)
                 self._server.settimeout(_WAIT_S)
             else:
-                self._peer = self._tuned(socket.create_connection((host, port), timeout=timeout_s))
+                self._take_up(socket.create_connection((host, port), timeout=timeout_s))
         except OSError as error:
             busy, absent = "choose another port or end the program that uses it", "is the vehicle running there?"
             advice = busy if listen else absent
             raise LinkError(f"tcp {host}:{port}: {error}; {advice}") from error
-        self._pick_up()
         self._begin(name=f"tcp {host}:{port}")
-
-    @staticmethod
-    def _tuned(peer: socket.socket) -> socket.socket:
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        peer.settimeout(_WAIT_S)
-        return peer
 
     @property
     def port(self) -> int:
@@ -140,16 +114,17 @@ class TcpWire(_StreamWire):
     def _read(self) -> bytes:
         try:
             if self._peer is None:
-                self._peer = self._tuned(self._next_peer())
-                self._pick_up()
+                self._take_up(self._next_peer())
+            if self._peer is None or not self._readable.poll(_WAIT_S * 1e3):
+                return b""
             data = self._peer.recv(_TCP_BYTES)
         except TimeoutError:
             return b""
         except OSError:
-            self._drop_peer()
+            self._hang_up_on_peer()
             raise
         if not data:
-            self._drop_peer()
+            self._hang_up_on_peer()
             raise ConnectionResetError("the other side closed")
         return data
 
@@ -158,35 +133,33 @@ class TcpWire(_StreamWire):
             return socket.create_connection(self._address, timeout=_WAIT_S)
         return self._server.accept()[0]
 
-    def _pick_up(self) -> None:
-        """Open a second, non-blocking handle for writing: a send through the reader's handle would wait."""
-        if self._peer is None:
-            return
+    def _take_up(self, peer: socket.socket) -> None:
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer.setblocking(False)
+        self._readable = select.poll()
+        self._readable.register(peer, select.POLLIN)
         with self._lock:
-            self._writer = self._peer.dup()
-            self._writer.setblocking(False)
-            self._tail.forget()
+            self._peer = peer
+            self.start_again()
 
-    def _drop_peer(self) -> None:
+    def _hang_up_on_peer(self) -> None:
         with self._lock:
-            ended = self._peer, self._writer
-            self._peer = self._writer = None
-        for one in ended:
-            if one is not None:
-                one.close()
+            ended, self._peer = self._peer, None
+        if ended is not None:
+            ended.close()
 
     def _write_some(self, data: bytes) -> int:
-        if self._writer is None:
+        if self._peer is None:
             raise ConnectionError("no connection")
-        return self._writer.send(data)
+        return self._peer.send(data)
 
     def _hang_up(self) -> None:
-        self._drop_peer()
+        self._hang_up_on_peer()
         if self._server is not None:
             self._server.close()
 
 
-class SerialWire(_StreamWire):
+class SerialWire(StreamWire):
     """One serial port, opened exclusively, and reopened after it was unplugged."""
 
     def __init__(self, clock: Clock, *, device: str, baud: int) -> None:
@@ -218,7 +191,7 @@ class SerialWire(_StreamWire):
     def _reopen(self) -> None:
         with self._lock:
             self._port.open()
-            self._tail.forget()
+            self.start_again()
 
     def _write_some(self, data: bytes) -> int:
         return os.write(self._port.fileno(), data)  # pyserial's write spins while the port is full

@@ -10,14 +10,14 @@ import socket
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from guidance.errors import LinkError
 from guidance.links.frames import KNOWN, FrameReader, SignatureCheck, header_of
 from guidance.links.port import Clock
-from guidance.links.wires.shared import Packet, QueuedWire, Reader
+from guidance.links.wires import Packet, QueuedWire, Reader
 
 _WAIT_MS: Final = 100
 _DATAGRAM_BYTES: Final = 65535
@@ -263,19 +263,10 @@ class UdpWire(QueuedWire):
 
     def _write(self, frame: bytes) -> bool:
         """Send one datagram to each pinned address; without any, the frame is not sent."""
-        addresses = (None,) if self._pins is None else tuple(self._pins)
-        sent = [self._send_to(frame, address) for address in addresses]
+        if self._pins is None:
+            return _is_sent(self._socket.send, frame)
+        sent = [_is_sent(self._socket.sendto, frame, address) for address in self._pins]
         return bool(sent) and all(sent)
-
-    def _send_to(self, frame: bytes, address: Address | None) -> bool:
-        try:
-            if address is None:
-                self._socket.send(frame)
-            else:
-                self._socket.sendto(frame, address)
-        except OSError:
-            return False
-        return True
 
     def counters(self) -> Mapping[str, int]:
         """Return the counts of all wires, and how many datagrams of others were refused, by reason."""
@@ -285,3 +276,11 @@ class UdpWire(QueuedWire):
     def _release(self) -> None:
         self._reader.close()
         self._socket.close()
+
+
+def _is_sent(send: Callable[..., int], *what: bytes | Address) -> bool:
+    try:
+        send(*what)
+    except OSError:
+        return False
+    return True

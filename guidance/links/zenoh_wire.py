@@ -16,8 +16,8 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.port import Clock
-from guidance.links.wires.shared import QueuedWire
-from guidance.links.wires.zenoh_access import AUTHORITY, NO_CREDENTIALS, ROUTER, Credentials
+from guidance.links.wires import QueuedWire
+from guidance.links.zenoh_access import AUTHORITY, NO_CREDENTIALS, ROUTER, Credentials
 
 TO_VEHICLE: Final = "mavlink_raw/in"
 FROM_VEHICLE: Final = "mavlink_raw/out"
@@ -26,6 +26,9 @@ _REFUSED: Final = (
     "is the router running, is its certificate for this host and signed by zenoh.tls_ca_file, and does it accept our "
     "certificate or user? With RUST_LOG=warn the router logs whom it refuses"
 )
+
+
+Session = zenoh.Session
 
 
 def is_over(stop: threading.Event, wait_s: float = 0.0) -> bool:
@@ -41,9 +44,7 @@ def is_over(stop: threading.Event, wait_s: float = 0.0) -> bool:
     return stop.wait(wait_s) or not threading.main_thread().is_alive()
 
 
-def open_session(
-    endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS
-) -> "zenoh.Session":
+def open_session(endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS) -> Session:
     """Open a client session to one endpoint (`tcp/127.0.0.1:7447`). It neither listens nor searches the network.
 
     Raises:
@@ -80,9 +81,7 @@ class Subscription:
         on_sample: Called on a thread of Zenoh's.
     """
 
-    def __init__(
-        self, session: "zenoh.Session", key: "str | zenoh.KeyExpr", on_sample: Callable[["zenoh.Sample"], None]
-    ) -> None:
+    def __init__(self, session: Session, key: str, on_sample: Callable[["zenoh.Sample"], None]) -> None:
         self._session = session
         self._subscriber = session.declare_subscriber(key, on_sample, allowed_origin=zenoh.Locality.REMOTE)
 
@@ -94,27 +93,14 @@ class Subscription:
 
 
 class ZenohWire(QueuedWire):
-    """Our side of a vehicle's namespace, in a session of its own."""
+    """Our side of a vehicle's namespace."""
 
     stream = True
 
-    def __init__(
-        self,
-        clock: Clock,
-        *,
-        namespace: str,
-        endpoint: str,
-        credentials: Credentials = NO_CREDENTIALS,
-        timeout_s: float = 3.0,
-    ) -> None:
-        """Subscribe and prepare to publish.
-
-        Raises:
-            LinkError: If no session can be opened within `timeout_s`.
-        """
+    def __init__(self, clock: Clock, session: Session, namespace: str) -> None:
+        """Subscribe and prepare to publish; the session is closed with the wire."""
         super().__init__(clock)
         prefix = f"{namespace}/" if namespace else ""
-        session = open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
         self._publisher = session.declare_publisher(
             prefix + TO_VEHICLE,
             encoding=zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink"),
@@ -138,7 +124,7 @@ class ZenohWire(QueuedWire):
         self._subscription.close()
 
 
-def open_router(path: Path, keys: Path | None = None, listen: str | None = None) -> "zenoh.Session":
+def open_router(path: Path, keys: Path | None = None, listen: str | None = None) -> Session:
     """Open a router, which routes until it is closed. It is the same code as zenohd, without plugins (REST, storage).
 
     Args:

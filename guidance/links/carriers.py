@@ -5,15 +5,16 @@ OPEN_DRONE_ID_LOCATION of others.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, Protocol
+from typing import ClassVar, Final, NamedTuple, Protocol
 
-from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Vector
-from guidance.links.codec import MAV_FRAME_LOCAL_NED, decode, degrees, finite
+from guidance.errors import ConfigError
+from guidance.frames import Amsl, Ellipsoid, LocalFrame, Vector
+from guidance.links.codec import MAV_FRAME_LOCAL_NED, degrees
 from guidance.links.frames import Decoded
-from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport, GlobalPosition
-from guidance.vehicle import is_plausible
+from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
+from guidance.vehicle import FARTHEST_M, is_plausible
 
 MAV_FRAME_BODY_FRD: Final = 12
 CAPABILITY_VELOCITY: Final = 1 << 1
@@ -21,14 +22,12 @@ _DIAGONAL: Final = (0, 6, 11)  # of the upper right triangle of a 6 x 6 matrix, 
 
 VALID_COORDINATES: Final = 1
 VALID_ALTITUDE: Final = 2
-VALID_HEADING: Final = 4
-VALID_VELOCITY: Final = 8
-VALID_VERTICAL_VELOCITY: Final = 128
+VALID_MOTION: Final = 4 | 8 | 128  # heading, velocity, vertical velocity
 ALTITUDE_GEOMETRIC: Final = 1
 
-UNKNOWN_DIRECTION_CDEG: Final = 36100
-UNKNOWN_SPEED_CM_S: Final = 25500
-UNKNOWN_CLIMB_CM_S: Final = 6300
+UNKNOWN_MOTION: Final = (36100, 25500, 6300)
+"""Direction (1/100 degree), horizontal and vertical speed (cm/s) that OPEN_DRONE_ID_LOCATION defines as unknown."""
+
 UNKNOWN_ALTITUDE_M: Final = -1000.0
 HORIZONTAL_BOUNDS_M: Final = (
     math.nan, 18520.0, 7408.0, 3704.0, 1852.0, 926.0, 555.6, 185.2, 92.6, 30.0, 10.0, 3.0, 1.0,
@@ -97,19 +96,13 @@ class FollowTarget:
 
     def report(self, m: Decoded, received_s: float) -> EvaderReport:
         """Convert a message."""
-        latitude, longitude = degrees(m.lat, m.lon)
+        place = *degrees(m.lat, m.lon), m.alt
+        sent_s = self.clock.unwrap(m.timestamp % 2**32) / 1e3
         known = m.est_capabilities == 0 or m.est_capabilities & CAPABILITY_VELOCITY
-        return EvaderReport(
-            received_s,
-            self.clock.unwrap(m.timestamp % 2**32) / 1e3,
-            self.message,
-            latitude,
-            longitude,
-            m.alt,
-            known_velocity(m.vel) if known and any(m.vel) else UNKNOWN_VELOCITY,
-            standard_deviation(*(value * abs(value) for value in m.position_cov)),
-            said=AltitudeSaid(m.alt, Datum.AMSL),
-        )
+        velocity = known_velocity(m.vel) if known and any(m.vel) else UNKNOWN_VELOCITY
+        sd_m = standard_deviation(*(value * abs(value) for value in m.position_cov))
+        said = AltitudeSaid(m.alt, Datum.AMSL)
+        return EvaderReport(received_s, sent_s, self.message, *place, velocity, sd_m, said=said)
 
 
 @dataclass(slots=True)
@@ -127,19 +120,11 @@ class GlobalPositionInt:
 
     def report(self, m: Decoded, received_s: float) -> EvaderReport:
         """Convert a message."""
-        heard = decode(m, received_s)
-        if not isinstance(heard, GlobalPosition):
-            raise Refused("invalid")
-        return EvaderReport(
-            received_s,
-            self.clock.unwrap(heard.time_boot_s * 1e3) / 1e3,
-            self.message,
-            heard.latitude_deg,
-            heard.longitude_deg,
-            heard.altitude_amsl_m,
-            heard.velocity_ned_m_s,
-            said=AltitudeSaid(heard.altitude_amsl_m, Datum.AMSL),
-        )
+        place = *degrees(m.lat, m.lon), m.alt / 1e3
+        velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
+        sent_s = self.clock.unwrap(m.time_boot_ms) / 1e3
+        said = AltitudeSaid(m.alt / 1e3, Datum.AMSL)
+        return EvaderReport(received_s, sent_s, self.message, *place, velocity, said=said)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,25 +145,18 @@ class OdometryCarrier:
         """Convert a message."""
         if m.frame_id != MAV_FRAME_LOCAL_NED:
             raise Refused("frame")
-        position = finite(m.x, m.y, m.z)
-        if max(map(abs, position)) > 1e6:
+        position = (m.x, m.y, m.z)
+        if not all(abs(part) <= FARTHEST_M for part in position):  # NaN fails this too
             raise Refused("position")
         latitude, longitude, altitude = self.frame.wgs84_from_ned(position)
         velocity = known_velocity((m.vx, m.vy, m.vz))
         if m.child_frame_id != MAV_FRAME_LOCAL_NED:
             velocity = rotate(m.q, velocity) if m.child_frame_id == MAV_FRAME_BODY_FRD else UNKNOWN_VELOCITY
-        return EvaderReport(
-            received_s,
-            m.time_usec / 1e6,
-            self.message,
-            latitude,
-            longitude,
-            altitude.metres,
-            velocity,
-            standard_deviation(*(m.pose_covariance[index] for index in _DIAGONAL)),
-            standard_deviation(*(m.velocity_covariance[index] for index in _DIAGONAL)),
-            said=AltitudeSaid(-position[2], Datum.ORIGIN),
-        )
+        place = latitude, longitude, altitude.metres
+        sd_m = standard_deviation(*(m.pose_covariance[index] for index in _DIAGONAL))
+        sd_m_s = standard_deviation(*(m.velocity_covariance[index] for index in _DIAGONAL))
+        said = AltitudeSaid(-m.z, Datum.ORIGIN)
+        return EvaderReport(received_s, m.time_usec / 1e6, self.message, *place, velocity, sd_m, sd_m_s, said=said)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,21 +190,14 @@ class AdsbVehicle:
         ):
             if refused:
                 raise Refused(reason)
-        latitude, longitude = degrees(m.lat, m.lon)
-        geometric, given_m = m.altitude_type == ALTITUDE_GEOMETRIC, m.altitude / 1e3
-        altitude: Altitude = Ellipsoid(given_m) if geometric else Amsl(given_m)
-        needed = VALID_HEADING | VALID_VELOCITY | VALID_VERTICAL_VELOCITY
-        known = m.flags & needed == needed
-        return EvaderReport(
-            received_s,
-            math.nan,
-            self.message,
-            latitude,
-            longitude,
-            self.frame.amsl(altitude).metres,
-            velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if known else UNKNOWN_VELOCITY,
-            said=AltitudeSaid(given_m, Datum.ELLIPSOID if geometric else Datum.AMSL),
-        )
+        given_m = m.altitude / 1e3
+        altitude, said = Amsl(given_m), AltitudeSaid(given_m, Datum.AMSL)
+        if m.altitude_type == ALTITUDE_GEOMETRIC:
+            altitude, said = self.frame.amsl(Ellipsoid(given_m)), AltitudeSaid(given_m, Datum.ELLIPSOID)
+        place = *degrees(m.lat, m.lon), altitude.metres
+        known = m.flags & VALID_MOTION == VALID_MOTION
+        velocity = velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if known else UNKNOWN_VELOCITY
+        return EvaderReport(received_s, math.nan, self.message, *place, velocity, said=said)
 
 
 @dataclass(slots=True)
@@ -257,26 +228,41 @@ class OpenDroneIdLocation:
         """Convert a message."""
         if self.id_or_mac is not None and bytes(m.id_or_mac) != self.id_or_mac.ljust(20, b"\0"):
             raise Refused("other_id")
-        latitude, longitude = degrees(m.latitude, m.longitude)
         if not m.altitude_geodetic > UNKNOWN_ALTITUDE_M:
             raise Refused("altitude")
-        known = (
-            m.direction < UNKNOWN_DIRECTION_CDEG
-            and m.speed_horizontal < UNKNOWN_SPEED_CM_S
-            and m.speed_vertical < UNKNOWN_CLIMB_CM_S
-        )
-        return EvaderReport(
-            received_s,
-            self.clock.unwrap(m.timestamp) if 0.0 <= m.timestamp <= 3600.0 else math.nan,
-            self.message,
-            latitude,
-            longitude,
-            self.frame.amsl(Ellipsoid(m.altitude_geodetic)).metres,
-            velocity_over_ground(m.direction, m.speed_horizontal, m.speed_vertical) if known else UNKNOWN_VELOCITY,
-            _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy),
-            _half(SPEED_BOUNDS_M_S, m.speed_accuracy),
-            said=AltitudeSaid(m.altitude_geodetic, Datum.ELLIPSOID),
-        )
+        place = *degrees(m.latitude, m.longitude), self.frame.amsl(Ellipsoid(m.altitude_geodetic)).metres
+        motion = m.direction, m.speed_horizontal, m.speed_vertical
+        known = all(value < unknown for value, unknown in zip(motion, UNKNOWN_MOTION, strict=True))
+        velocity = velocity_over_ground(*motion) if known else UNKNOWN_VELOCITY
+        sent_s = self.clock.unwrap(m.timestamp) if 0.0 <= m.timestamp <= 3600.0 else math.nan
+        sd_m, sd_m_s = _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy), _half(SPEED_BOUNDS_M_S, m.speed_accuracy)
+        said = AltitudeSaid(m.altitude_geodetic, Datum.ELLIPSOID)
+        return EvaderReport(received_s, sent_s, self.message, *place, velocity, sd_m, sd_m_s, said=said)
+
+
+class EvaderIdentity(NamedTuple):
+    """The evader's identity, as far as its carrier needs it: MAVLink ids, an ICAO address, a remote id."""
+
+    system_id: int | None = None
+    component_id: int | None = None
+    icao_address: int | None = None
+    id_or_mac: bytes | None = None
+
+
+def _adsb(frame: LocalFrame, identity: EvaderIdentity) -> Carrier:
+    if identity.icao_address is None:
+        raise ConfigError("evader.icao_address is missing: ADSB_VEHICLE needs the aircraft's address")
+    return AdsbVehicle(frame, identity.icao_address)
+
+
+CARRIERS: Final[Mapping[str, Callable[[LocalFrame, EvaderIdentity], Carrier]]] = {
+    "follow_target": lambda _frame, _identity: FollowTarget(),
+    "global_position": lambda _frame, _identity: GlobalPositionInt(),
+    "odometry": lambda frame, _identity: OdometryCarrier(frame),
+    "open_drone_id": lambda frame, identity: OpenDroneIdLocation(frame, identity.id_or_mac),
+    "adsb": _adsb,
+}
+"""Carriers on a MAVLink wire, by their name in a configuration."""
 
 
 def _half(bounds: tuple[float, ...], index: int) -> float:
