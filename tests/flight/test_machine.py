@@ -26,7 +26,7 @@ def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin()
     first = flown.cycle()
     assert (first.state, first.happenings[0].event) == (State.CHECKING, Event.HEARD)
     assert (flown.flight.mode_name, flown.flight.mode_title) == ("hold", "HOLD")
-    assert [request.command for request in first.requests] == [INTERVAL] * 7 + [MESSAGE] * 2
+    assert [request.command for request in first.requests] == [INTERVAL] * 8 + [MESSAGE] * 2
     assert [request.params[0] for request in first.requests[-2:]] == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
     assert flown.cycle().state is State.READY
 
