@@ -68,8 +68,7 @@ def draw(path: Path) -> ControlToken:
     with writing(f"control.token_file = {str(path)!r}"):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         _check_folder(path.parent, {os.getuid(), 0})
-        kept = read(path) if path.exists() and not _is_private(path) else None
-        if kept is not None:
+        if path.exists() and not _is_private(path) and (kept := read(path)) is not None:
             return kept
         token = ControlToken(path.with_name(f".{path.name}.{os.getpid()}"), secrets.token_hex(32))
         private_file(token.path).write_text(f"{USER}:{token.secret}\n", encoding="ascii")
