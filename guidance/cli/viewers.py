@@ -46,8 +46,6 @@ def view(
     from guidance.errors import ConfigError  # noqa: PLC0415 - slow import
     from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
     from guidance.viz.subprocesses import end_with_parent  # noqa: PLC0415
-    from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
-    from guidance.viz.view import view as show  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")
@@ -62,6 +60,9 @@ def view(
     if with_parent:
         end_with_parent(ended.set)
     require("the view", "viz")
+    from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
+    from guidance.viz.view import view as show  # noqa: PLC0415
+
     source = RecordFile(file, follow=follow) if file is not None else _live(endpoint, name, token_file, zenoh)
     count = show(source, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")

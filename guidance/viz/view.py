@@ -10,16 +10,17 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import rerun as rr
+
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, writing
 from guidance.log import Item, SettingsOf, metadata_of, scan, title_of
 from guidance.log.reader import Idle
+from guidance.viz.painter import Painter, layout
+from guidance.viz.serving import RecordingServer, WebPage
 
 if TYPE_CHECKING:
-    import rerun as rr
-
     from guidance.log.broadcast import LiveFlight
-    from guidance.viz.painter import Painter
 
 APPLICATION: Final = "guidance"
 REDRAWN_EVERY_S: Final = 0.1
@@ -84,7 +85,13 @@ def view(
         if source.live:
             os.nice(NICE)
         metadata = source.metadata(lambda: ended.wait(REDRAWN_EVERY_S))
-        painter = _opened(metadata, settings_of, source.name, destination, say, closing)
+        recording = rr.RecordingStream(APPLICATION)
+        closing.callback(recording.disconnect)
+        sink = _served(destination, say, closing) if destination.save is None else _file(destination.save)
+        with_target = settings_of(metadata).cycle.target_game_m is not None
+        recording.set_sinks(sink, default_blueprint=layout(with_target=with_target))
+        recording.send_recording_name(title_of(metadata))
+        painter = Painter(recording, settings_of, metadata, source.name)
 
         def idle() -> bool:
             painter.flush()
@@ -101,43 +108,17 @@ def view(
         return painter.cycles
 
 
-def _opened(
-    metadata: Mapping[str, str],
-    settings_of: SettingsOf,
-    source: str,
-    place: Destination,
-    say: Callable[[str], None],
-    closing: contextlib.ExitStack,
-) -> "Painter":
-    """Open a Rerun recording and return its painter."""
-    import rerun as rr  # noqa: PLC0415 - slow import
-
-    from guidance.viz.painter import Painter, layout  # noqa: PLC0415
-
-    recording = rr.RecordingStream(APPLICATION)
-    closing.callback(recording.disconnect)
-    sink = _file(place.save) if place.save is not None else _served(place, say, closing)
-    with_target = settings_of(metadata).cycle.target_game_m is not None
-    recording.set_sinks(sink, default_blueprint=layout(with_target=with_target))
-    recording.send_recording_name(title_of(metadata))
-    return Painter(recording, settings_of, metadata, source)
-
-
-def _file(path: Path) -> "rr.FileSink":
-    import rerun as rr  # noqa: PLC0415
-
+def _file(path: Path) -> rr.FileSink:
     with writing(path):
         private_folder(path.parent)
         private_file(path)  # Rerun only logs a failure
     return rr.FileSink(path)
 
 
-def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> "rr.GrpcServerSink":
+def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:
     for option, given in (("--port", place.port), ("--web-port", place.web_port)):
         if not 0 <= given <= 65535:
             raise ConfigError(f"{option} {given}: allowed is 0 (pick a free one) to 65535")
-    from guidance.viz.serving import RecordingServer, WebPage  # noqa: PLC0415
-
     recording = RecordingServer(place.port)
     closing.callback(recording.close)
     page = WebPage(place.web_port, recording)
