@@ -36,10 +36,9 @@ export class Tiles {
       }
     }
     if (!drawn) return;
-    const { width, height } = plan.surface;
     const { host } = new URL(this.source, location.href);
     const words = host === location.host ? TEXTS.map.local : TEXTS.map.by(host);
-    plan.surface.text(words, width - 6, height - 12, ink("--faint"), "right");
+    plan.surface.text(words, 6, 12, ink("--faint"));
   }
 
   // A tile, or its part of a larger one if it is missing.
