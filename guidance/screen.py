@@ -37,7 +37,7 @@ def sheet(
     left: Collection[int] = (0,),
     title: str | None = None,
 ) -> Table:
-    """Return a table. In a narrow terminal, cells with several words wrap within their column.
+    """Return a table. In a narrow terminal, the widest text column wraps first.
 
     Args:
         headings: Of the columns.
@@ -45,12 +45,11 @@ def sheet(
         left: Numbers of the text columns; the others are right-aligned numbers, which do not wrap.
         title: Title above the table.
     """
-    table, lines = Table(title=title, title_justify="left", box=None, pad_edge=False), list(rows)
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for place, heading in enumerate(headings):
-        words = place in left and any(" " in str(row[place]) for row in lines)
         justify: JustifyMethod = "left" if place in left else "right"
-        table.add_column(heading, justify=justify, no_wrap=not words, overflow="fold")
-    for row in lines:
+        table.add_column(heading, justify=justify, no_wrap=place not in left, overflow="fold")
+    for row in rows:
         table.add_row(*row)
     return table
 

@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -36,6 +36,9 @@ COLUMNS: Final = (
     "min_altitude_m",
 )
 """Columns whose means are compared."""
+
+_ROUNDING: Final = 1e-9
+"""Smaller numbers are rounding errors."""
 
 _MAY_DIFFER: Final = {"scenario", "policies", "title", "description", "as", "seeds", "rows"}
 """Keys of two sweep files that may differ if their rows are to be paired."""
@@ -225,40 +228,62 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
         return
     there = console()
     there.print(f"A {a}\nB {b}", soft_wrap=True)
-    for table in _sweeps(compared) if "groups" in compared else [_outcomes(compared)]:
-        there.print(table)
+    for part in _sweeps(compared) if "groups" in compared else _outcomes(compared):
+        there.print(part)
 
 
-def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Table:
-    rows = [(name, *(_cell(values[part]) for part in ("a", "b", "difference"))) for name, values in compared.items()]
-    return sheet(("column", "A", "B", "B − A"), rows)
+def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
+    """Yield a table of numbers, and one of texts, whose cells may be long."""
+    known = [
+        (name, *values.values())
+        for name, values in compared.items()
+        if not (values["a"] is None and values["b"] is None)
+    ]
+    numbers = [row for row in known if row[3] is not None]
+    yield sheet(("column", "A", "B", "B − A"), [tuple(map(_cell, row)) for row in numbers])
+    texts = [tuple(map(_cell, row[:3])) for row in known if row not in numbers]
+    yield sheet(("column", "A", "B"), texts, left=range(3), title=" ")
 
 
-def _sweeps(compared: Mapping[str, Any]) -> list[Table]:
-    tables = []
+def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | str]:
     kind = "paired rows" if compared["paired"] else "independent rows (the sweeps vary different values)"
     for group in compared["groups"]:
-        policies = group["a"] if group["a"] == group["b"] else f"{group['a']}, in B {group['b']}"
-        count = str(group["rows_a"]) if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
-        rows = []
-        for name, values in group["columns"].items():
-            apart = values["difference"]
-            reach = f"{_cell(apart['low'])} to {_cell(apart['high'])}"
-            heading = "share captured" if name == CAPTURED else name
-            rows.append((heading, _cell(values["a"]), _cell(values["b"]), _cell(apart["estimate"]), reach))
-        tables.append(sheet(("mean of", "A", "B", "B − A", "95 %"), rows, title=f"{policies}: {count} {kind}"))
+        rows = [
+            (name, _cell(values["a"], 4), _cell(values["b"], 4), _apart(values["difference"]))
+            for name, values in group["columns"].items()
+            if not (values["a"] is None and values["b"] is None)
+        ]
+        count = group["rows_a"] if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
+        yield f"\n[italic]{_both(group, '')}: {count} {kind}[/italic]"
+        yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)
     if compared["largest"]:
-        column = compared["largest"][0]["column"]
-        headings = ("row in A", "row in B", "end in A", "end in B", f"{column} in A", "in B", "B − A")
-        keys = ("row_a", "row_b", "end_a", "end_b", "a", "b", "difference")
-        largest: list[Sequence[str]] = [[_cell(row[key]) for key in keys] for row in compared["largest"]]
-        tables.append(sheet(headings, largest, title="the rows that differ most"))
-    return tables
+        yield f"\n[italic]the rows that differ most in {compared['largest'][0]['column']}[/italic]"
+        yield sheet(
+            ("row", "end", "A", "B", "B − A"),
+            [
+                (_both(row, "row_"), _both(row, "end_"), *(_cell(row[key]) for key in ("a", "b", "difference")))
+                for row in compared["largest"]
+            ],
+            left=(0, 1),
+        )
 
 
-def _cell(value: Any) -> str:  # noqa: ANN401 - any column
+def _both(values: Mapping[str, Any], prefix: str) -> str:
+    """Return a value of A, and that of B if it is another."""
+    a, b = values[f"{prefix}a"], values[f"{prefix}b"]
+    return str(a) if a == b else f"{a}, in B {b}"
+
+
+def _apart(difference: Mapping[str, float | None]) -> str:
+    """Return a difference with half the width of its interval."""
+    low, high = difference["low"], difference["high"]
+    half = "" if low is None or high is None else f" ± {_cell(0.5 * (high - low), 2)}"
+    return _cell(difference["estimate"], 3) + half
+
+
+def _cell(value: Any, digits: int = 5) -> str:  # noqa: ANN401 - any column
     if isinstance(value, float):
-        return f"{value:.5g}"
+        return f"{0.0 if abs(value) < _ROUNDING else value:.{digits}g}"
     if isinstance(value, list):
         return ", ".join(map(str, value)) or "none"
     return "-" if value is None else str(value)

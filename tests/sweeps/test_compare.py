@@ -1,4 +1,5 @@
 import json
+import re
 
 import numpy as np
 import pyarrow as pa
@@ -118,7 +119,7 @@ def test_the_command_compares_sweeps_and_outcomes(swept, tmp_path):
     a, b = swept("a"), swept("b", pursuers='"pure_pursuit"')
     shown = CliRunner().invoke(app, ["compare", str(a.path), str(b.path), "--rows", "2"])
     assert "20 paired rows" in shown.stdout
-    assert "share captured" in shown.stdout
+    assert "captured" in shown.stdout
     for name, folder in (("one.json", a), ("other.json", b)):
         outcome = play([scenario_of(folder.plan, 4)])[0]
         (tmp_path / name).write_text(json.dumps(outcome_json(outcome)))
@@ -145,3 +146,17 @@ def test_an_outcome_and_a_sweep_are_not_compared(swept, tmp_path):
     (tmp_path / "a.json").write_text("{}")
     done = CliRunner().invoke(app, ["compare", str(tmp_path / "a.json"), str(swept("b").path)])
     assert "must be two outcomes or two sweeps" in str(done.exception)
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path, columns):
+    a, b = swept("a"), swept("b", pursuers='"pure_pursuit"')
+    for name, folder in (("a.json", a), ("b.json", b)):
+        (tmp_path / name).write_text(json.dumps(outcome_json(play([scenario_of(folder.plan, 4)])[0])))
+    for pair in ((a.path, b.path), (tmp_path / "a.json", tmp_path / "b.json")):
+        said = [
+            CliRunner().invoke(app, ["compare", *map(str, pair), "--rows", "0"], env={"COLUMNS": str(width)}).stdout
+            for width in (columns, 400)
+        ]
+        narrow, wide = (re.findall(r"-?\d+\.?\d*(?:e-\d+)?", text) for text in said)
+        assert narrow == wide
