@@ -37,7 +37,7 @@ def sheet(
     left: Collection[int] = (0,),
     title: str | None = None,
 ) -> Table:
-    """Return a table. In a narrow terminal, the widest text column wraps first.
+    """Return a table. In a narrow terminal, text columns with several words wrap; if there are none, names do.
 
     Args:
         headings: Of the columns.
@@ -45,11 +45,12 @@ def sheet(
         left: Numbers of the text columns; the others are right-aligned numbers, which do not wrap.
         title: Title above the table.
     """
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table, lines = Table(title=title, title_justify="left", box=None, pad_edge=False), list(rows)
+    wrapping = {place for place in left if any(" " in str(row[place]) for row in lines)} or set(left)
     for place, heading in enumerate(headings):
         justify: JustifyMethod = "left" if place in left else "right"
-        table.add_column(heading, justify=justify, no_wrap=place not in left, overflow="fold")
-    for row in rows:
+        table.add_column(heading, justify=justify, no_wrap=place not in wrapping, overflow="fold")
+    for row in lines:
         table.add_row(*row)
     return table
 
