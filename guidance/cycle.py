@@ -17,22 +17,17 @@ from guidance.control import (
     LimitMemory,
     Situation,
     SpeedMemory,
+    Wall,
+    held_back,
     hold_altitude,
+    keep_station,
     limit,
     observe_speed,
 )
-from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
-from guidance.control.follow import (
-    Following,
-    FollowMemory,
-    follow,
-    gaps_to_disc,
-    less_drift,
-    observe_drift,
-    with_drift,
-)
-from guidance.control.hold import NorthEast, keep_station
+from guidance.control.follow import Following, FollowMemory, follow, gaps_to_disc, less_drift, observe_drift, with_drift
+from guidance.control.servo import NorthEast
 from guidance.errors import ConfigError
+from guidance.estimation import EvaderEstimate
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
 from guidance.game import Ball, Game, Reason, SpeedSet, StandOff, guaranteed_age_s
 from guidance.messages import Setpoint
@@ -41,28 +36,28 @@ from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 
 @dataclass(frozen=True, slots=True)
 class CycleSettings:
-    """What every cycle of a flight needs.
+    """Settings of every cycle of a flight.
 
     Attributes:
-        speed_set: The pursuer's speeds in the game.
-        strategy: What the pursuer plays; one of `guidance.strategies.PURSUER_STRATEGIES`.
-        declared_evader_speed_m_s: What the evader says it never exceeds.
-        speed_sigmas: k of the evader's speed bound max(declared, estimate + kσ). Too fast a bound costs time too:
-            the pursuer leads an evader that is not there.
+        speed_set: Speeds of the pursuer in the game.
+        strategy: Strategy of the pursuer; one of `guidance.strategies.PURSUER_STRATEGIES`.
+        declared_evader_speed_m_s: Largest speed of the evader, as declared.
+        speed_sigmas: k of the evader's speed bound max(declared, estimate + kσ). Too large a bound costs time too: the
+            pursuer aims too far ahead.
         standoff: The terminal disc: radius around the evader, height above its plane.
-        tolerance_m: How near to the disc, horizontally and vertically each, counts as reached.
+        tolerance_m: Distance from the disc, horizontally and vertically, that counts as captured.
         envelope: The limits.
-        following: How the vehicle is made to fly the game's velocity; None sends that as it is.
-        acceleration: What the vehicle surely achieves, by which the time that it needs is told.
-        target_game_m: The place the evader wants to reach, in the game frame (TAD); None in the PE game.
-        target_velocity_m_s: Velocity of that place, x and y of the game frame, from the begin of play on.
-        site: Latitude and longitude in degrees and altitude of the game frame's zero; None puts it at home.
-        evader_timeout_s: Age of the evader's last report from which it counts as lost.
-        game: What is played against the declared speed, checked once; a cycle takes the estimated one.
-        ground_speed_m_s: The pursuer's in the game, over the ground.
+        following: Settings for following the game's velocity; None sends it unchanged.
+        acceleration: Guaranteed acceleration of the vehicle, for `time_needed_s`.
+        target_game_m: The evader's target in the game frame (TAD); None in the PE game.
+        target_velocity_m_s: Velocity of that target from the beginning of play, x and y of the game frame.
+        site: Latitude and longitude in degrees and altitude of the game frame's zero; None for home.
+        evader_timeout_s: The evader counts as lost when its last report is older than this.
+        game: The game against the declared speed, checked once; each cycle plays it with the estimated speed.
+        ground_speed_m_s: Speed of the game's pursuer over the ground.
 
     Raises:
-        ConfigError: If that is no game, for an evader that is too fast, say.
+        ConfigError: If this is not a game, for example because the evader is too fast.
     """
 
     speed_set: SpeedSet
@@ -88,32 +83,28 @@ class CycleSettings:
         object.__setattr__(self, "ground_speed_m_s", float(self.speed_set.horizontal_m_s))
 
 
-class EvaderEstimate(NamedTuple):
-    """The evader as estimated for now: NED metres and m/s, a bound on its speed, and the age of what that rests on."""
-
-    position_ned_m: Vector
-    velocity_ned_m_s: Vector
-    speed_bound_m_s: float
-    age_s: float
-
-
 class CycleInputs(NamedTuple):
-    """One cycle's view of the world, read once: `situation` has the evader where `evader` does.
+    """Inputs of one cycle, read once.
 
-    Where the vehicle is to its fences is measured here where the caller has not done so. `guided`: a HEARTBEAT of this
-    cycle shows the guided mode, so the vehicle has followed the setpoints until then.
+    Attributes:
+        dt_s: Time since the last cycle.
+        situation: State of the vehicle, and of the evader if there is one.
+        walls: All walls around the vehicle, see `guidance.control.measure_walls`.
+        evader: The estimated evader.
+        game_frame: The game's frame, if it is known.
+        guided: Whether a HEARTBEAT of this cycle shows the guided mode, so the vehicle has followed the setpoints.
     """
 
     dt_s: float
     situation: Situation
+    walls: tuple[Wall, ...]
     evader: EvaderEstimate | None
     game_frame: GameFrame | None
-    fence: FenceGeometry | None = None
     guided: bool = False
 
 
 class CycleMemory(NamedTuple):
-    """What one cycle leaves to the next."""
+    """Memory between cycles."""
 
     follow: FollowMemory = FollowMemory()
     limits: LimitMemory | None = None
@@ -139,7 +130,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     Raises:
         ValueError: If there is no evader or no game frame; the flight hovers then instead.
     """
-    (dt_s, here, evader, frame, fence, guided), envelope = inputs, settings.envelope
+    (dt_s, here, walls, evader, frame, guided), envelope = inputs, settings.envelope
     if evader is None or frame is None:
         raise ValueError("play needs an evader and a game frame; hover without them")
     players = Players(
@@ -150,7 +141,6 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         _target_at(settings, memory.strategy.played_s),
     )
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.standoff)
-    fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
     try:
         game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
@@ -172,10 +162,10 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     asked = optimal
     if settings.strategy.name != OPTIMAL:
         asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
-    nominal = _at_nominal_speed(asked, game, settings)
-    asked_ned_m_s = keep_inside(ned_from_game(nominal), fence, envelope)
+    nominal_ned_m_s = ned_from_game(_at_nominal_speed(asked, game, settings))
+    asked_ned_m_s = held_back(nominal_ned_m_s, walls, envelope)
     max_speed_ratio = envelope.speed_m_s / settings.ground_speed_m_s
-    held_back = memory.limits is not None and memory.limits.held_back
+    at_wall = memory.limits is not None and memory.limits.held_back
     followed = follow(
         asked_ned_m_s,
         here,
@@ -184,15 +174,15 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         memory.follow,
         max_speed_ratio=max_speed_ratio,
         dt_s=dt_s,
-        held_back=held_back,
+        held_back=at_wall,
     )
-    unslowed = followed.unslowed and not held_back and asked_ned_m_s[:2] == ned_from_game(nominal)[:2]
+    unslowed = followed.unslowed and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
     flown = less_drift(here.velocity_ned_m_s, followed.memory.drift)
     speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, confirmed=guided, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     already_shaped = settings.following is not None
-    limited = limit(command, here, envelope, memory.limits, dt_s, fence=fence, already_shaped=already_shaped)
+    limited = limit(command, here, envelope, memory.limits, dt_s, walls=walls, already_shaped=already_shaped)
     certificate = certificate._replace(
         desired_ned_m_s=followed.desired_ned_m_s,
         command_ned_m_s=limited.setpoint.velocity_ned_m_s,
@@ -256,15 +246,15 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     """Stop and keep the place, the height and the heading, within the limits."""
     dt_s, here, envelope = inputs.dt_s, inputs.situation, settings.envelope
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
-    held = hold_altitude(memory.height, down_m=here.position_ned_m[2], envelope=envelope, dt_s=dt_s)
+    down_m_s, height = hold_altitude(memory.height, down_m=here.position_ned_m[2], envelope=envelope, dt_s=dt_s)
     drift = observe_drift(memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
     (north, east), place = keep_station(memory.place, here.position_ned_m, less_drift(here.velocity_ned_m_s, drift))
-    still = with_drift((north, east, held.velocity_down_m_s), drift)
-    limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s, fence=inputs.fence)
+    still = with_drift((north, east, down_m_s), drift)
+    limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s, walls=inputs.walls)
     begun = memory.strategy.velocity_m_s is not None
     paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()
     kept = CycleMemory(
-        FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused, speed=memory.speed.paused()
+        FollowMemory(drift=drift), limited.memory, height, yaw_rad, place, paused, speed=memory.speed.paused()
     )
     return CycleOutput(limited.setpoint, None, kept)
 

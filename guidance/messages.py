@@ -59,6 +59,13 @@ class Odometry(NamedTuple):
     reset_counter: int
 
 
+class EstimatorStatus(NamedTuple):
+    """ESTIMATOR_STATUS: the standard deviation of the height, m; NaN where unknown."""
+
+    received_s: float
+    height_sd_m: float
+
+
 class LandedState(NamedTuple):
     """EXTENDED_SYS_STATE: MAV_LANDED_STATE (1 on ground, 2 in air, 3 taking off, 4 landing)."""
 
@@ -182,6 +189,7 @@ Message = (
     | GlobalPosition
     | Attitude
     | Odometry
+    | EstimatorStatus
     | LandedState
     | SystemStatus
     | GpsFix

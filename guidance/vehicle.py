@@ -14,6 +14,7 @@ from guidance.frames import Amsl, LocalFrame, Projection, Vector
 from guidance.messages import (
     Attitude,
     CommandAck,
+    EstimatorStatus,
     EvaderReport,
     FenceItem,
     GlobalPosition,
@@ -263,6 +264,7 @@ def _echo(echo: PositionTarget) -> bool:
 
 _JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {
     Attitude: lambda attitude: abs(attitude.yaw_rad) <= _TURNED_RAD,
+    EstimatorStatus: lambda status: math.isnan(status.height_sd_m) or 0.0 <= status.height_sd_m <= HIGHEST_M,
     FenceItem: lambda item: abs(item.size) <= FARTHEST_M and abs(item.latitude_deg) < 90.0,
     GlobalPosition: _global,
     Home: _home,

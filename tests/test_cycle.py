@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 from guidance.autopilots import PX4
-from guidance.control import Polygon, Situation
-from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, play
+from guidance.control import Polygon, Situation, measure_walls
+from guidance.cycle import CycleInputs, CycleMemory, play
+from guidance.estimation import EvaderEstimate
 from guidance.frames import GameFrame
 from tests.flight.scenes import CYCLE, ENVELOPE
 
@@ -18,8 +19,9 @@ def drags_per_s(settings, place, velocity, *, cycles):
     """What is learned of drag in some seconds at one place, and whether a limit acted meanwhile."""
     memory, held, learned = CycleMemory(), [], []
     here = Situation(place, velocity, evader_position_ned_m=EVADER.position_ned_m)
+    walls = measure_walls(here, settings.envelope)
     for _ in range(cycles):
-        memory = play(CycleInputs(DT_S, here, EVADER, GameFrame((0.0, 0.0, 0.0))), settings, memory).memory
+        memory = play(CycleInputs(DT_S, here, walls, EVADER, GameFrame((0.0, 0.0, 0.0))), settings, memory).memory
         held.append(memory.limits.held_back)
         learned.append(memory.follow.servo.drag_per_s)
     return learned, held

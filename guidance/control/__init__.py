@@ -1,40 +1,37 @@
-"""From the velocity that the game asks for to a setpoint that may be sent: follow it, and limit whatever is sent.
+"""From the velocity that the game asks for to a setpoint within the limits.
 
 Following:
-    follow: one cycle of it, with a `FollowMemory`; `Following` says how one vehicle is made to fly a velocity.
-    ServoGains, Approach: its parts: the servo, and how the disc is arrived at.
+    follow: one cycle of it, with a `FollowMemory`; `Following` has the settings of one vehicle.
+    ServoGains, Approach: settings of its parts.
     Gaps: distances to the disc. Speeds: horizontal speed, climb rate and descent rate.
-    hold_altitude: keeps a height, with an `AltitudeHold`, and returns what is `Held`.
-    keep_station: stops over the ground and stays.
-    with_drift, less_drift: a velocity over the ground in an autopilot's own terms, and back.
+    hold_altitude: keeps a height, with an `AltitudeHold`. keep_station: stops and stays at a place.
 
 What the vehicle can do:
-    Acceleration, late_start: what accelerating costs.
+    Acceleration, late_start: cost of accelerating.
     observe_speed: compares the speed asked for with the one flown, in a `SpeedMemory`.
 
 Limiting, always last:
-    limit: makes a setpoint of a command that the envelope allows, `Limited`, with a `LimitMemory`; `start` begins one.
-    Situation: where the vehicle and the evader are.
-    Limits: the section of a file. Envelope: the same with the vehicle's Dynamics, for the limiter.
-    StandOffLimit: the space about the evader that is never entered. Limiter: what changed a command, by name.
-    keep_inside: holds a velocity back at a fence. measure_fence: where a vehicle is to its fences, `FenceGeometry`.
-    Polygon, NorthEast: corners of a fence, and a place, in metres about home.
+    limit: turns a command into a setpoint, `Limited`, with a `LimitMemory`; `start` returns the first one.
+    Situation: state of the vehicle and the evader. `measure_walls` returns every `Wall` there.
+    held_back: reduces a desired velocity before walls.
+    Limits: the section of a file. Envelope: the same with the vehicle's Dynamics.
+    StandOffLimit: the space about the evader that is never entered. Limiter: names of the limits.
+    Polygon: corners of a fence, in metres about home.
 """
 
+from guidance.control.braking_law import held_back
 from guidance.control.capability import (
     Acceleration,
     SpeedMemory,
     late_start,
     observe_speed,
 )
-from guidance.control.envelope import Dynamics, Envelope, Limiter, Situation, StandOffLimit
-from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
-from guidance.control.follow import Approach, Following, FollowMemory, Gaps, follow, less_drift, with_drift
-from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
-from guidance.control.limits import Limits, Speeds
+from guidance.control.follow import Approach, Following, FollowMemory, Gaps, follow
+from guidance.control.limits import Dynamics, Envelope, Limiter, Limits, Speeds, StandOffLimit
 from guidance.control.polygon import Polygon
-from guidance.control.servo import ServoGains
+from guidance.control.servo import AltitudeHold, ServoGains, hold_altitude, keep_station
 from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start
+from guidance.control.walls import Situation, Wall, measure_walls
 
 __all__ = [
     "Acceleration",
@@ -42,31 +39,27 @@ __all__ = [
     "Approach",
     "Dynamics",
     "Envelope",
-    "FenceGeometry",
     "FollowMemory",
     "Following",
     "Gaps",
-    "Held",
     "LimitMemory",
     "Limited",
     "Limiter",
     "Limits",
-    "NorthEast",
     "Polygon",
     "ServoGains",
     "Situation",
     "SpeedMemory",
     "Speeds",
     "StandOffLimit",
+    "Wall",
     "follow",
+    "held_back",
     "hold_altitude",
-    "keep_inside",
     "keep_station",
     "late_start",
-    "less_drift",
     "limit",
-    "measure_fence",
+    "measure_walls",
     "observe_speed",
     "start",
-    "with_drift",
 ]

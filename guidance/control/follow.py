@@ -33,9 +33,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.control.envelope import Situation
+from guidance.control.braking_law import approach_speed
 from guidance.control.servo import ServoGains, ServoMemory, serve
-from guidance.control.shaping import approach_speed
+from guidance.control.walls import Situation
 from guidance.frames import Vector
 from guidance.game import StandOff
 

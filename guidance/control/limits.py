@@ -1,21 +1,21 @@
-"""The `[limits]` of a vehicle file or a scenario file, and the envelope they make with the vehicle's dynamics.
+"""The limits of a flight: the `[limits]` section of a file, and the envelope that it makes with the vehicle's dynamics.
 
 Heights are above home, distances are from home. Speeds bound every command; the game plays with speeds of its own.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field, fields
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
 from guidance.config import Latitude, Longitude, Section
-from guidance.control.envelope import Dynamics, Envelope, StandOffLimit
 from guidance.control.polygon import Polygon
 from guidance.errors import ConfigError
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.game import StandOff
 
 CATCH_UP_RATIO: Final = 1.1
@@ -25,7 +25,31 @@ FARTHEST_FENCE_M: Final = 20_000.0
 _STANDOFF_MARGIN_M: Final = 1.0
 """The stand-off limit lies this far inside the game's disc, so it binds only when something is wrong."""
 
+_FLOOR_MARGIN_M: Final = 1.0
+"""Largest margin above the floor. It is smaller where the game's disc is nearer to the floor."""
+
 _DEFAULT = f"; default: {CATCH_UP_RATIO - 1.0:.0%} above the game's speed"
+_SMALLEST, _LARGEST = 1e-3, 1e6
+_MEANINGLESS = 1e8
+
+
+class Limiter(StrEnum):
+    """Names of the limits that changed a command, in the order of `guidance.control.setpoint_limiter`."""
+
+    SITUATION = "situation"
+    COMMAND = "command"
+    CLOCK = "clock"
+    SPEED = "speed"
+    VERTICAL_SPEED = "vertical speed"
+    ACCELERATION = "acceleration"
+    VERTICAL_ACCELERATION = "vertical acceleration"
+    STAND_OFF = "stand-off"
+    FENCE_POLYGON = "fence polygon"
+    FENCE_RADIUS = "fence radius"
+    FLOOR = "floor"
+    CEILING = "ceiling"
+    FEED_FORWARD = "feed-forward"
+    YAW = "yaw"
 
 
 class Speeds(NamedTuple):
@@ -34,6 +58,111 @@ class Speeds(NamedTuple):
     speed_m_s: float
     climb_m_s: float
     descent_m_s: float
+
+
+class Bounds(NamedTuple):
+    """Largest size of the ground part of a vector, and of its upward and downward parts; all positive."""
+
+    ground: float
+    up: float
+    down: float
+
+
+def usable(*numbers: float) -> bool:
+    """Whether every number is finite and not larger than anything in flight can be."""
+    return all(abs(number) <= _MEANINGLESS for number in numbers)
+
+
+def clamp(vector_ned: Vector, bounds: Bounds) -> Vector:
+    """Bound a vector. The ground part is scaled, which keeps its direction; the vertical part is cut.
+
+    They are bounded apart, since the game's speed set is a cylinder: a climb costs no ground speed.
+
+    Args:
+        vector_ned: A velocity (m/s), an acceleration (m/s²), or a change of one.
+        bounds: In the vector's unit.
+    """
+    north, east, vertical = vector_ned
+    size = math.hypot(north, east)
+    vertical = min(bounds.down, max(-bounds.up, vertical))
+    if size <= bounds.ground:
+        return (north, east, vertical)
+    share = bounds.ground / size
+    return (north * share, east * share, vertical)
+
+
+class StandOffLimit(NamedTuple):
+    """The space about the evader that the vehicle never enters: an upright cylinder from the ground to `height_m`.
+
+    It is slightly smaller than the game's disc. A limit that binds on every arrival costs capture time.
+    """
+
+    radius_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dynamics:
+    """Acceleration, braking and delay of a vehicle.
+
+    Attributes:
+        acceleration_m_s2: Largest horizontal acceleration of a command.
+        vertical_acceleration_m_s2: Largest vertical acceleration of a command.
+        jerk_m_s3: Largest change of the acceleration.
+        braking_m_s2: Guaranteed horizontal deceleration.
+        vertical_braking_m_s2: Guaranteed vertical deceleration.
+        reaction_s: Time until it brakes: velocity lag, telemetry age and one cycle. The stopping distance is
+            v·reaction + v²/(2·braking).
+        easing_m_s3: Jerk while an acceleration is released.
+    """
+
+    acceleration_m_s2: float
+    vertical_acceleration_m_s2: float
+    jerk_m_s3: float
+    braking_m_s2: float = 2.0
+    vertical_braking_m_s2: float = 1.0
+    reaction_s: float = 0.6
+    easing_m_s3: float = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Envelope(Dynamics):
+    """Bounds of every setpoint. Heights are above home, fences about home, in metres.
+
+    Commands stop above the floor by the estimator's standard deviation of the height, at most by `floor_margin_m`.
+    `speeds` and `accelerations` repeat the limits as bounds of a vector.
+
+    Raises:
+        ConfigError: If a value is not finite, is out of range or contradicts another one.
+    """
+
+    floor_m: float
+    ceiling_m: float
+    speed_m_s: float
+    climb_m_s: float
+    descent_m_s: float
+    yaw_rate_rad_s: float
+    home_ned_m: Vector = (0.0, 0.0, 0.0)
+    fence_radius_m: float | None = None
+    fence_polygon: Polygon | None = None
+    fence_margin_m: float = 0.0
+    floor_margin_m: float = 0.0
+    stand_off: StandOffLimit | None = None
+    speeds: Bounds = field(init=False, repr=False)
+    accelerations: Bounds = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        vertical_m_s2 = self.vertical_acceleration_m_s2
+        object.__setattr__(self, "speeds", Bounds(self.speed_m_s, self.climb_m_s, self.descent_m_s))
+        object.__setattr__(self, "accelerations", Bounds(self.acceleration_m_s2, vertical_m_s2, vertical_m_s2))
+        for name in (*(one.name for one in fields(Dynamics)), *Speeds._fields, "yaw_rate_rad_s", "fence_radius_m"):
+            value = getattr(self, name)
+            if value is not None and not _SMALLEST <= value <= _LARGEST:
+                raise ConfigError(f"{name} = {value}: allowed is {_SMALLEST} to {_LARGEST}")
+        if not -_LARGEST <= self.floor_m < self.ceiling_m <= _LARGEST:
+            raise ConfigError(f"floor_m = {self.floor_m}: must be below ceiling_m = {self.ceiling_m}, both finite")
+        if not 0.0 <= self.fence_margin_m < (self.fence_radius_m or math.inf):
+            raise ConfigError(f"fence_margin_m = {self.fence_margin_m}: allowed is 0 to less than fence_radius_m")
 
 
 class Tighter(NamedTuple):
@@ -46,7 +175,7 @@ _LOWER, _HIGHER = Tighter(min), Tighter(max)
 
 
 class Limits(Section):
-    """What the flight never leaves."""
+    """Limits of the flight."""
 
     floor_m: Annotated[float, _HIGHER] = Field(5.0, ge=1.0, description="lowest height")
     ceiling_m: Annotated[float, _LOWER] = Field(60.0, gt=5.0, le=500.0, description="greatest height")
@@ -122,8 +251,8 @@ class Limits(Section):
     def tighter(self, other: "Limits") -> Self:
         """Return these limits, each replaced by the other's value where that one is tighter. Polygons stay."""
         changed = {}
-        for name, field in type(self).model_fields.items():
-            rule = next((mark for mark in field.metadata if isinstance(mark, Tighter)), None)
+        for name, declared in type(self).model_fields.items():
+            rule = next((mark for mark in declared.metadata if isinstance(mark, Tighter)), None)
             values = [value for value in (getattr(self, name), getattr(other, name)) if value is not None]
             if rule is not None and values:
                 changed[name] = values[0] if len(values) == 1 else rule.of(*values)
@@ -145,6 +274,7 @@ class Limits(Section):
             **speeds._asdict(),
             **{name: getattr(self, name) for name in ("floor_m", "ceiling_m", "fence_radius_m", "fence_margin_m")},
             yaw_rate_rad_s=math.radians(self.yaw_rate_deg_s),
+            floor_margin_m=min(_FLOOR_MARGIN_M, max(0.0, float(standoff.height_m) - self.floor_m)),
             fence_polygon=None if self.fence_polygon_ne_m is None else Polygon(self.fence_polygon_ne_m),
             stand_off=StandOffLimit(
                 radius_m=max(0.5, float(standoff.radius_m) - _STANDOFF_MARGIN_M),

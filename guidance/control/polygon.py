@@ -47,7 +47,7 @@ class Polygon:
         return tuple(pairwise((*self.corners_ne_m, self.corners_ne_m[0])))
 
     def contains(self, point: Point) -> bool:
-        """Whether a point is inside. Counts the edges that a ray to the east crosses."""
+        """Return whether a point is inside. Counts the edges that a ray to the east crosses."""
         north, east = point
         inside = False
         for (north1, east1), (north2, east2) in self.edges():
@@ -94,7 +94,7 @@ def _meet(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
 
 
 def _overlap(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
-    """Whether two edges with a common corner fold back onto each other."""
+    """Return whether two edges with a common corner fold back onto each other."""
     shared = one[1] if one[1] in other else one[0]
     a = one[0] if shared == one[1] else one[1]
     b = other[0] if shared == other[1] else other[1]

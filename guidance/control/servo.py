@@ -1,31 +1,91 @@
-"""Velocity servo: makes a real vehicle fly the velocity that the game asks for.
+"""The control loops of one vehicle: velocity servo, altitude hold and station keeping.
 
-    desired ─▶ reference, within acceleration and jerk ──▶ velocity, and its acceleration fed forward
-                   │ late, as the vehicle is                    ▲
+**Velocity servo** (`serve`). It makes a real vehicle fly the desired velocity.
+
+    desired ─▶ reference, within acceleration and jerk ──▶ velocity, and its acceleration as feed-forward
+                   │ delayed like the vehicle                   ▲
                    └──▶ expected − flown ──▶ drag and trim ─────┘
 
-What goes out is a motion that the vehicle can fly, together with the acceleration that it takes: its own, and what drag
-and wind cost besides, which is learned. PX4 adds a fed acceleration to what its velocity loop asks of the tilt (mask
-3079); alone, that loop stays 8 to 19 % below the setpoint for many seconds. ArduCopter adds it to its own correction,
-behind the 2.5 m/s² to which it limits that one (`shape_vel_accel_xy`, total not limited in GUIDED). There it moves the
-reference that ArduCopter flies, exactly, so that nothing may be learned on top.
+The setpoint is a motion that the vehicle can fly, with the acceleration that it needs: its own, plus the learned part
+that drag and wind cost. PX4 adds a feed-forward to the output of its velocity controller (type mask 3079); alone, that
+controller stays 8 to 19 % below the setpoint for many seconds. ArduCopter adds it to its own correction, after it has
+limited that one to 2.5 m/s² (`shape_vel_accel_xy`; the sum is not limited in GUIDED). It then moves ArduCopter's
+reference exactly, so nothing may be learned on top.
 
-Drag is learned as a rate, acceleration per speed: it then falls at once when the vehicle brakes, where a plain integral
-would push on. A vehicle that is far from what is expected of it (tilted to its limit, say) teaches little or nothing,
-and what is learned is bounded: nothing winds up.
+Drag is learned as a rate, acceleration per speed. The feed-forward then decreases at once when the vehicle brakes; a
+plain integral would keep pushing. A vehicle with a large velocity error (at its tilt limit, for example) teaches
+little or nothing, and drag and trim are bounded, so nothing winds up.
+
+**Hover** (`hold_altitude`, `keep_station`). Zero velocity does not stop a vehicle. The autopilot controls its own
+velocity estimate and drifts with that error (PX4: 0.2 m/s, and it sinks 6.5 m in 75 s of level flight). The caller
+takes the drift out, and these loops keep height and place.
 """
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from guidance.control.shaping import shape
+from guidance.control.braking_law import approach_speed
+from guidance.control.limits import Bounds, Envelope, clamp, usable
+from guidance.control.walls import STILL
 from guidance.frames import Vector, difference
 
-_ZERO: Vector = (0.0, 0.0, 0.0)
-_LONGEST_STEP_S = 0.1
-_SLOW_M_S = 1.0
-"""Below this speed drag cannot be told from trim."""
+_LONGEST_STEP_S: Final = 0.1
+_SLOW_M_S: Final = 1.0
+"""Below this speed, drag cannot be distinguished from trim."""
+
+
+def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vector:
+    """Move from the previous vector towards a new one by at most a change, over the ground and vertically."""
+    bounds = Bounds(largest_change, largest_change, largest_change)
+    north, east, down = clamp(difference(vector_ned, previous_ned), bounds)
+    return (previous_ned[0] + north, previous_ned[1] + east, previous_ned[2] + down)
+
+
+class Shaped(NamedTuple):
+    """A velocity after one step, and the acceleration of that step."""
+
+    velocity_m_s: Vector
+    acceleration_m_s2: Vector
+
+
+def shape(
+    desired_m_s: Vector,
+    velocity_m_s: Vector,
+    acceleration_m_s2: Vector,
+    *,
+    ground_m_s2: float,
+    vertical_m_s2: float,
+    jerk_m_s3: float,
+    dt_s: float,
+    settle_per_s: float = math.inf,
+) -> Shaped:
+    """Move a velocity towards the desired one for one step, within acceleration and jerk.
+
+    The acceleration is small enough for the jerk to reduce it to zero before the desired velocity is reached, so the
+    velocity arrives without overshoot: a²/(2·jerk) + a·dt bounds the velocity gained meanwhile.
+
+    Args:
+        desired_m_s: Desired velocity.
+        velocity_m_s: Present velocity.
+        acceleration_m_s2: Of the last step.
+        ground_m_s2: Largest acceleration over the ground.
+        vertical_m_s2: Largest acceleration upwards and downwards.
+        jerk_m_s3: Largest jerk.
+        dt_s: Duration of the step.
+        settle_per_s: Largest gain from the missing velocity to the acceleration.
+    """
+    north, east, down = difference(desired_m_s, velocity_m_s)
+    size, height = math.hypot(north, east), abs(down)
+    level = min(approach_speed(size, jerk_m_s3, dt_s), ground_m_s2)
+    steep = min(approach_speed(height, jerk_m_s3, dt_s), vertical_m_s2)
+    if settle_per_s < math.inf:
+        level, steep = min(level, settle_per_s * size), min(steep, settle_per_s * height)
+    share = level / size if size > 0.0 else 0.0
+    wanted = (north * share, east * share, math.copysign(steep, down))
+    a_north, a_east, a_down = slewed = slew(wanted, acceleration_m_s2, jerk_m_s3 * dt_s)
+    now_north, now_east, now_down = velocity_m_s
+    return Shaped((now_north + a_north * dt_s, now_east + a_east * dt_s, now_down + a_down * dt_s), slewed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,18 +93,18 @@ class ServoGains:
     """Gains of one vehicle.
 
     Attributes:
-        acceleration_m_s2: Largest acceleration of the reference over the ground.
-        vertical_acceleration_m_s2: The same vertically.
+        acceleration_m_s2: Largest horizontal acceleration of the reference.
+        vertical_acceleration_m_s2: Largest vertical acceleration of the reference.
         jerk_m_s3: Largest jerk of the reference.
-        settle_per_s: Gain from the velocity still missing to the reference's acceleration, where that is little.
-        lag_s: How much later than the reference the vehicle flies.
-        drag_per_s: Acceleration per speed that keeping a speed is taken to cost at first.
-        drag_limit_per_s: Largest drag rate that is learned.
-        trim_limit_m_s2: Largest acceleration over the ground that is learned besides.
-        drag_learning_per_s2: Acceleration learned per second and per velocity error, as drag.
+        settle_per_s: Largest gain from the missing velocity to the reference's acceleration.
+        lag_s: Delay of the vehicle behind the reference.
+        drag_per_s: Initial drag rate.
+        drag_limit_per_s: Largest learned drag rate.
+        trim_limit_m_s2: Largest learned acceleration without drag, over the ground.
+        drag_learning_per_s2: Acceleration learned per second and velocity error, as drag.
         trim_learning_per_s2: The same, as trim.
-        learning_within_m_s: Velocity error up to which all of it is learned from, beyond it less and less, and nothing
-            beyond three times as much.
+        learning_within_m_s: Velocity errors up to this count fully, larger ones less, and those above three times this
+            not.
     """
 
     acceleration_m_s2: float
@@ -61,25 +121,25 @@ class ServoGains:
 
 
 class ServoMemory(NamedTuple):
-    """What one call leaves to the next; as it is made, it begins at the vehicle's own velocity with nothing learned.
+    """Memory between calls. The initial one starts at the vehicle's own velocity, with nothing learned.
 
     Attributes:
-        reference_ned_m_s: The velocity sent; None before the first call.
-        acceleration_ned_m_s2: The reference's.
-        expected_ned_m_s: The reference as late as the vehicle.
+        reference_ned_m_s: Velocity sent; None before the first call.
+        acceleration_ned_m_s2: Of the reference.
+        expected_ned_m_s: The reference, delayed like the vehicle.
         drag_per_s: Learned drag rate; None before the first call.
-        trim_ned_m_s2: Learned acceleration besides.
+        trim_ned_m_s2: Learned acceleration without drag.
     """
 
     reference_ned_m_s: Vector | None = None
-    acceleration_ned_m_s2: Vector = _ZERO
-    expected_ned_m_s: Vector = _ZERO
+    acceleration_ned_m_s2: Vector = STILL
+    expected_ned_m_s: Vector = STILL
     drag_per_s: float | None = None
-    trim_ned_m_s2: Vector = _ZERO
+    trim_ned_m_s2: Vector = STILL
 
 
 class Served(NamedTuple):
-    """Velocity and fed acceleration to command, before the limits, and the memory for the next call."""
+    """Velocity and feed-forward to command, before the limits, and the memory for the next call."""
 
     velocity_ned_m_s: Vector
     acceleration_ned_m_s2: Vector
@@ -95,19 +155,20 @@ def serve(
     dt_s: float,
     held_back: bool = False,
 ) -> Served:
-    """Turn the desired velocity into what to command.
+    """Turn the desired velocity into a command.
 
     Args:
-        desired_ned_m_s: What game and approach ask for.
-        flown_ned_m_s: What the vehicle flies, from its telemetry.
+        desired_ned_m_s: Desired velocity, after the approach.
+        flown_ned_m_s: Velocity of the vehicle.
         memory: From the last call.
         gains: Of the vehicle.
-        dt_s: Seconds since the last call; no more than 0.1 s of them are made up for.
-        held_back: Whether a limit holds the vehicle back from what is expected of it: nothing is learned then.
+        dt_s: Time since the last call, s; at most 0.1 s counts.
+        held_back: Whether a wall reduced the last command; the servo then learns nothing.
     """
     dt_s = min(max(dt_s, 0.0), _LONGEST_STEP_S)
-    begun = memory.reference_ned_m_s is not None
-    before = memory.reference_ned_m_s if memory.reference_ned_m_s is not None else flown_ned_m_s
+    before, delayed = memory.reference_ned_m_s, memory.expected_ned_m_s
+    if before is None:
+        before = delayed = flown_ned_m_s
     reference, acceleration = shape(
         desired_ned_m_s,
         before,
@@ -118,20 +179,14 @@ def serve(
         dt_s=dt_s,
         settle_per_s=gains.settle_per_s,
     )
-
-    north, east, down = memory.expected_ned_m_s if begun else flown_ned_m_s  # as late as the vehicle
     share = 1.0 - math.exp(-dt_s / gains.lag_s)
-    expected = (
-        north + (reference[0] - north) * share,
-        east + (reference[1] - east) * share,
-        down + (reference[2] - down) * share,
-    )
-    error = difference(expected, flown_ned_m_s)
+    north, east, down = (now + (new - now) * share for now, new in zip(delayed, reference, strict=True))
+    expected = (north, east, down)
     drag_per_s = gains.drag_per_s if memory.drag_per_s is None else memory.drag_per_s
     trim = memory.trim_ned_m_s2
     if not held_back:
+        error = difference(expected, flown_ned_m_s)
         drag_per_s, trim = _learned(drag_per_s, trim, expected, error, gains, dt_s)
-
     feed_forward = (
         acceleration[0] + drag_per_s * reference[0] + trim[0],
         acceleration[1] + drag_per_s * reference[1] + trim[1],
@@ -143,9 +198,9 @@ def serve(
 def _learned(
     drag_per_s: float, trim_ned_m_s2: Vector, expected: Vector, error: Vector, gains: ServoGains, dt_s: float
 ) -> tuple[float, Vector]:
-    """Return drag and trim with what one error teaches, within their bounds.
+    """Return drag and trim after one velocity error, within their bounds.
 
-    A large error is more likely a vehicle at its limits than one that needs more: it counts less, or not at all.
+    A large error usually means that the vehicle is at its limits, so it counts less.
     """
     off_m_s, within_m_s = math.hypot(error[0], error[1]), gains.learning_within_m_s
     lesson_s = dt_s
@@ -161,3 +216,74 @@ def _learned(
     size = math.hypot(north, east)
     share = gains.trim_limit_m_s2 / size if size > gains.trim_limit_m_s2 else 1.0
     return drag_per_s, (share * north, share * east, 0.0)
+
+
+GAIN_PER_S: Final = 0.8
+LARGEST_M_S: Final = 0.5
+AT_REST_M_S: Final = 0.5
+AWAY_M: Final = 1.5
+_INTEGRAL_PER_S2: Final = 0.08
+
+NorthEast = tuple[float, float]
+
+
+class AltitudeHold(NamedTuple):
+    """Memory: the height to keep (down, m), and the vertical speed that keeping it costs."""
+
+    down_m: float
+    trim_m_s: float
+
+
+class Held(NamedTuple):
+    """Vertical speed to command (m/s, positive down), and the memory for the next cycle."""
+
+    velocity_down_m_s: float
+    memory: AltitudeHold | None
+
+
+def hold_altitude(memory: AltitudeHold | None, *, down_m: float, envelope: Envelope, dt_s: float) -> Held:
+    """Return the vertical speed that keeps a height.
+
+    Far from the height the speed follows a braking curve. A slow, bounded integral compensates a steady sink; it stops
+    while the error is large. The height is the one at the first call, moved between floor and ceiling, so a vehicle
+    outside them comes back.
+
+    Args:
+        memory: None at the first cycle of a hold.
+        down_m: Present height in the local frame (down, m). If it is not a number, the speed is 0.
+        envelope: Floor, ceiling, speeds and vertical braking.
+        dt_s: Time since the last cycle, s.
+    """
+    if not usable(down_m):
+        return Held(0.0, memory)
+    held_m, trim_m_s = memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
+    home_down_m = envelope.home_ned_m[2]
+    held_m = min(home_down_m - envelope.floor_m, max(home_down_m - envelope.ceiling_m, held_m))
+    error_m = held_m - down_m
+    if abs(error_m) < AWAY_M:
+        trim_m_s += _INTEGRAL_PER_S2 * error_m * min(_LONGEST_STEP_S, max(0.0, dt_s))
+        trim_m_s = min(LARGEST_M_S, max(-LARGEST_M_S, trim_m_s))
+    reach_m_s = approach_speed(abs(error_m), envelope.vertical_braking_m_s2, 1.0 / GAIN_PER_S)
+    wanted_m_s = math.copysign(reach_m_s, error_m) + trim_m_s
+    return Held(min(envelope.descent_m_s, max(-envelope.climb_m_s, wanted_m_s)), AltitudeHold(held_m, trim_m_s))
+
+
+def keep_station(
+    place: NorthEast | None, position_ned_m: Vector, flown_ned_m_s: Vector
+) -> tuple[NorthEast, NorthEast | None]:
+    """Return the velocity over the ground that stops and stays, (north, east) in m/s, and the place for the next call.
+
+    Args:
+        place: From the last call; None at first.
+        position_ned_m: Position of the vehicle.
+        flown_ned_m_s: Velocity of the vehicle, without drift.
+    """
+    here = position_ned_m[:2]
+    if place is None and math.hypot(*flown_ned_m_s[:2]) > AT_REST_M_S:
+        return (0.0, 0.0), None
+    if place is None or math.dist(place, here) > AWAY_M:
+        return (0.0, 0.0), here  # blown away, or the estimate was reset: do not return to the old place
+    north, east = (GAIN_PER_S * (held - now) for held, now in zip(place, here, strict=True))
+    speed = math.hypot(north, east)
+    share = LARGEST_M_S / speed if speed > LARGEST_M_S else 1.0
+    return (share * north, share * east), place

@@ -1,53 +1,54 @@
-"""The setpoint limiter, last before the wire: every command becomes a setpoint within the envelope, whatever was asked.
+"""The setpoint limiter, last before the wire: it turns any command into a setpoint within the envelope.
 
 The order, and why:
 
- 1. situation      A place that is not known (NaN, infinite) can be judged by no limit: stand still at once.
- 2. command        Anything in it that is not a number: the whole command is refused, and a stop takes its place.
- 3. clock          A late or impossible time step counts as 0.1 s or 0 s: no step is made up for.
- 4. speed          Ground vector scaled, vertical cut. First, so that what follows starts from a velocity that may be.
- 5. acceleration   From the last setpoint towards the velocity, within acceleration and jerk; within acceleration alone
-                   where the servo has led it there already. Comfort comes before safety in order, so that safety can
-                   overrule it: a constraint may stop more sharply than this allows.
- 6. stand-off      ┐ Constraints, each takes away only what closes on it and keeps what goes along. A later one can bend
- 7. fences         │ a velocity back into an earlier one, so all are asked again by scaling alone, which breaks none
- 8. floor, ceiling ┘ of the others: in the end all hold together. Standing still always does.
- 9. feed-forward   Within acceleration and jerk; it brakes before walls (`braking`), however sharply that comes; nothing
-                   of it pushes where a limit is active, or drives past a speed's.
-10. yaw            Turned at the turn rate.
+ 1. situation      If the vehicle's place is not a number, no limit can be checked: command zero velocity at once.
+ 2. command        If anything in it is not a number, it is replaced by a stop.
+ 3. clock          A time step outside 0 to 0.1 s is cut, so that a late cycle causes no larger step.
+ 4. speed          The ground vector is scaled, the vertical part cut. It is first, so that the next steps start from an
+                   allowed velocity.
+ 5. acceleration   From the last setpoint towards the velocity, within acceleration and jerk. A velocity that the servo
+                   has shaped is limited in acceleration only. It comes before the walls, because a vehicle may have to
+                   stop for a wall more sharply than this allows.
+ 6. walls          Stand-off, fences, floor and ceiling, see `guidance.control.braking_law`.
+ 7. feed-forward   Within acceleration and jerk. Braking for a wall overrules the jerk. No part may push towards an
+                   active wall, or beyond a speed limit that is commanded.
+ 8. yaw            Within the turn rate.
 
-Nothing is kept here: the memory goes in and comes out, and it holds what was sent, not what was wished, so that
-nothing winds up behind a limit.
+The limiter keeps no state. Its memory holds the setpoint sent, not the command, so nothing winds up behind a limit.
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from guidance.control.braking import braked
-from guidance.control.envelope import Bounds, Envelope, Limiter, Situation
-from guidance.control.fence import FenceGeometry, measure_fence
-from guidance.control.shaping import Shaped, clamp, shape, slew, usable
-from guidance.control.velocity_constraints import VelocityConstraint, feasible_velocity, shrink, slide
+from guidance.control.braking_law import Constraint, braked, constraints_of, obey
+from guidance.control.limits import Bounds, Envelope, Limiter, clamp, usable
+from guidance.control.servo import Shaped, shape, slew
+from guidance.control.walls import STILL, Situation, Wall, measure_walls
 from guidance.frames import Vector, difference, wrap_rad
 from guidance.messages import Setpoint
 
-STILL: Vector = (0.0, 0.0, 0.0)
-_LONGEST_STEP_S = 0.1
-NOTED = 0.05
-"""A limiter of the command itself is named for a change of more than this (m/s, m/s², m or rad).
+_LONGEST_STEP_S: Final = 0.1
 
-Less is what a multicopter's velocity wanders by as it hovers (0.03 to 0.08 m/s). Constraints are named for any change.
+NOTED: Final = 0.05
+"""A limiter other than a wall is named for a change of more than this (m/s, m/s², or rad).
+
+The velocity of a hovering multicopter varies by 0.03 to 0.08 m/s.
 """
 
-
-OVER_SPEED = 0.05
-"""Share of a speed limit over which what a feed-forward may push along it fades away, once the vehicle flies faster."""
+OVER_SPEED: Final = 0.05
+"""The feed-forward may not push along a speed limit from this share above the limit."""
 
 
 class LimitMemory(NamedTuple):
-    """What was sent last: velocity, the acceleration that led to it, the feed-forward, and the yaw.
+    """The last setpoint.
 
-    `held_back` says that a fence, floor, ceiling or stand-off took something of the velocity away.
+    Attributes:
+        velocity_ned_m_s: Velocity sent.
+        acceleration_ned_m_s2: Acceleration that led to it.
+        feed_forward_ned_m_s2: Acceleration sent.
+        yaw_rad: Heading sent.
+        held_back: Whether a wall reduced the velocity.
     """
 
     velocity_ned_m_s: Vector
@@ -66,7 +67,7 @@ class Limited(NamedTuple):
 
 
 def start(situation: Situation, envelope: Envelope) -> LimitMemory:
-    """The memory at engagement: the vehicle's own velocity and heading, so that the first setpoint is no step."""
+    """Return the memory at engagement: the vehicle's own velocity and heading, so the first setpoint is no step."""
     if not usable(*situation.velocity_ned_m_s, situation.yaw_rad):
         return LimitMemory(STILL)
     return LimitMemory(clamp(situation.velocity_ned_m_s, envelope.speeds), yaw_rad=situation.yaw_rad)
@@ -79,87 +80,74 @@ def limit(
     memory: LimitMemory | None,
     dt_s: float,
     *,
-    fence: FenceGeometry | None = None,
+    walls: tuple[Wall, ...] | None = None,
     already_shaped: bool = False,
 ) -> Limited:
-    """Turn a command into a setpoint that the envelope allows. Never raises, and never returns a NaN.
+    """Turn a command into a setpoint that the envelope allows. Never raises and never returns NaN.
 
     Args:
-        command: What guidance asks for; any numbers at all.
-        situation: Own state and the evader's; any numbers at all.
-        envelope: What is allowed.
-        memory: From the last call; None at the first one, which then starts at the vehicle's own velocity.
-        dt_s: Time since the last call, seconds.
-        fence: Where the vehicle is to the fences, where that is measured already.
-        already_shaped: Whether the servo has shaped the velocity; then only its acceleration is limited, not its jerk.
+        command: Setpoint before the limits; any numbers.
+        situation: State of the vehicle and the evader; any numbers.
+        envelope: The limits.
+        memory: From the last call; None at the first one, which starts at the vehicle's own velocity.
+        dt_s: Time since the last call, s; any number.
+        walls: Of this cycle; measured here if None.
+        already_shaped: Whether the servo has shaped the velocity; then its jerk is not limited.
     """
     active: list[Limiter] = []
-    here: Situation | None = situation
-    if memory is None or not _all_usable(command, situation, memory):
-        if memory is None or not usable(*(number for part in memory[:3] for number in part), memory.yaw_rad):
-            memory = start(situation, envelope)
-        here, command = _known(situation), _numbers_only(command, memory, active)
-    if here is None:
+    if memory is None or not usable(*memory[0], *memory[1], *memory[2], memory.yaw_rad):
+        memory = start(situation, envelope)
+    place, flown, yaw_rad, evader, _, gaining, _ = situation
+    if not usable(*place, *flown, yaw_rad, *(evader or ())):
         return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
+    asked = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0)
+    if not usable(*gaining, *asked):
+        situation, command = _repaired(situation, command, memory, active)
     if not 0.0 <= dt_s <= _LONGEST_STEP_S:
         active.append(Limiter.CLOCK)
         dt_s = _LONGEST_STEP_S if dt_s > _LONGEST_STEP_S else 0.0
+    walls = measure_walls(situation, envelope) if walls is None else walls
 
     allowed = clamp(command.velocity_ned_m_s, envelope.speeds)
-    _note_vector(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, command.velocity_ned_m_s)
+    _note(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, command.velocity_ned_m_s)
     shaped, acceleration = (_accelerate if already_shaped else _shape)(allowed, memory, envelope, dt_s)
-    _note_vector(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
-    fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
-    velocity, constraints = feasible_velocity(shaped, here, fence, envelope)
-    active.extend(dict.fromkeys(one.limiter for one in constraints))
-    closed = tuple(one.closed() for one in constraints)
-    at_speed = _full_speed_constraints(velocity, here.velocity_ned_m_s, envelope)
-    eased = _eased(command.acceleration_ned_m_s2, memory, envelope, dt_s)
-    feed_forward = braked(eased, here, fence, envelope)
+    _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
+    velocity, holding = obey(shaped, constraints_of(shaped, situation, walls, envelope))
+    active.extend(dict.fromkeys(one.limiter for one in holding))
+    closed = tuple(one.closed() for one in holding)
+    at_speed = _at_speed_limit(velocity, flown, envelope)
+
+    wanted = command.acceleration_ned_m_s2
+    if wanted is not None:
+        jerk_m_s2 = envelope.jerk_m_s3 * dt_s
+        wanted = slew(clamp(wanted, envelope.accelerations), memory.feed_forward_ned_m_s2, jerk_m_s2)
+    feed_forward = braked(wanted, situation, walls, envelope)
     if feed_forward is not None:
-        feed_forward = _without_pushing(clamp(feed_forward, envelope.accelerations), (*closed, *at_speed))
-        wanted = command.acceleration_ned_m_s2 or STILL
-        _note_vector(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, wanted)
-    yaw_rad = _yaw(command.yaw_rad, memory, envelope, dt_s, active)
-    sent = LimitMemory(
-        velocity,
-        _without_pushing(acceleration, (*closed, *(one.closed() for one in at_speed))),
-        feed_forward or STILL,
-        here.yaw_rad if yaw_rad is None else yaw_rad,
-        bool(constraints),
-    )
-    return Limited(Setpoint(velocity, feed_forward, yaw_rad), tuple(active), sent)
+        feed_forward, _ = obey(clamp(feed_forward, envelope.accelerations), closed + at_speed)
+        asked_for = command.acceleration_ned_m_s2 or STILL
+        _note(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, asked_for)
+    turned_rad = None if command.yaw_rad is None else _turn(command.yaw_rad, memory.yaw_rad, envelope, dt_s, active)
+    gained, _ = obey(acceleration, (*closed, *(one.closed() for one in at_speed)))
+    heading_rad = yaw_rad if turned_rad is None else turned_rad
+    sent = LimitMemory(velocity, gained, feed_forward or STILL, heading_rad, bool(holding))
+    return Limited(Setpoint(velocity, feed_forward, turned_rad), tuple(active), sent)
 
 
-def _all_usable(command: Setpoint, situation: Situation, memory: LimitMemory) -> bool:
-    place, velocity, yaw_rad, evader, moving, acceleration = situation
-    asked = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0)
-    sent, led_to_it, fed, turned, _ = memory
-    seen = (*place, *velocity, yaw_rad, *acceleration, *(evader or ()), *(moving or ()))
-    return usable(*asked, *seen, *sent, *led_to_it, *fed, turned)
-
-
-def _known(situation: Situation) -> Situation | None:
-    """The situation with an evader velocity that is a number or None; None where it cannot be judged."""
-    place, velocity, yaw_rad, evader, moving, acceleration = situation
-    if not usable(*place, *velocity, yaw_rad, *(evader or ())):
-        return None
-    return situation._replace(
-        acceleration_ned_m_s2=acceleration if usable(*acceleration) else (0.0, 0.0, 0.0),
-        evader_velocity_ned_m_s=moving if usable(*(moving or ())) else None,
-    )
-
-
-def _numbers_only(command: Setpoint, memory: LimitMemory, active: list[Limiter]) -> Setpoint:
-    if usable(*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0):
-        return command
-    active.append(Limiter.COMMAND)
-    return Setpoint(STILL, yaw_rad=memory.yaw_rad)
+def _repaired(
+    situation: Situation, command: Setpoint, memory: LimitMemory, active: list[Limiter]
+) -> tuple[Situation, Setpoint]:
+    """Replace an acceleration that is not a number by zero, and such a command by a stop."""
+    if not usable(*situation.acceleration_ned_m_s2):
+        situation = situation._replace(acceleration_ned_m_s2=STILL)
+    if not usable(*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0):
+        active.append(Limiter.COMMAND)
+        command = Setpoint(STILL, yaw_rad=memory.yaw_rad)
+    return situation, command
 
 
 def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Shaped:
-    """Bring the velocity sent last towards what is allowed, within acceleration and jerk."""
-    velocity, acceleration = shape(
+    """Approach the allowed velocity within acceleration and jerk."""
+    return shape(
         allowed,
         clamp(memory.velocity_ned_m_s, envelope.speeds),
         clamp(memory.acceleration_ned_m_s2, envelope.accelerations),
@@ -168,11 +156,10 @@ def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float
         jerk_m_s3=envelope.jerk_m_s3,
         dt_s=dt_s,
     )
-    return Shaped(clamp(velocity, envelope.speeds), acceleration)
 
 
 def _accelerate(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Shaped:
-    """The same within the acceleration alone."""
+    """Approach the allowed velocity within the acceleration alone."""
     before, most = clamp(memory.velocity_ned_m_s, envelope.speeds), envelope.accelerations
     if dt_s <= 0.0:
         return Shaped(before, STILL)
@@ -182,67 +169,40 @@ def _accelerate(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: 
     return Shaped(reached, (north / dt_s, east / dt_s, down / dt_s))
 
 
-def _yaw(
-    desired_rad: float | None, memory: LimitMemory, envelope: Envelope, dt_s: float, active: list[Limiter]
-) -> float | None:
-    """Turn towards the desired heading, the short way round, within the turn rate."""
-    if desired_rad is None:
-        return None
-    largest, turn = envelope.yaw_rate_rad_s * dt_s, wrap_rad(desired_rad - memory.yaw_rad)
+def _turn(wanted_rad: float, before_rad: float, envelope: Envelope, dt_s: float, active: list[Limiter]) -> float:
+    """Turn towards the wanted heading, the shorter way, within the turn rate."""
+    largest, turn = envelope.yaw_rate_rad_s * dt_s, wrap_rad(wanted_rad - before_rad)
     allowed = min(largest, max(-largest, turn))
     if abs(allowed - turn) > NOTED:
         active.append(Limiter.YAW)
-    return wrap_rad(memory.yaw_rad + allowed)
+    return wrap_rad(before_rad + allowed)
 
 
-def _eased(desired: Vector | None, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Vector | None:
-    """Bring the feed-forward towards the desired one, within acceleration and jerk."""
-    if desired is None:
-        return None
-    return slew(clamp(desired, envelope.accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
+def _at_speed_limit(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope) -> tuple[Constraint, ...]:
+    """Return constraints on the feed-forward along every speed limit that is commanded.
 
-
-def _full_speed_constraints(
-    velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope
-) -> tuple[VelocityConstraint, ...]:
-    """Where a speed limit is commanded, it constrains the feed-forward as well, of m/s² for a distance.
-
-    A feed-forward may turn the velocity, and hold it against drag, which takes several m/s² at full speed: along a
-    limit it may push as long as the vehicle itself flies no faster, and not at all from `OVER_SPEED` above it on.
+    The feed-forward compensates drag, which takes several m/s² at full speed. So it may push along the limit until the
+    vehicle flies faster than the limit, and less and less up to `OVER_SPEED` above.
     """
-    (north, east, down), flown = velocity_ned_m_s, flown_ned_m_s
-    ground_m_s = math.hypot(north, east)
+    (north, east, down), bounds = velocity_ned_m_s, envelope.accelerations
+    size = math.hypot(north, east)
+    along = (north / size, east / size, 0.0) if size > 0.0 else STILL
+    rows = (
+        (Limiter.SPEED, along, size, envelope.speed_m_s, bounds.ground),
+        (Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), down, envelope.descent_m_s, bounds.down),
+        (Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), -down, envelope.climb_m_s, bounds.up),
+    )
     found = []
-    if ground_m_s >= envelope.speed_m_s * (1.0 - 1e-9):
-        along = (north / ground_m_s, east / ground_m_s, 0.0)
-        push = _push(flown[0] * along[0] + flown[1] * along[1], envelope.speed_m_s, envelope.acceleration_m_s2)
-        found.append(VelocityConstraint(Limiter.SPEED, along, push))
-    vertical_m_s2 = envelope.vertical_acceleration_m_s2
-    if down >= envelope.descent_m_s * (1.0 - 1e-9):
-        push = _push(flown[2], envelope.descent_m_s, vertical_m_s2)
-        found.append(VelocityConstraint(Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), push))
-    if -down >= envelope.climb_m_s * (1.0 - 1e-9):
-        push = _push(-flown[2], envelope.climb_m_s, vertical_m_s2)
-        found.append(VelocityConstraint(Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), push))
+    for limiter, normal, speed_m_s, limit_m_s, most_m_s2 in rows:
+        if speed_m_s >= limit_m_s * (1.0 - 1e-9):
+            flown_m_s = sum(v * n for v, n in zip(flown_ned_m_s, normal, strict=True))
+            over = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
+            found.append(Constraint(limiter, normal, most_m_s2 * min(1.0, max(0.0, 1.0 - over))))
     return tuple(found)
 
 
-def _push(flown_m_s: float, limit_m_s: float, most_m_s2: float) -> float:
-    """Return the acceleration that a vehicle at this speed may still be given along a speed limit."""
-    over = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
-    return most_m_s2 * min(1.0, max(0.0, 1.0 - over))
-
-
-def _without_pushing(acceleration: Vector, constraints: tuple[VelocityConstraint, ...]) -> Vector:
-    for one in constraints:
-        acceleration = slide(acceleration, one)
-    for one in constraints:
-        acceleration = shrink(acceleration, one)
-    return acceleration
-
-
-def _note_vector(active: list[Limiter], ground: Limiter, vertical: Limiter, got: Vector, desired: Vector) -> None:
-    if abs(got[0] - desired[0]) > NOTED or abs(got[1] - desired[1]) > NOTED:
+def _note(active: list[Limiter], ground: Limiter, vertical: Limiter, got: Vector, wanted: Vector) -> None:
+    if abs(got[0] - wanted[0]) > NOTED or abs(got[1] - wanted[1]) > NOTED:
         active.append(ground)
-    if abs(got[2] - desired[2]) > NOTED and vertical not in active:
+    if abs(got[2] - wanted[2]) > NOTED and vertical not in active:
         active.append(vertical)

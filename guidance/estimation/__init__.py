@@ -5,19 +5,18 @@ Contents:
         difference between the sender's clock and ours.
     observe: adds a report, with the answer to our TIMESYNC. compare_clocks: adds such an answer alone.
     update: adds a `Measurement` to a track. Its `ReportOutcome` is in `TAKEN` if it changed the estimate.
-    predict: the evader at a time of our clock, an `EvaderState`.
+    predict: the evader at a time of our clock, an `EvaderEstimate`.
     moved: the same memory in another local frame, after an estimator reset.
 """
 
-from guidance.estimation.measurement import ClockOffset, Measurement
-from guidance.estimation.observer import EvaderState, Observer, compare_clocks, moved, observe, predict
-from guidance.estimation.settings import TrackSettings
+from guidance.estimation.measurement import ClockOffset, Measurement, TrackSettings
+from guidance.estimation.observer import EvaderEstimate, Observer, compare_clocks, moved, observe, predict
 from guidance.estimation.track import TAKEN, ReportOutcome, Track, update
 
 __all__ = [
     "TAKEN",
     "ClockOffset",
-    "EvaderState",
+    "EvaderEstimate",
     "Measurement",
     "Observer",
     "ReportOutcome",

@@ -18,11 +18,8 @@ import math
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from guidance.estimation.settings import TrackSettings
-
-Array = NDArray[np.float64]
+from guidance.estimation.measurement import Array, TrackSettings
 
 STATES = 5
 
@@ -89,17 +86,11 @@ def _arc(turn_rate: float, dt_s: float) -> tuple[float, float, float, float]:
 
 def _noise(dt_s: float, fade: float, settings: TrackSettings) -> Array:
     """White acceleration over dt: q · [dt³/3, dt²/2; dt²/2, dt], so that any report rate gives the same spread."""
-    place, cross = dt_s**3 / 3.0, dt_s**2 / 2.0
-    shape = np.array(
-        [
-            [place, 0.0, cross, 0.0, 0.0],
-            [0.0, place, 0.0, cross, 0.0],
-            [cross, 0.0, dt_s, 0.0, 0.0],
-            [0.0, cross, 0.0, dt_s, 0.0],
-            [0.0, 0.0, 0.0, 0.0, 0.0],
-        ]
-    )
-    noise = np.array([settings.steady_noise_m2_s3 * shape, settings.turning_noise_m2_s3 * shape])
+    white = np.array([settings.steady_noise_m2_s3, settings.turning_noise_m2_s3])[:, None, None] * np.eye(2)
+    noise = np.zeros((2, STATES, STATES))
+    noise[:, :2, :2] = white * (dt_s**3 / 3.0)
+    noise[:, :2, 2:4] = noise[:, 2:4, :2] = white * (dt_s**2 / 2.0)
+    noise[:, 2:4, 2:4] = white * dt_s
     noise[:, 4, 4] = settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)
     return noise
 

@@ -1,4 +1,4 @@
-"""Reports of the evader as measurements: local metres, our clock, and a spread for every value.
+"""Settings of the track, and reports of the evader as measurements: local metres, our clock, a spread for every value.
 
 The sender's clock is converted to ours by the reports' own times and by TIMESYNC. received - sent = offset + delay, and
 no delay is negative. So the smallest difference bounds the offset; it may rise as fast as two clocks drift apart. A
@@ -7,15 +7,85 @@ accepted only after a while, because one corrupt time, or a burst from a queue, 
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from guidance.estimation.filters import Array
-from guidance.estimation.settings import TrackSettings
+from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.messages import EvaderReport
+
+Array = NDArray[np.float64]
+
+_LARGEST_SETTING: Final = 1e4
+_MAY_BE_ZERO: Final = frozenset({"latency_s", "future_s", "sigmas", "history_s"})
+_LEAST: Final = {**dict.fromkeys(_MAY_BE_ZERO, 0.0), "position_sd_m": 0.01, "velocity_sd_m_s": 0.01}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackSettings:
+    """Noise, time limits and bounds of the evader's track.
+
+    Attributes:
+        declared_speed_m_s: Largest speed of the evader, as declared.
+        sigmas: k of the speed bound max(declared, estimate + kσ).
+        steady_noise_m2_s3: Spectral density of the acceleration while the evader holds its course.
+        turning_noise_m2_s3: The same while it turns.
+        turn_rate_sd_rad_s: Spread of turn rates while it turns.
+        turn_time_s: Correlation time of the turn rate.
+        steady_time_s: Mean time between turns.
+        turning_time_s: Mean time in a turn.
+        position_sd_m: Spread of a report that gives none.
+        velocity_sd_m_s: Spread of a report that gives none.
+        height_noise_m2_s3: Spectral density of the vertical acceleration.
+        prior_speed_sd_m_s: Spread of the velocity before the first report of it.
+        known_velocity_sd_m_s: Largest spread of a velocity that counts as known.
+        largest_speed_m_s: Reports of a higher speed are refused.
+        latency_s: Least time from measurement to arrival, for clocks without TIMESYNC.
+        stale_s: Reports older than this on arrival are dropped.
+        future_s: A report may be this far ahead of its own arrival.
+        silence_s: After this long without a report, the next one restarts the track.
+        history_s: Time span within which reports can be reordered.
+        jump_reports: So many outliers in a row that agree with each other restart the track,
+        jump_s: or fewer that agree for this long.
+        jump_m_s: A restart must be within the distance covered at this speed since the last estimate,
+        way_m_s: and every report within the distance covered at this speed since some seconds ago,
+        reach_m: each with this tolerance. The largest numbers allowed mean no bound.
+    """
+
+    declared_speed_m_s: float
+    sigmas: float = 2.0
+    steady_noise_m2_s3: float = 0.05
+    turning_noise_m2_s3: float = 1.0
+    turn_rate_sd_rad_s: float = 0.4
+    turn_time_s: float = 5.0
+    steady_time_s: float = 8.0
+    turning_time_s: float = 4.0
+    position_sd_m: float = 0.7
+    velocity_sd_m_s: float = 0.3
+    height_noise_m2_s3: float = 0.05
+    prior_speed_sd_m_s: float = 10.0
+    known_velocity_sd_m_s: float = 1.5
+    largest_speed_m_s: float = 60.0
+    latency_s: float = 0.0
+    stale_s: float = 2.0
+    future_s: float = 0.2
+    silence_s: float = 5.0
+    history_s: float = 3.0
+    jump_reports: int = 3
+    jump_s: float = 0.9
+    jump_m_s: float = _LARGEST_SETTING
+    way_m_s: float = _LARGEST_SETTING
+    reach_m: float = 6.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value, least = getattr(self, field.name), _LEAST.get(field.name, 1e-6)
+            if not least <= value <= _LARGEST_SETTING:
+                raise ConfigError(f"{field.name} = {value}: allowed is {least} to {_LARGEST_SETTING}")
+
 
 _LARGEST = 1e8
 _LEAST_SD, _LARGEST_SD = 0.01, 1e4
@@ -46,14 +116,11 @@ class Measurement(NamedTuple):
 
     def plane(self) -> tuple[Array, Array]:
         """Return the measured values in the plane, (2,) or with velocity (4,), and their covariance."""
-        place = self.position_sd_m**2
-        if self.velocity_ned_m_s is None:
-            return np.array(self.position_ned_m[:2]), np.array([[place, 0.0], [0.0, place]])
-        rate = self.velocity_sd_m_s**2
-        return (
-            np.array(self.position_ned_m[:2] + self.velocity_ned_m_s[:2]),
-            np.array([[place, 0, 0, 0], [0, place, 0, 0], [0, 0, rate, 0], [0, 0, 0, rate]], dtype=np.float64),
-        )
+        values, variances = [*self.position_ned_m[:2]], [self.position_sd_m**2] * 2
+        if self.velocity_ned_m_s is not None:
+            values += self.velocity_ned_m_s[:2]
+            variances += [self.velocity_sd_m_s**2] * 2
+        return np.array(values), np.diag(variances)
 
 
 def measure(report: EvaderReport, frame: LocalFrame, time_s: float, settings: TrackSettings) -> Measurement:

@@ -11,72 +11,47 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from guidance.estimation.filters import STATES, Array, advance, combine
-from guidance.estimation.measurement import ClockOffset, hear, measure, synchronise, true_at
+from guidance.estimation.filters import STATES, advance, combine
+from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise, true_at
 from guidance.estimation.rivals import Report, Rivals, listen
-from guidance.estimation.settings import TrackSettings
 from guidance.estimation.track import Accepted, ReportOutcome, Track, update
 from guidance.frames import LocalFrame, Vector
 from guidance.messages import EvaderReport, Timesync
 
 
-class EvaderState(NamedTuple):
+class EvaderEstimate(NamedTuple):
     """The evader at a time of our clock, extrapolated from its last report.
 
     Attributes:
         position_ned_m: Position in the local frame.
-        velocity_ned_m_s: Velocity; undefined (near zero) while `velocity_known` is False.
-        velocity_known: True once reports or motion have determined the velocity. Unknown is not zero.
+        velocity_ned_m_s: Velocity; zero while neither reports nor motion have determined it.
         speed_bound_m_s: max(declared, estimate + kσ) over the ground.
-        turn_rate_rad_s: Positive from north to east.
-        turning: Probability that it is turning, 0 to 1.
         age_s: Time since the last report was true: τ of the game's l − uτ.
-        silence_s: Time since the last report arrived.
-        velocity_sd_m_s: Spread of the velocity over ground in its worst direction.
-        covariance: (4, 4), of north, east (m) and their rates (m/s).
     """
 
     position_ned_m: Vector
     velocity_ned_m_s: Vector
-    velocity_known: bool
     speed_bound_m_s: float
-    turn_rate_rad_s: float
-    turning: float
     age_s: float
-    silence_s: float
-    velocity_sd_m_s: float
-    covariance: Array
-
-    @property
-    def position_sd_m(self) -> float:
-        """Spread of the position over ground in its worst direction."""
-        (one, shared), (_, other) = self.covariance[:2, :2].tolist()
-        return _worst_sd(one, shared, other)
 
 
-def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderState | None:
+def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstimate | None:
     """Return the evader at a time of our clock, not before its last report; None before the first report."""
     last = track.estimate
     if last is None:
         return None
     moved = advance(last, now_s, settings)
     mean, covariance = combine(moved.modes)
-    north, east, north_rate, east_rate, turn_rate = mean.tolist()
-    spread = covariance.tolist()
-    velocity_sd_m_s = _worst_sd(spread[2][2], spread[2][3], spread[3][3])
-    speed_m_s = math.hypot(north_rate, east_rate)
-    bound_m_s = speed_m_s + settings.sigmas * _sd_along(north_rate, east_rate, spread, velocity_sd_m_s)
-    return EvaderState(
-        position_ned_m=(north, east, moved.height.down_m),
-        velocity_ned_m_s=(north_rate, east_rate, moved.height.rate_m_s),
-        velocity_known=velocity_sd_m_s <= settings.known_velocity_sd_m_s,
-        speed_bound_m_s=max(settings.declared_speed_m_s, bound_m_s),
-        turn_rate_rad_s=moved.modes.turning * turn_rate,
-        turning=moved.modes.turning,
-        age_s=max(0.0, now_s - last.time_s),
-        silence_s=max(0.0, now_s - last.received_s),
-        velocity_sd_m_s=velocity_sd_m_s,
-        covariance=covariance[:4, :4],
+    north, east, north_rate, east_rate, _ = mean.tolist()
+    spread = covariance[2:4, 2:4].tolist()
+    worst_sd = _worst_sd(spread)
+    bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * _sd_along(north_rate, east_rate, spread, worst_sd)
+    known = worst_sd <= settings.known_velocity_sd_m_s
+    return EvaderEstimate(
+        (north, east, moved.height.down_m),
+        (north_rate, east_rate, moved.height.rate_m_s) if known else (0.0, 0.0, 0.0),
+        max(settings.declared_speed_m_s, bound_m_s),
+        max(0.0, now_s - last.time_s),
     )
 
 
@@ -86,12 +61,14 @@ def _sd_along(north_rate: float, east_rate: float, spread: list[list[float]], wo
     if speed <= worst_sd:
         return worst_sd
     north, east = north_rate / speed, east_rate / speed
-    variance = north * north * spread[2][2] + 2.0 * north * east * spread[2][3] + east * east * spread[3][3]
+    (one, shared), (_, other) = spread
+    variance = north * north * one + 2.0 * north * east * shared + east * east * other
     return math.sqrt(max(0.0, variance))
 
 
-def _worst_sd(one: float, shared: float, other: float) -> float:
+def _worst_sd(spread: list[list[float]]) -> float:
     """Return the square root of the larger eigenvalue of a symmetric 2 × 2 matrix."""
+    (one, shared), (_, other) = spread
     return math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
 
 

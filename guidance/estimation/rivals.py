@@ -17,7 +17,7 @@ show which of two sources is the wrong one.
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 LASTS_S: Final = 2.0
@@ -109,19 +109,9 @@ def listen(rivals: Rivals, one: Report, *, speed_m_s: float, margin_m: float, no
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals
     rivals = _learn_rate(rivals._replace(judged_s=now_s), now_s)
-    why = "place" if _in_place(rivals.recent, speed_m_s, margin_m, noise_m) else _why(rivals, now_s)
+    why = "place" if _in_place(rivals.recent, speed_m_s, margin_m, noise_m) else None
+    why = why or next((sign for sign, shows in _SIGNS.items() if shows(rivals, now_s)), None)
     return rivals if why is None else rivals._replace(seen_s=now_s, why=why)
-
-
-def _why(rivals: Rivals, now_s: float) -> str | None:
-    recent = rivals.recent
-    if _in_clock(recent):
-        return "clock"
-    if _in_sequence(recent):
-        return "sequence"
-    if _in_sender(recent, now_s):
-        return "sender"
-    return "rate" if _in_rate(rivals, now_s) else None
 
 
 def _in_place(recent: Sequence[Report], speed_m_s: float, margin_m: float, noise_m: float) -> bool:
@@ -196,3 +186,11 @@ def _in_rate(rivals: Rivals, now_s: float) -> bool:
     arrivals_s = _untimed(rivals.recent, now_s)
     spread = 2 * len(set(arrivals_s)) >= min(rivals.usual, _RATE_SPREAD)  # a queue delivers everything at once
     return spread and len(arrivals_s) > _RATE_FACTOR * rivals.usual + _RATE_SPARE
+
+
+_SIGNS: Final[Mapping[str, Callable[[Rivals, float], bool]]] = {
+    "clock": lambda rivals, _: _in_clock(rivals.recent),
+    "sequence": lambda rivals, _: _in_sequence(rivals.recent),
+    "sender": lambda rivals, now_s: _in_sender(rivals.recent, now_s),
+    "rate": _in_rate,
+}

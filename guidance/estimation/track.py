@@ -22,8 +22,7 @@ from guidance.estimation.filters import (
     correct_down,
     correct_rate,
 )
-from guidance.estimation.measurement import Measurement
-from guidance.estimation.settings import TrackSettings
+from guidance.estimation.measurement import Measurement, TrackSettings
 
 
 class ReportOutcome(StrEnum):

@@ -9,11 +9,18 @@ BEFORE_FLIGHT, FINAL: states before take-off, and end states.
 Check: one condition of arming and engaging.
 """
 
-from guidance.flight.inputs_outputs import ORDERS, Authority, Happening, Inputs, Outputs
 from guidance.flight.machine import Flight
 from guidance.flight.readiness import Check
-from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
-from guidance.flight.table import BEFORE_FLIGHT, FINAL, TRANSITIONS, Event, State, is_done, next_state
+from guidance.flight.settings import (
+    AfterCapture,
+    Authority,
+    EngageOn,
+    FlightSettings,
+    Happening,
+    Inputs,
+    Outputs,
+)
+from guidance.flight.table import BEFORE_FLIGHT, FINAL, ORDERS, TRANSITIONS, Event, State, is_done, next_state
 
 __all__ = [
     "BEFORE_FLIGHT",

@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Mode
-from guidance.control import Envelope, FenceGeometry, measure_fence
-from guidance.flight.inputs_outputs import Inputs
-from guidance.flight.settings import FlightSettings
+from guidance.control import Envelope, Situation, Wall, measure_walls
+from guidance.estimation import EvaderEstimate
+from guidance.flight.settings import FlightSettings, Inputs
 from guidance.flight.tracking import NOWHERE, Tracking, polygon_about_home
 from guidance.frames import GameFrame, LocalFrame, Vector, difference
-from guidance.messages import Heartbeat, LocalPosition, Message, PositionTarget, Setpoint
+from guidance.messages import EstimatorStatus, Heartbeat, LocalPosition, Message, PositionTarget, Setpoint
 from guidance.vehicle import VehicleState, observe
 
 REMEMBERED_S: Final = 1.5
@@ -35,6 +35,14 @@ _LEAST_SHARE: Final = 0.5
 """An autopilot may reduce a setpoint to its speed limits; down to this share it counts as ours."""
 
 
+class View(NamedTuple):
+    """The evader, the situation and the walls of one cycle."""
+
+    evader: EvaderEstimate | None
+    situation: Situation
+    walls: tuple[Wall, ...]
+
+
 class Heard:
     """Everything received so far, as it stands in this cycle.
 
@@ -50,7 +58,6 @@ class Heard:
         position_ned_m: Position of the vehicle in the local frame.
         moved_ned_m: Movement of that frame in this cycle.
         cycle: Settings of the guidance cycle, with heights and fences about home.
-        fence: Position of the vehicle relative to its fences.
         start_ned_m: Stand-by position, if configured.
     """
 
@@ -71,7 +78,7 @@ class Heard:
         self.position_ned_m: Vector | None = None
         self.moved_ned_m = NOWHERE
         self.cycle = settings.cycle
-        self.fence: FenceGeometry | None = None
+        self._view: View | None = None
         self.start_ned_m: Vector | None = None
 
     def vehicle_says(self, messages: Sequence[Message]) -> None:
@@ -89,6 +96,7 @@ class Heard:
             inputs: Inputs of the cycle.
             in_flight: Whether jumps of the evader are bounded by the distance it can have covered.
         """
+        self._view = None
         self.vehicle_says(inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         strange = self.echo.foreign
@@ -119,7 +127,22 @@ class Heard:
             self.position_ned_m = self.local.position_ned_m
             if held_back_ned_m != NOWHERE:
                 self.position_ned_m = difference(self.position_ned_m, held_back_ned_m)
-            self.fence = measure_fence(self.position_ned_m, self.cycle.envelope)
+
+    def view(self, now_s: float) -> View | None:
+        """Return the view of this cycle, computed once; None before the first position."""
+        if self._view is None and self.local is not None and self.position_ned_m is not None:
+            evader, estimator = self.tracking.evader(now_s), self.vehicle.last(EstimatorStatus)
+            here = Situation(
+                self.position_ned_m,
+                self.local.velocity_ned_m_s,
+                self.vehicle.yaw_rad,
+                None if evader is None else evader.position_ned_m,
+                None if evader is None else evader.velocity_ned_m_s,
+                self.vehicle.acceleration_ned_m_s2,
+                0.0 if estimator is None else estimator.height_sd_m,
+            )
+            self._view = View(evader, here, measure_walls(here, self.cycle.envelope))
+        return self._view
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """Return the envelope about home, which may differ from the origin of the local frame."""

@@ -1,22 +1,25 @@
-"""The `[flight]` section of a vehicle file, and the settings of one running flight, which extend it."""
+"""Inputs, outputs and settings of a flight, and the `[flight]` section of a vehicle file."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from typing import Final, Literal, Self
+from typing import Final, Literal, NamedTuple, Self
 
 from pydantic import Field, InstanceOf, model_validator
 
 from guidance.autopilots import Autopilot
+from guidance.certificate import Certificate
 from guidance.config import Section
 from guidance.control import Limits
 from guidance.cycle import CycleSettings
-from guidance.flight.table import State
+from guidance.flight.table import Event, State
 from guidance.frames import Vector
+from guidance.messages import EvaderReport, Message, Request, Setpoint
+from guidance.monitor import Alarm
 
 
 class AfterCapture(StrEnum):
-    """What to do at the stand-off disc."""
+    """Action at the stand-off disc."""
 
     HOLD = "hold"  # hover there
     SHADOW = "shadow"  # follow the moving evader
@@ -24,7 +27,7 @@ class AfterCapture(StrEnum):
 
 
 class EngageOn(StrEnum):
-    """What begins the game, from standing by."""
+    """Start of the game, in the stand-by position."""
 
     COMMAND = "command"  # an order
     PILOT_MODE = "pilot_mode"  # the pilot's switch to the guided mode; a neutral setpoint stream makes it possible
@@ -74,7 +77,7 @@ class Reserve(Section):
 
 
 class FlightSection(Section):
-    """How a flight proceeds around the game."""
+    """Settings of a flight, before and after the game."""
 
     takeoff_height_m: float = Field(15.0, ge=2.0, le=120.0, description="above home")
     after_capture: AfterCapture = Field(
@@ -102,16 +105,16 @@ class FlightSection(Section):
 
 
 class FlightSettings(FlightSection):
-    """Settings of one running flight: the `[flight]` section, and what the other sections and the scenario give.
+    """Settings of one running flight: the `[flight]` section, extended from the other sections and the scenario.
 
     Attributes:
         autopilot: The vehicle's autopilot.
         cycle: Settings of the guidance cycle.
         limits: The `[limits]` section.
-        start_game_m: Where the vehicle stands by, in the game frame; None stays above the take-off.
+        start_game_m: Stand-by position in the game frame; None stays above the take-off.
         hold_on_rival: Whether the vehicle holds when two sources report as the evader.
         guarantee_slack_s: Tolerated loss of the promised value before an alarm, in s of capture time (PE) or of the
-            evader's way (TAD), besides the allowance of `guidance.monitor`.
+            evader's way (TAD), in addition to the allowance of `guidance.monitor`.
         settle_s: How long all inputs must be good before a paused game continues.
         limits_s: Longest stay in each state that has a limit.
     """
@@ -129,3 +132,82 @@ class FlightSettings(FlightSection):
     def farthest_m(self) -> float:
         """Greatest distance from home that the fence allows; 0 while it is unknown (corners in degrees)."""
         return self.limits.reach_m if math.isfinite(self.limits.reach_m) else 0.0
+
+
+class Authority(StrEnum):
+    """The cause of a change of state."""
+
+    OPERATOR = "operator"  # an order of a person; it stands until the next one
+    MISSION = "mission"  # an order of the program that flies a scenario
+    FLIGHT = "flight"  # an event that the flight detected itself
+
+
+class Inputs(NamedTuple):
+    """Everything that one cycle reads.
+
+    Attributes:
+        now_s: Time of the injected clock.
+        messages: From the vehicle, since the last cycle.
+        reports: Of the evader, since the last cycle.
+        orders: Orders of people, oldest first; each one of `ORDERS`.
+        refusals: Names of what preflight refuses. The vehicle is not ready while there is any.
+        alive: True if a person gave a sign of life since the last cycle, else None.
+        mission: Orders of a mission. They have no effect while a person's order stands.
+    """
+
+    now_s: float
+    messages: Sequence[Message] = ()
+    reports: Sequence[EvaderReport] = ()
+    orders: Sequence[Event] = ()
+    refusals: Sequence[str] = ()
+    alive: bool | None = None
+    mission: Sequence[Event] = ()
+
+
+class Happening(NamedTuple):
+    """An event and its effect.
+
+    Attributes:
+        now_s: When.
+        event: What happened.
+        before: The state before.
+        after: The state after; equal to `before` if an order had no effect.
+        by: Its cause: an operator, a mission or the flight itself.
+        detail: The measurement in words: "no telemetry for 1.2 s". Empty if the event's name is enough.
+    """
+
+    now_s: float
+    event: Event
+    before: State
+    after: State
+    by: Authority = Authority.FLIGHT
+    detail: str = ""
+
+    @property
+    def words(self) -> str:
+        """The cause for people: the detail if there is one, else the event."""
+        return self.detail or str(self.event)
+
+
+class Outputs(NamedTuple):
+    """Decisions of one cycle.
+
+    Attributes:
+        state: The flight's, after this cycle.
+        setpoint: To send now; None sends nothing.
+        requests: To send to the vehicle.
+        happenings: One for each order, then the detected events.
+        certificate: Of the game, if it was played in this cycle.
+        alarm: If the game's promise was broken in this cycle.
+        fault: An error of guidance itself. It ends the flight.
+        cause: The happening that led to the present state; None in the first state.
+    """
+
+    state: State
+    setpoint: Setpoint | None
+    requests: tuple[Request, ...]
+    happenings: tuple[Happening, ...]
+    certificate: Certificate | None
+    alarm: Alarm | None = None
+    fault: str | None = None
+    cause: Happening | None = None

@@ -5,7 +5,7 @@ transition is visible as a missing line. No line leads from YIELDED to a command
 (`Event.ENGAGE`), or the pilot's mode switch if configured (`Event.INVITED`), begins the game.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 
 from guidance.autopilots import Mode
@@ -87,87 +87,94 @@ class Event(StrEnum):
     FAULT = "guidance failed"
 
 
+ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT})
+
 _FOUND = (State.CHECKING, State.READY, State.ARMING)
 _AIRBORNE = (State.CLIMBING, State.POSITIONING, State.STANDING_BY)
 _COMMANDING = (State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION)
 _LEAVING = (State.HOLDING, State.RETURNING, State.LANDING)
-_FLOWN = (*_AIRBORNE, State.OUT_OF_CONTACT, *_COMMANDING, *_LEAVING)
+_FLOWN = {*_AIRBORNE, State.OUT_OF_CONTACT, *_COMMANDING, *_LEAVING}
+
+_ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
+    # Before flight.
+    ((State.CONNECTING,), (Event.HEARD,), State.CHECKING),
+    ((State.CHECKING,), (Event.FIT,), State.READY),
+    ((State.READY,), (Event.UNFIT,), State.CHECKING),
+    ((State.READY,), (Event.START,), State.ARMING),
+    ((State.READY,), (Event.ALOFT,), State.STANDING_BY),
+    ((State.ARMING,), (Event.ARMED,), State.CLIMBING),
+    ((State.CHECKING, State.READY), (Event.TELEMETRY_LOST,), State.CONNECTING),
+    ((State.CONNECTING, State.CHECKING, State.ARMING), (Event.TIMED_OUT,), State.FAILED),
+    ((State.CONNECTING, State.CHECKING, State.READY), (Event.FAULT,), State.FAILED),
+    # To the start.
+    ((State.CLIMBING,), (Event.AT_HEIGHT,), State.POSITIONING),
+    ((State.POSITIONING,), (Event.AT_START,), State.STANDING_BY),
+    ((State.CLIMBING, State.POSITIONING), (Event.TIMED_OUT,), State.LANDING),
+    # The game.
+    ((State.STANDING_BY, State.HOLDING), (Event.ENGAGE,), State.ENTERING),
+    ((State.STANDING_BY,), (Event.INVITED,), State.ENGAGED),
+    ((State.ENTERING,), (Event.GUIDED,), State.ENGAGED),
+    ((State.ENGAGED,), (Event.CAPTURED,), State.ON_STATION),
+    ((State.ON_STATION,), (Event.STRAYED,), State.ENGAGED),
+    ((State.ON_STATION,), (Event.DONE,), State.RETURNING),
+    (
+        (State.ENGAGED, State.ON_STATION),
+        (Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE),
+        State.PAUSED,
+    ),
+    ((State.PAUSED,), (Event.CLEAR,), State.ENGAGED),
+    ((State.ENTERING, State.PAUSED), (Event.TIMED_OUT,), State.HOLDING),
+    ((State.ENGAGED, State.PAUSED), (Event.CHASE_TIMED_OUT,), State.HOLDING),
+    ((State.ENGAGED, State.ON_STATION), (Event.NO_GAME,), State.HOLDING),
+    ((State.ENGAGED,), (Event.ESCAPED,), State.HOLDING),
+    # The end.
+    ((*_AIRBORNE, State.OUT_OF_CONTACT, *_LEAVING), (Event.DISARMED,), State.LANDED),
+    (_COMMANDING, (Event.DISARMED,), State.YIELDED),
+    # From every state in the air, and from each of these three to the other two: a person may be standing below.
+    (_FLOWN - {State.HOLDING}, (Event.HOLD,), State.HOLDING),
+    (_FLOWN - {State.RETURNING}, (Event.RETURN,), State.RETURNING),
+    (_FLOWN - {State.LANDING}, (Event.LAND, Event.ABORT), State.LANDING),
+    ((State.CONNECTING, *_FOUND), (Event.ABORT,), State.FAILED),
+    # A vehicle that was found armed (guidance was started, or started again, in mid-air) is handed over like our own.
+    (_FOUND, (Event.HOLD_ARMED,), State.HOLDING),
+    (_FOUND, (Event.RETURN_ARMED,), State.RETURNING),
+    (_FOUND, (Event.LAND_ARMED,), State.LANDING),
+    # Interruptions.
+    (
+        _COMMANDING,
+        (
+            Event.FENCE,
+            Event.FLOOR,
+            Event.CEILING,
+            Event.STAND_OFF,
+            Event.FOREIGN,
+            Event.RIVAL,
+            Event.OPERATOR_LOST,
+        ),
+        State.HOLDING,
+    ),
+    (
+        (*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING),
+        (Event.BATTERY_LOW,),
+        State.RETURNING,
+    ),
+    ((State.STANDING_BY, State.HOLDING), (Event.OPERATOR_GONE,), State.RETURNING),
+    # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
+    (_COMMANDING, (Event.LOOP_STOPPED,), State.YIELDED),
+    ({State.ARMING, *_FLOWN}, (Event.PILOT, Event.REBOOTED, Event.FAULT), State.YIELDED),
+    (
+        {State.ARMING, *_FLOWN} - {State.STANDING_BY, State.OUT_OF_CONTACT},
+        (Event.TELEMETRY_LOST,),
+        State.YIELDED,
+    ),
+    # Nothing was commanded, so the flight may continue, but only an order begins the game.
+    ((State.STANDING_BY,), (Event.TELEMETRY_LOST,), State.OUT_OF_CONTACT),
+    ((State.OUT_OF_CONTACT,), (Event.CONTACT,), State.STANDING_BY),
+)
+"""From any of these states, any of these events leads to that state."""
 
 TRANSITIONS: Mapping[tuple[State, Event], State] = {
-    (State.CONNECTING, Event.HEARD): State.CHECKING,
-    (State.CONNECTING, Event.TIMED_OUT): State.FAILED,
-    (State.CHECKING, Event.FIT): State.READY,
-    (State.CHECKING, Event.TIMED_OUT): State.FAILED,
-    (State.READY, Event.UNFIT): State.CHECKING,
-    (State.READY, Event.START): State.ARMING,
-    (State.READY, Event.ALOFT): State.STANDING_BY,
-    (State.ARMING, Event.ARMED): State.CLIMBING,
-    (State.ARMING, Event.TIMED_OUT): State.FAILED,
-    (State.CLIMBING, Event.AT_HEIGHT): State.POSITIONING,
-    (State.POSITIONING, Event.AT_START): State.STANDING_BY,
-    (State.STANDING_BY, Event.ENGAGE): State.ENTERING,
-    (State.HOLDING, Event.ENGAGE): State.ENTERING,
-    (State.STANDING_BY, Event.INVITED): State.ENGAGED,
-    (State.ENTERING, Event.GUIDED): State.ENGAGED,
-    (State.ENTERING, Event.TIMED_OUT): State.HOLDING,
-    (State.ENGAGED, Event.CAPTURED): State.ON_STATION,
-    (State.ON_STATION, Event.STRAYED): State.ENGAGED,
-    (State.ON_STATION, Event.DONE): State.RETURNING,
-    (State.ENGAGED, Event.ESCAPED): State.HOLDING,
-    (State.ENGAGED, Event.EVADER_LOST): State.PAUSED,
-    (State.ENGAGED, Event.ESTIMATOR_RESET): State.PAUSED,
-    (State.ENGAGED, Event.LOOP_LATE): State.PAUSED,
-    (State.ON_STATION, Event.EVADER_LOST): State.PAUSED,
-    (State.ON_STATION, Event.ESTIMATOR_RESET): State.PAUSED,
-    (State.ON_STATION, Event.LOOP_LATE): State.PAUSED,
-    (State.PAUSED, Event.CLEAR): State.ENGAGED,
-    (State.PAUSED, Event.TIMED_OUT): State.HOLDING,
-    (State.ENGAGED, Event.CHASE_TIMED_OUT): State.HOLDING,
-    (State.PAUSED, Event.CHASE_TIMED_OUT): State.HOLDING,
-    (State.ENGAGED, Event.NO_GAME): State.HOLDING,
-    (State.ON_STATION, Event.NO_GAME): State.HOLDING,
-    (State.CLIMBING, Event.TIMED_OUT): State.LANDING,
-    (State.POSITIONING, Event.TIMED_OUT): State.LANDING,
-    (State.RETURNING, Event.DISARMED): State.LANDED,
-    (State.LANDING, Event.DISARMED): State.LANDED,
-    **{(state, Event.DISARMED): State.LANDED for state in (*_AIRBORNE, State.OUT_OF_CONTACT, State.HOLDING)},
-    **{(state, Event.DISARMED): State.YIELDED for state in _COMMANDING},
-    # From every state in the air, and from each of these three to the other two: a person may be standing below.
-    **{(state, Event.HOLD): State.HOLDING for state in _FLOWN if state is not State.HOLDING},
-    **{(state, Event.RETURN): State.RETURNING for state in _FLOWN if state is not State.RETURNING},
-    **{(state, Event.LAND): State.LANDING for state in _FLOWN if state is not State.LANDING},
-    **{(state, Event.ABORT): State.LANDING for state in _FLOWN if state is not State.LANDING},
-    **{(state, Event.ABORT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY, State.ARMING)},
-    # A vehicle that was found armed (guidance was started, or started again, in mid-air) is handed over like our own.
-    **{(state, Event.HOLD_ARMED): State.HOLDING for state in _FOUND},
-    **{(state, Event.RETURN_ARMED): State.RETURNING for state in _FOUND},
-    **{(state, Event.LAND_ARMED): State.LANDING for state in _FOUND},
-    **{
-        (state, Event.BATTERY_LOW): State.RETURNING
-        for state in (*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING)
-    },
-    # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
-    **{(state, Event.LOOP_STOPPED): State.YIELDED for state in _COMMANDING},
-    **{(state, Event.FENCE): State.HOLDING for state in _COMMANDING},
-    **{(state, Event.FLOOR): State.HOLDING for state in _COMMANDING},
-    **{(state, Event.CEILING): State.HOLDING for state in _COMMANDING},
-    **{(state, Event.STAND_OFF): State.HOLDING for state in _COMMANDING},
-    **{(state, Event.FOREIGN): State.HOLDING for state in _COMMANDING},
-    **{(state, Event.RIVAL): State.HOLDING for state in _COMMANDING},
-    **{(state, Event.OPERATOR_LOST): State.HOLDING for state in _COMMANDING},
-    **{(state, Event.OPERATOR_GONE): State.RETURNING for state in (State.STANDING_BY, State.HOLDING)},
-    **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_FLOWN)},
-    **{(state, Event.REBOOTED): State.YIELDED for state in (State.ARMING, *_FLOWN)},
-    **{(state, Event.FAULT): State.YIELDED for state in (State.ARMING, *_FLOWN)},
-    **{
-        (state, Event.TELEMETRY_LOST): State.YIELDED
-        for state in (State.ARMING, State.CLIMBING, State.POSITIONING, *_COMMANDING, *_LEAVING)
-    },
-    # Nothing was commanded, so the flight may continue, but only an order begins the game.
-    (State.STANDING_BY, Event.TELEMETRY_LOST): State.OUT_OF_CONTACT,
-    (State.OUT_OF_CONTACT, Event.CONTACT): State.STANDING_BY,
-    **{(state, Event.FAULT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY)},
-    **{(state, Event.TELEMETRY_LOST): State.CONNECTING for state in (State.CHECKING, State.READY)},
+    (state, event): after for states, events, after in _ROWS for state in states for event in events
 }
 
 FINAL = frozenset({State.LANDED, State.YIELDED, State.FAILED})
@@ -181,18 +188,13 @@ SETPOINT_STATES = frozenset(_COMMANDING)
 HANDING_OVER = frozenset(_LEAVING)
 """States that leave the guided mode. A hover is sent until HEARTBEAT shows another mode."""
 
+_TAKING_OFF = frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED})
+
 OUR_MODES: Mapping[State, frozenset[Mode]] = {
-    State.CLIMBING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
-    State.POSITIONING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
-    State.STANDING_BY: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
-    State.OUT_OF_CONTACT: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
-    State.ENTERING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
-    State.ENGAGED: frozenset({Mode.GUIDED}),
-    State.PAUSED: frozenset({Mode.GUIDED}),
-    State.ON_STATION: frozenset({Mode.GUIDED}),
+    **dict.fromkeys((*_AIRBORNE, State.OUT_OF_CONTACT, State.ENTERING), _TAKING_OFF),
+    **dict.fromkeys((State.ENGAGED, State.PAUSED, State.ON_STATION), frozenset({Mode.GUIDED})),
     State.HOLDING: frozenset({Mode.HOLD, Mode.GUIDED}),
-    State.RETURNING: frozenset({Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED}),
-    State.LANDING: frozenset({Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.GUIDED}),
+    **dict.fromkeys((State.RETURNING, State.LANDING), frozenset({Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED})),
 }
 """Modes that guidance itself may cause. Any other mode in HEARTBEAT is an external mode change, and final."""
 

@@ -14,8 +14,8 @@ from typing import Final
 
 from guidance.autopilots import AutopilotProfile
 from guidance.control import Polygon
-from guidance.cycle import CycleSettings, EvaderEstimate
-from guidance.estimation import Observer, ReportOutcome, TrackSettings, moved, observe, predict
+from guidance.cycle import CycleSettings
+from guidance.estimation import EvaderEstimate, Observer, ReportOutcome, TrackSettings, moved, observe, predict
 from guidance.frames import Amsl, GameFrame, LocalFrame, Projection, Vector
 from guidance.messages import EvaderReport, GlobalPosition, Home, LocalPosition, Message, Origin
 from guidance.vehicle import VehicleState, local_frame
@@ -93,11 +93,7 @@ class Tracking:
 
     def evader(self, now_s: float) -> EvaderEstimate | None:
         """Return the estimate at `now_s`; None before the first report."""
-        state = predict(self._observer.track, now_s, self._track)
-        if state is None:
-            return None
-        velocity = state.velocity_ned_m_s if state.velocity_known else (0.0, 0.0, 0.0)
-        return EvaderEstimate(state.position_ned_m, velocity, state.speed_bound_m_s, state.age_s)
+        return predict(self._observer.track, now_s, self._track)
 
     def _move_into(self, frame: LocalFrame) -> None:
         before, self.local_frame = self.local_frame, frame

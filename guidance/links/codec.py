@@ -94,6 +94,7 @@ DECODERS: Final[Mapping[str, Callable[[Decoded, float], messages.Message]]] = {
     ),
     "EXTENDED_SYS_STATE": lambda m, at_s: messages.LandedState(at_s, m.landed_state),
     "ODOMETRY": lambda m, at_s: messages.Odometry(at_s, m.reset_counter),
+    "ESTIMATOR_STATUS": lambda m, at_s: messages.EstimatorStatus(at_s, m.pos_vert_accuracy),
     "MISSION_COUNT": lambda m, at_s: messages.FenceCount(at_s, m.count),
     "MISSION_ITEM_INT": _fence_item,
     "MISSION_ACK": lambda m, at_s: messages.FenceRefused(at_s, m.type),

@@ -1,18 +1,20 @@
 """The walk of one LOCAL_POSITION_NED to its setpoint: `python -m tests.bench.bench_walk [--list] [--autopilot NAME]`.
 
-With `--named` the three walks of docs/architecture.md instead: hops, files and lines of the functions it names.
+With `--named` it counts the three walks of docs/architecture.md instead: hops, files and lines of the functions named.
 
-A mock is flown in virtual time until the game is on; then one cycle hears one LOCAL_POSITION_NED and nothing else, and
-every call of a function of `guidance` is counted until the setpoint's frame lies on the wire. Printed: calls,
-functions, their lines of code, files, and changes of file from one call to the next, with and without the closed form
-of the game (`guidance.game`); with `--list` the calls in order, indented by depth. A comprehension is no call: newer
-Pythons inline it. Nor is a generator that goes on.
+A mock is flown in virtual time, by a daemon on a UDP socket, until the game is on. Then one cycle receives one
+LOCAL_POSITION_NED and nothing else, and every call of a function of `guidance` is counted, from `Daemon.step` to the
+setpoint's datagram. It prints calls, functions, their lines of code, files, and changes of file between calls, with and
+without the game's closed form (`guidance.game`); with `--list` the calls in order, indented by depth. Comprehensions do
+not count, since newer Pythons inline them; nor do generators that continue.
 """
 
 import argparse
 import ast
+import contextlib
 import itertools
 import re
+import socket
 import sys
 from collections import Counter
 from pathlib import Path
@@ -21,14 +23,14 @@ from typing import Any, NamedTuple
 
 import guidance
 from guidance.clock import VirtualClock
-from guidance.flight import Flight, State
-from guidance.links import MemoryWire
+from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.udp import UdpWire
+from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from sitl_mock.vehicle import MockVehicle
 from tests.harness.chase import ORDERS, Runner, hover_chase
-from tests.harness.linked import FlownByHand
 
 PAGE = Path(__file__).parents[2] / "docs" / "architecture.md"
 ROOT = str(Path(guidance.__file__).parent)
@@ -116,10 +118,11 @@ def describe(walk: Named, root: str = ROOT) -> str:
     return f"{walk.title}: {len(walk.hops)} hops, {len(files)} files, {lines} lines"
 
 
-class Watched(MemoryWire):
-    """A wire that notes on a walk when something was sent."""
+class WatchedWire(UdpWire):
+    """A socket that notes on a walk when something was sent. Its reader thread leaves all reading to the loop."""
 
     walk: Walk | None = None
+    _awaited = True
 
     def send(self, frame: bytes) -> None:
         """See `Wire`."""
@@ -131,33 +134,49 @@ class Watched(MemoryWire):
 def walk(autopilot: str) -> Walk:
     """Fly until the game has been on for a while, and count one cycle."""
     scenario, clock, walked = hover_chase(autopilot, seed=1), VirtualClock(), Walk()
-    settings = plan_of(scenario=scenario).flight
+    plan = plan_of(scenario=scenario)
     vehicle = MockVehicle(autopilot, seed=1, ready_after_s=1.0)
-    ours, theirs = Watched.pair(clock.now_s)
-    link, runner = PymavlinkLink(ours, clock.now_s, system_id=1), Runner(scenario, settings)
-    flight = Flight(settings)
-    linked, engaged_s = FlownByHand(flight, link, runner, None), float("inf")
-    while not walked.arrived:
-        now_s = clock.now_s()
-        frames = vehicle.step(now_s, [frame for _, frame in theirs.receive()])
-        place = vehicle.truth.position_ned_m
-        runner.advance(now_s, place[:2], running=now_s > engaged_s)
-        if flight.state is State.ENGAGED:
-            engaged_s = min(engaged_s, now_s)
-        positions = [frame for frame in frames if int.from_bytes(frame[7:10], "little") == LOCAL_POSITION_NED]
-        counted = now_s > engaged_s + ENGAGED_S and len(positions) == 1
-        for frame in positions if counted else frames:
-            theirs.send(frame)
-        if counted:
-            runner.receive()
-            ours.walk = walked
-            sys.setprofile(walked)
-        try:
-            linked.run(now_s, ORDERS.get(flight.state, ()))
-        finally:
-            sys.setprofile(None)
-        clock.sleep_until(now_s + PERIOD_S)
+    wire, theirs = (
+        WatchedWire(clock.now_s, host="127.0.0.1", port=0, listen=True),
+        socket.socket(type=socket.SOCK_DGRAM),
+    )
+    with contextlib.closing(wire), theirs:
+        theirs.connect(("127.0.0.1", wire.port))
+        theirs.setblocking(False)
+        link, runner = PymavlinkLink(wire, clock.now_s, system_id=1), Runner(scenario, plan.flight)
+        daemon, engaged_s = Daemon("walk", plan, link, runner), float("inf")
+        while not walked.arrived:
+            now_s, state = clock.now_s(), daemon.flight.state
+            frames = vehicle.step(now_s, _datagrams(theirs))
+            place = vehicle.truth.position_ned_m
+            runner.advance(now_s, place[:2], running=now_s > engaged_s)
+            if state is State.ENGAGED:
+                engaged_s = min(engaged_s, now_s)
+            positions = [frame for frame in frames if int.from_bytes(frame[7:10], "little") == LOCAL_POSITION_NED]
+            counted = now_s > engaged_s + ENGAGED_S and len(positions) == 1
+            for frame in positions if counted else frames:
+                theirs.send(frame)
+            for order in ORDERS.get(state, ()):
+                daemon.mailbox.ask(str(order))
+            if counted:
+                runner.receive()
+                wire.walk = walked
+                sys.setprofile(walked)
+            try:
+                daemon.step(now_s)
+            finally:
+                sys.setprofile(None)
+            clock.sleep_until(now_s + PERIOD_S)
     return walked
+
+
+def _datagrams(theirs: socket.socket) -> list[bytes]:
+    """Return every datagram that has arrived."""
+    found = []
+    with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+        while True:
+            found.append(theirs.recv(65536))
+    return found
 
 
 def main() -> None:

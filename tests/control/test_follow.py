@@ -3,7 +3,7 @@
 import pytest
 
 from guidance.autopilots import AUTOPILOTS, PX4
-from guidance.control.envelope import Situation
+from guidance.control import Situation
 from guidance.control.follow import (
     Drift,
     Following,

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.control.follow import JUMP_M, LARGEST_M_S, Drift, observe_drift
-from guidance.control.hold import AWAY_M, keep_station
-from guidance.control.hold import LARGEST_M_S as STATION_LARGEST_M_S
+from guidance.control.servo import AWAY_M, keep_station
+from guidance.control.servo import LARGEST_M_S as STATION_LARGEST_M_S
 
 DT_S = 0.02
 coordinates = st.floats(-50.0, 50.0)

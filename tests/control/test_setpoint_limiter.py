@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.control import Limiter, LimitMemory, Situation, limit, start
+from guidance.control.braking_law import approach_speed
+from guidance.control.servo import shape
 from guidance.control.setpoint_limiter import NOTED
-from guidance.control.shaping import approach_speed, shape
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S, HOVER, OPEN, settled
 from tests.harness.examples import drawn

@@ -7,7 +7,17 @@ from itertools import pairwise
 
 import pytest
 
-from guidance.control import AltitudeHold, Limiter, Polygon, Situation, StandOffLimit, hold_altitude, limit
+from guidance.control import (
+    AltitudeHold,
+    Limiter,
+    Polygon,
+    Situation,
+    StandOffLimit,
+    Wall,
+    hold_altitude,
+    limit,
+    measure_walls,
+)
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S
 from tests.control.scenes import MULTICOPTER as ENVELOPE
@@ -206,6 +216,25 @@ def test_a_dive_at_the_evader_ends_on_the_rim_or_the_lid_of_the_stand_off(bearin
     for position, _, _ in rows:
         assert math.hypot(*position[:2]) >= 3.0 - ROUNDING_M or -position[2] >= 5.0 - ROUNDING_M
     assert turnings([math.hypot(*position[:2]) for position, _, _ in rows]) == 0
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 2.0, 10.0])
+def test_two_vehicles_that_each_use_half_of_the_gap_keep_their_separation(aside_m):
+    least_m, vehicles = 5.0, [Vehicle([0.0, 0.0, -20.0]), Vehicle([60.0, aside_m, -20.0])]
+    memories, apart_m = [None, None], []
+    for _ in range(round(30.0 / DT_S)):
+        (north, east), (other_north, other_east) = (vehicle.position[:2] for vehicle in vehicles)
+        gap = (other_north - north, other_east - east)
+        apart_m.append(math.hypot(*gap))
+        for index, way in enumerate((1.0, -1.0)):
+            normal = (way * gap[0] / apart_m[-1], way * gap[1] / apart_m[-1], 0.0)
+            here = Situation(tuple(vehicles[index].position), tuple(vehicles[index].velocity))
+            walls = (Wall(Limiter.STAND_OFF, normal, 0.5 * (apart_m[-1] - least_m)), *measure_walls(here, ENVELOPE))
+            limited = limit(Setpoint((8.0 * way, 0.0, 0.0)), here, ENVELOPE, memories[index], DT_S, walls=walls)
+            memories[index] = limited.memory
+            vehicles[index].step(limited.setpoint.velocity_ned_m_s)
+    assert min(apart_m) >= least_m - ROUNDING_M
+    assert vehicles[0].position[0] > 20.0
 
 
 def test_hovering_noise_at_the_rim_does_not_shake_the_setpoint():

@@ -1,8 +1,15 @@
 """Reports of an evader, and what a track makes of them."""
 
+import math
 import random
+from typing import NamedTuple
 
+import numpy as np
+
+from guidance import estimation
 from guidance.estimation import Measurement, Track, TrackSettings, update
+from guidance.estimation.filters import advance, combine
+from guidance.estimation.measurement import Array
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 
@@ -36,3 +43,39 @@ def tracked(reports, options=SETTINGS, track=None):
     for one in reports:
         track = update(track, one, options)
     return track
+
+
+class Predicted(NamedTuple):
+    """A prediction with what the filter knows besides."""
+
+    position_ned_m: tuple
+    velocity_ned_m_s: tuple
+    speed_bound_m_s: float
+    age_s: float
+    velocity_known: bool
+    turning: float
+    turn_rate_rad_s: float
+    covariance: Array
+
+    @property
+    def position_sd_m(self):
+        return math.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2]).max())
+
+    @property
+    def velocity_sd_m_s(self):
+        return math.sqrt(np.linalg.eigvalsh(self.covariance[2:, 2:]).max())
+
+
+def predict(track, now_s, options):
+    """Return the prediction with its covariance and turn rate; its velocity also where it is not known."""
+    evader = estimation.predict(track, now_s, options)
+    if evader is None:
+        return None
+    moved = advance(track.estimate, now_s, options)
+    mean, covariance = combine(moved.modes)
+    turning = moved.modes.turning
+    made = Predicted(*evader, False, turning, turning * mean[4], covariance[:4, :4])
+    velocity = (float(mean[2]), float(mean[3]), moved.height.rate_m_s)
+    known = made.velocity_sd_m_s <= options.known_velocity_sd_m_s
+    assert evader.velocity_ned_m_s == (velocity if known else (0.0, 0.0, 0.0))
+    return made._replace(velocity_ned_m_s=velocity, velocity_known=known)

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimation import ClockOffset, Observer, ReportOutcome, TrackSettings, compare_clocks, observe, predict
+from guidance.estimation import ClockOffset, Observer, ReportOutcome, TrackSettings, compare_clocks, observe
 from guidance.estimation.measurement import hear, synchronise
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport, Timesync
+from tests.estimation.scenes import predict
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 FRAME = LocalFrame(47.0, 8.0, Amsl(400.0))

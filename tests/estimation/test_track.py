@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import chdtrc
 
-from guidance.estimation import TAKEN, Measurement, ReportOutcome, Track, predict, update
-from tests.estimation.scenes import SETTINGS, measured, straight, tracked
+from guidance.estimation import TAKEN, Measurement, ReportOutcome, Track, update
+from tests.estimation.scenes import SETTINGS, measured, predict, straight, tracked
 from tests.harness.examples import drawn
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from guidance.estimation import Measurement, ReportOutcome, Track, TrackSettings, predict, update
+from guidance.estimation import Measurement, ReportOutcome, Track, TrackSettings, update
+from tests.estimation.scenes import predict
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 SPEED_SD_M_S = 2.0  # of the evaders, north and east each: an evader of about 3 m/s

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.certificate import Certificate
-from guidance.control import Acceleration, Envelope, measure_fence
+from guidance.control import Acceleration, Envelope
 from guidance.cycle import CycleSettings
+from guidance.estimation import EvaderEstimate
 from guidance.flight import FlightSettings
-from guidance.flight.detection import EventContext
+from guidance.flight.detection import Moment, Stage
+from guidance.flight.heard import Heard
 from guidance.game import Ball, StandOff
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.strategies import Strategy
@@ -97,39 +99,56 @@ def well(*changes, at_s=NOW_S):
     return observe(VehicleState(), [*said, *changes])
 
 
-def context(state, **changes):
-    """A context in which nothing happens but what the changes say."""
-    given = {
-        "now_s": NOW_S,
-        "dt_s": 0.02,
-        "state": state,
-        "since_s": NOW_S - 0.1,
-        "settings": SETTINGS,
-        "vehicle": well(),
-        "resets_seen": 0,
-        "reboots_seen": 0,
-        "evader_silence_s": 0.1,
-        "envelope": replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M)),
-        "position_ned_m": (0.0, 0.0, HOME_DOWN_M - 10.0),
-        "evader_ned_m": None,
-        "start_ned_m": None,
-        "home_ned_m": (0.0, 0.0, HOME_DOWN_M),
-        "certificate": QUIET,
-        "refusals": (),
-        "foreign": False,
-        "other_mode_seen": False,
-        "mode_left": None,
-        "chase_s": 0.0,
-        "rival": "",
-        "operator_silence_s": 0.0,
-    }
-    given |= changes
-    given.setdefault("battery_needed", given["settings"].battery_minimum)
-    envelope, position, heartbeat = given["envelope"], given["position_ned_m"], given["vehicle"].last(Heartbeat)
-    autopilot = given["settings"].autopilot
-    given["fence"] = None if position is None else measure_fence(position, envelope)
-    given["mode"] = None if heartbeat is None else autopilot.mode_of(heartbeat.custom_mode)
-    return EventContext(**given)
+class Told:
+    """A tracking that says what a test wants."""
+
+    local_frame = game_frame = None
+    held_back_ned_m = NOWHERE
+
+    def __init__(self, evader_ned_m, silence_s, rival, home_ned_m):
+        self.home_ned_m = home_ned_m
+        self._evader = None if evader_ned_m is None else EvaderEstimate(evader_ned_m, NOWHERE, 3.0, 0.1)
+        self._silence_s, self._rival = silence_s, rival
+
+    def evader(self, _now_s):
+        return self._evader
+
+    def silence_s(self, _now_s):
+        return self._silence_s
+
+    def rival(self, _now_s):
+        return self._rival
+
+
+STAGE = {"since_s": NOW_S - 0.1, "chase_began_s": NOW_S, "operator_s": NOW_S}
+
+
+def context(state, *, settings=SETTINGS, vehicle=None, **changes):
+    """A moment in which nothing happens but what the changes say."""
+    heard = Heard(settings)
+    heard.vehicle = well() if vehicle is None else vehicle
+    heartbeat = heard.vehicle.last(Heartbeat)
+    heard.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
+    heard.foreign, heard.start_ned_m = changes.pop("foreign", False), changes.pop("start_ned_m", None)
+    usual = {"evader_ned_m": None, "evader_silence_s": 0.1, "rival": "", "home_ned_m": (0.0, 0.0, HOME_DOWN_M)}
+    heard.tracking = Told(*(changes.pop(name, value) for name, value in usual.items()))
+    heard.position_ned_m = changes.pop("position_ned_m", (0.0, 0.0, HOME_DOWN_M - 10.0))
+    heard.local = None if heard.position_ned_m is None else local(position=heard.position_ned_m)
+    about_home = replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
+    heard.cycle = replace(settings.cycle, envelope=changes.pop("envelope", about_home))
+    stage = {**STAGE, **{name: changes.pop(name) for name in Stage.__dataclass_fields__ if name in changes}}
+    return Moment(
+        now_s=NOW_S,
+        dt_s=changes.pop("dt_s", 0.02),
+        settings=settings,
+        heard=heard,
+        stage=Stage(state, **stage),
+        certificate=changes.pop("certificate", QUIET),
+        battery_needed=changes.pop("battery_needed", settings.battery_minimum),
+        refusals=changes.pop("refusals", ()),
+        rival=heard.tracking.rival(NOW_S),
+        **changes,
+    )
 
 
 BOTH = (PX4, ARDUCOPTER)

@@ -1,13 +1,15 @@
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from guidance.control import Limiter
 from guidance.flight import Inputs
 from guidance.flight.heard import APART_S, REMEMBERED_S, STRANGE_REPORTS, TOLERANCE_M_S, WINDOW_S, Echo, Heard
-from guidance.messages import PositionTarget, Setpoint
-from tests.flight.scenes import NOW_S, SETTINGS, home, local
+from guidance.messages import EstimatorStatus, PositionTarget, Setpoint
+from tests.flight.scenes import NOW_S, SETTINGS, home, local, settings_of
 
 
 def reported(now_s, velocity):
@@ -216,6 +218,17 @@ def test_a_position_that_jumps_moves_the_frame_once_and_fences_are_measured_from
         heard.take_in(Inputs(NOW_S + 0.02 * n, said), in_flight=True)
         moved.append(heard.moved_ned_m)
         assert heard.position_ned_m == place
-        assert heard.fence.about_home_m == place[:2]
+        (circle,) = [wall for wall in heard.view(NOW_S).walls if wall.limiter is Limiter.FENCE_RADIUS]
+        assert circle.gap_m == pytest.approx(300.0 - math.hypot(*place[:2]))
         assert heard.messages == said
     assert moved == [(0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, -20.0, 4.0)]
+
+
+@pytest.mark.parametrize(("sd_m", "margin_m"), [(None, 0.0), (0.3, 0.3), (math.nan, 0.0)])
+def test_the_floor_is_kept_by_the_error_that_the_estimator_reports(sd_m, margin_m):
+    envelope = replace(SETTINGS.cycle.envelope, floor_margin_m=0.5)
+    heard = Heard(settings_of(cycle=replace(SETTINGS.cycle, envelope=envelope)))
+    said = [home(NOW_S), local(NOW_S)]
+    heard.take_in(Inputs(NOW_S, said if sd_m is None else [*said, EstimatorStatus(NOW_S, sd_m)]), in_flight=True)
+    (floor,) = [wall for wall in heard.view(NOW_S).walls if wall.limiter is Limiter.FLOOR]
+    assert (floor.margin_m, floor.gap_m) == pytest.approx((margin_m, 10.0 - envelope.floor_m - margin_m))

@@ -7,7 +7,7 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.flight import ORDERS, EngageOn, Event, State
-from guidance.flight.requests import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
+from guidance.flight.sending import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 from tests.flight.flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, commands
 from tests.flight.scenes import (
     BOTH,

@@ -7,7 +7,7 @@ import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import FINAL, ORDERS, Event, State
-from guidance.flight.requests import REPEAT_S
+from guidance.flight.sending import REPEAT_S
 from guidance.messages import Attitude, EvaderReport, Home, LocalPosition, Message
 from guidance.vehicle import is_plausible
 from tests.flight.flown import SET_MODE, Flown, commands

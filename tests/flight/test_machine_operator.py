@@ -16,7 +16,7 @@ class Held:
 
     def __init__(self, state, **changes):
         self.flight = Flight(settings_of(**changes))
-        self.flight.state = state
+        self.flight._stage.state = state
         self.now_s = NOW_S
         self.step(home(NOW_S))
 
@@ -64,8 +64,8 @@ def test_before_its_first_cycle_a_flight_has_missed_nobody():
 def test_who_falls_silent_in_a_game_ends_it(silence_s, expected):
     settings = settings_of(operator_timeout_s=5.0, operator_return_s=10.0)
     playing = context(
-        State.ENGAGED, settings=settings, operator_silence_s=silence_s, vehicle=well(heartbeat(mode=Mode.GUIDED))
+        State.ENGAGED, settings=settings, operator_s=NOW_S - silence_s, vehicle=well(heartbeat(mode=Mode.GUIDED))
     )
     assert list(events(playing))[:1] == expected
     gone = [Event.OPERATOR_GONE] if silence_s > 15.0 else []
-    assert list(events(context(State.HOLDING, settings=settings, operator_silence_s=silence_s))) == gone
+    assert list(events(context(State.HOLDING, settings=settings, operator_s=NOW_S - silence_s))) == gone

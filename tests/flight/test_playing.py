@@ -8,7 +8,7 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import FINAL, AfterCapture, EngageOn, Event, FlightSettings, State
 from guidance.flight.machine import INVITE_AFTER_S
-from guidance.flight.requests import requests_in
+from guidance.flight.sending import requests_in
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
 from guidance.frames import Amsl
 from guidance.messages import LandedState, Odometry, PositionTarget
@@ -251,7 +251,7 @@ def test_after_a_reboot_or_a_lost_vehicle_nothing_is_said_any_more():
 def test_every_final_state_is_silent_and_asks_nothing():
     for state in FINAL:
         flown = Flown().engaged()
-        flown.flight.state = state
+        flown.flight._stage.state = state
         assert {(one.setpoint, one.requests) for one in flown.cycles(2.0)} == {(None, ())}
 
 
@@ -332,9 +332,9 @@ def test_no_state_that_commands_is_silent_and_no_other_speaks():
     for state in set(State) - FINAL:
         flown = Flown().engaged()
         flown.cycles(0.3)
-        flown.flight.state, flown.mode = state, Mode.HOLD
-        flown.flight._since_s = flown.now_s
-        speaks = flown.flight._sends(flown.now_s)
+        flown.flight._stage.state, flown.mode = state, Mode.HOLD
+        flown.flight._stage.since_s = flown.now_s
+        speaks = flown.flight._setpoint(flown.now_s, CYCLE_S) is not None
         assert speaks is (state in SETPOINT_STATES | HANDING_OVER)  # HEARTBEAT still shows the guided mode
 
 

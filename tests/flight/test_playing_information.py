@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from guidance.config import parse
-from guidance.control import Situation
-from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, play
+from guidance.control import Situation, measure_walls
+from guidance.cycle import CycleInputs, CycleMemory, play
 from guidance.errors import ConfigError
+from guidance.estimation import EvaderEstimate
 from guidance.frames import GameFrame
 from guidance.game import Game, Reason, StandOff, solve
 from guidance.monitor import MonitorMemory, Violation, watch
@@ -23,7 +24,7 @@ PURSUER_NED, EVADER_NED = (-30.0, 5.0, -20.0), (10.0, -4.0, 0.0)
 def cycle(age_s=0.1, *, settings=CYCLE, played_s=0.0, at=EVADER_NED):
     evader = EvaderEstimate(at, (1.0, 2.0, 0.0), 3.0, age_s)
     here = Situation(PURSUER_NED, (0.0, 0.0, 0.0), 0.0, evader.position_ned_m, evader.velocity_ned_m_s)
-    inputs = CycleInputs(0.02, here, evader, GameFrame((0.0, 0.0, 0.0)))
+    inputs = CycleInputs(0.02, here, measure_walls(here, settings.envelope), evader, GameFrame((0.0, 0.0, 0.0)))
     return play(inputs, settings, CycleMemory(strategy=StrategyMemory(None, played_s))).certificate
 
 

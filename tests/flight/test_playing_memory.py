@@ -8,10 +8,10 @@ from guidance.autopilots import Mode
 from guidance.control import AltitudeHold
 from guidance.control.follow import Drift, FollowMemory
 from guidance.cycle import CycleMemory
-from guidance.flight import EngageOn, State
+from guidance.flight import EngageOn, Event, State
 from guidance.flight.heard import Heard
 from guidance.flight.machine import INVITE_AFTER_S
-from guidance.flight.playing import Playing
+from guidance.flight.sending import Playing
 from guidance.monitor import MonitorMemory
 from tests.flight.flown import CYCLE_S, Flown
 from tests.flight.scenes import QUIET, SETTINGS, settings_of
@@ -66,15 +66,14 @@ def test_nothing_was_promised_about_a_pause():
     assert playing._monitor == PROMISED.restarted()._replace(oldest_s=0.2, reachable_m_s=8.0, told_slow=True)
 
 
-def test_silence_clears_evader_and_alarm_and_a_setpoint_needs_a_position():
+def test_silence_clears_the_alarm_and_a_setpoint_needs_a_position():
     flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
     assert any(flown.cycle().alarm is not None for _ in range(100))
-    playing = flown.flight._playing
-    assert playing.evader is not None
-    playing.silent()
-    assert (playing.evader, playing.alarm) == (None, None)
+    flown.cycle(Event.HOLD)
+    flown.mode = Mode.HOLD
+    assert flown.cycle(beat=True).alarm is None
     with pytest.raises(ValueError, match="needs the vehicle's position"):
-        playing.setpoint(Heard(SETTINGS), State.ENGAGED, 0.0, CYCLE_S, battery_needed=math.nan)
+        Playing(SETTINGS).setpoint(Heard(SETTINGS), State.ENGAGED, 0.0, CYCLE_S, battery_needed=math.nan)
 
 
 def test_a_pilot_who_climbs_with_the_neutral_stream_is_not_pulled_back():

@@ -60,7 +60,7 @@ def test_a_certificate_gives_the_battery_needed_to_fly_home_if_configured():
 def held(away_m, battery, **changes):
     """A flight that stands by, so far from home, with so much battery."""
     flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0), **changes))
-    flight.state = State.STANDING_BY
+    flight._stage.state = State.STANDING_BY
     said = [heartbeat(NOW_S), local(NOW_S, (away_m, 0.0, -14.0)), Attitude(NOW_S, NOW_S, 0.0), LandedState(NOW_S, 2)]
     flight.step(Inputs(NOW_S, [home(NOW_S), *said, status(NOW_S, battery)]))
     return flight
@@ -94,5 +94,5 @@ def test_without_a_position_the_way_home_is_from_the_edge_of_the_fence():
     flown.cycles(0.1)
     assert flown.flight.battery_needed == RESERVE.needed(300.0, 10.0)
     lost = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
-    lost.state = State.STANDING_BY
+    lost._stage.state = State.STANDING_BY
     assert lost.battery_needed == RESERVE.needed(300.0, 10.0)

@@ -1,32 +1,36 @@
 """A constraint alone: what it takes away, what it leaves, and how far a vehicle goes on that gathers speed."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.control import Envelope
-from guidance.control.envelope import Limiter
-from guidance.control.velocity_constraints import (
-    ROUNDING_M,
-    Stop,
-    VelocityConstraint,
-    constrain,
-    shrink,
-    slide,
-    surge_ned_m,
-)
+from guidance.control import Envelope, Limiter, Situation, Wall
+from guidance.control.braking_law import ROUNDING_M, Constraint, constraints_of, reduced, surge
 
 parts = st.floats(-10.0, 10.0)
 vectors = st.tuples(parts, parts, parts)
-constraints = st.builds(VelocityConstraint, st.just(Limiter.STAND_OFF), vectors, st.floats(0.0, 20.0))
+seconds = st.floats(0.1, 5.0)
+constraints = st.builds(
+    Constraint, st.just(Limiter.STAND_OFF), vectors, st.floats(0.0, 20.0), seconds, seconds, st.none()
+)
+
+
+def slide(velocity, one):
+    return reduced(velocity, one, along=True)
+
+
+def shrink(velocity, one):
+    return reduced(velocity, one, along=False)
 
 
 def used_m(velocity, one):
     """The law, as it is written: what closes on the ground plus what closes vertically."""
-    north, east, down = one.normal_ned_s
-    return max(0.0, velocity[0] * north + velocity[1] * east) + max(0.0, velocity[2] * down)
+    north, east, down = one.normal_ned
+    closing = max(0.0, velocity[0] * north + velocity[1] * east)
+    return closing * one.ground_s + max(0.0, velocity[2] * down) * one.vertical_s
 
 
 @settings(deadline=None)
@@ -45,7 +49,7 @@ def test_what_slides_and_what_shrinks_obeys_the_law_and_what_obeys_is_left_alone
 @settings(deadline=None)
 @given(vectors, constraints)
 def test_sliding_keeps_what_goes_along_the_wall_and_adds_no_speed(velocity, one):
-    north, east, _ = one.normal_ned_s
+    north, east, _ = one.normal_ned
     kept = slide(velocity, one)
     assert math.hypot(*kept[:2]) <= math.hypot(*velocity[:2]) + 1e-9
     assert 0.0 <= kept[2] * velocity[2] <= velocity[2] ** 2
@@ -58,7 +62,7 @@ def test_sliding_keeps_what_goes_along_the_wall_and_adds_no_speed(velocity, one)
 @settings(deadline=None)
 @given(vectors, constraints)
 def test_shrinking_keeps_directions_and_touches_only_what_closes(velocity, one):
-    north, east, down = one.normal_ned_s
+    north, east, down = one.normal_ned
     kept = shrink(velocity, one)
     asks_too_much = used_m(velocity, one) > one.distance_m + ROUNDING_M
     share = one.distance_m / used_m(velocity, one) if asks_too_much else 1.0
@@ -84,7 +88,7 @@ def test_shrinking_for_one_wall_breaks_no_other(velocity, several):
 
 
 def test_a_slow_vehicle_is_held_back_as_a_fast_one_is():
-    wall = VelocityConstraint(Limiter.FLOOR, (0.0, 0.5, 2.0), 0.2)
+    wall = Constraint(Limiter.FLOOR, (0.0, 0.5, 2.0), 0.2)
     for scale in (1.0, 10.0, 100.0):  # 0.15 m on the ground and 0.25 m vertically, of 0.2 m: half of each
         moving, held = (0.2 * scale, 0.3 * scale, 0.125 * scale), wall._replace(distance_m=0.2 * scale)
         assert slide(moving, held) == pytest.approx((0.2 * scale, 0.15 * scale, 0.0625 * scale))
@@ -92,7 +96,7 @@ def test_a_slow_vehicle_is_held_back_as_a_fast_one_is():
 
 
 @pytest.mark.parametrize(
-    ("normal", "drift", "left_m"),
+    ("normal", "flown", "left_m"),
     [
         ((1.0, 0.0, 0.0), (3.0, 4.0, 5.0), 7.0),
         ((0.0, 1.0, 0.0), (3.0, 4.0, 5.0), 6.0),
@@ -106,22 +110,39 @@ def test_a_slow_vehicle_is_held_back_as_a_fast_one_is():
         ((1.0, 0.0, 0.0), (30.0, 0.0, 0.0), 0.0),
     ],
 )
-def test_a_wall_s_distance_is_what_the_drift_leaves_of_it(normal, drift, left_m):
-    built = constrain(Limiter.FLOOR, normal, 10.0, Stop(2.0, 3.0, drift))
+def test_a_wall_s_distance_is_what_the_drift_leaves_of_it(normal, flown, left_m):
+    envelope = replace(ENVELOPE, reaction_s=1.0, braking_m_s2=2.0, vertical_braking_m_s2=0.5)
+    asked = (0.0, 4.0, 2.0)  # seconds: 1 + 4/(2·2) = 2 over the ground, 1 + 2/(2·0.5) = 3 vertically
+    (built,) = constraints_of(asked, Situation(STILL, flown), (Wall(Limiter.FLOOR, normal, 10.0),), envelope)
     assert built.distance_m == pytest.approx(left_m)
-    assert built.normal_ned_s == pytest.approx((2.0 * normal[0], 2.0 * normal[1], 3.0 * normal[2]))
+    assert (built.normal_ned, built.ground_s, built.vertical_s) == (normal, 2.0, 3.0)
     assert built.limiter is Limiter.FLOOR
 
 
 def test_beyond_a_wall_its_distance_is_nothing():
-    assert constrain(Limiter.FLOOR, (0.0, 0.0, 1.0), -5.0, Stop(2.0, 3.0, (0.0, 0.0, 0.0))).distance_m == 0.0
+    wall = Wall(Limiter.FLOOR, (0.0, 0.0, 1.0), -5.0)
+    assert constraints_of(STILL, Situation(STILL, STILL), (wall,), ENVELOPE)[0].distance_m == 0.0
+
+
+@settings(deadline=None)
+@given(vectors, vectors, vectors, st.floats(0.0, 60.0))
+def test_a_wall_out_of_reach_would_change_nothing(asked, flown, normal, gap_m):
+    size = math.hypot(*normal)
+    if size > 1e-3:
+        wall = Wall(Limiter.FLOOR, tuple(part / size for part in normal), gap_m)
+        here = Situation(STILL, flown)
+        if not constraints_of(asked, here, (wall,), ENVELOPE):
+            near = constraints_of(asked, here, (wall._replace(gap_m=-1.0),), ENVELOPE)[0]
+            drift_m = ENVELOPE.reaction_s * used_m(flown, near._replace(ground_s=1.0, vertical_s=1.0))
+            assert used_m(asked, near) + drift_m <= gap_m + 1e-9
 
 
 def test_a_wall_that_forbids_all_is_the_same_wall_without_distance():
-    one = VelocityConstraint(Limiter.FLOOR, (1.0, 2.0, 3.0), 4.0)
-    assert one.closed() == VelocityConstraint(Limiter.FLOOR, (1.0, 2.0, 3.0), 0.0)
+    one = Constraint(Limiter.FLOOR, (1.0, 2.0, 3.0), 4.0)
+    assert one.closed() == Constraint(Limiter.FLOOR, (1.0, 2.0, 3.0), 0.0)
 
 
+STILL = (0.0, 0.0, 0.0)
 ENVELOPE = Envelope(
     floor_m=1.0,
     ceiling_m=50.0,
@@ -158,24 +179,24 @@ def test_the_surge_is_how_much_further_it_goes(speed, acceleration):
     further = come_to_rest(speed, acceleration) - come_to_rest(speed, 0.0)
     way = (0.6, -0.8)
     felt = acceleration + 0.5  # that much is scatter
-    surge = surge_ned_m((speed * way[0], speed * way[1], -1.0), (felt * way[0], felt * way[1], 2.0), ENVELOPE)
-    assert surge == pytest.approx((further * way[0], further * way[1], 0.0), abs=0.01)
+    longer = surge((speed * way[0], speed * way[1], -1.0), (felt * way[0], felt * way[1], 2.0), ENVELOPE)
+    assert longer == pytest.approx((further * way[0], further * way[1], 0.0), abs=0.01)
 
 
 @pytest.mark.parametrize("way", [(0.6, -0.8), (-0.8, 0.6), (0.28, 0.96)])
 def test_only_what_brakes_of_an_acceleration_is_left_out_of_the_surge(way):
     north, east = way
     across = (-east, north)
-    aside = surge_ned_m((0.7 * north, 0.7 * east, 0.0), (2.5 * across[0], 2.5 * across[1], 0.0), ENVELOPE)
+    aside = surge((0.7 * north, 0.7 * east, 0.0), (2.5 * across[0], 2.5 * across[1], 0.0), ENVELOPE)
     slowing = tuple(2.5 * b - 3.0 * a for a, b in zip(way, across, strict=True))
-    assert surge_ned_m((0.7 * north, 0.7 * east, 0.0), (*slowing, 0.0), ENVELOPE) == pytest.approx(aside)
+    assert surge((0.7 * north, 0.7 * east, 0.0), (*slowing, 0.0), ENVELOPE) == pytest.approx(aside)
     assert math.hypot(*aside) == pytest.approx(come_to_rest(0.7, 2.0) - come_to_rest(0.7, 0.0), abs=0.01)
 
 
 def test_braking_and_scatter_are_no_surge_and_a_turn_is_one_to_its_side():
-    assert surge_ned_m((4.0, 0.0, 0.0), (-3.0, 0.0, 0.0), ENVELOPE) == (0.0, 0.0, 0.0)
-    assert surge_ned_m((4.0, 0.0, 0.0), (0.3, 0.2, 5.0), ENVELOPE) == (0.0, 0.0, 0.0)
-    north, east, _ = surge_ned_m((4.0, 0.0, 0.0), (-3.0, 2.0, 0.0), ENVELOPE)
+    assert surge((4.0, 0.0, 0.0), (-3.0, 0.0, 0.0), ENVELOPE) == (0.0, 0.0, 0.0)
+    assert surge((4.0, 0.0, 0.0), (0.3, 0.2, 5.0), ENVELOPE) == (0.0, 0.0, 0.0)
+    north, east, _ = surge((4.0, 0.0, 0.0), (-3.0, 2.0, 0.0), ENVELOPE)
     assert abs(north) < 1e-12
     assert east > 1.0
     assert math.isfinite(east)

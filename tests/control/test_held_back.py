@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.control import Envelope, Polygon
-from guidance.control.fence import RETURN_M_S, RETURN_PER_S, keep_inside, measure_fence
+from guidance.control import Envelope, Limiter, Polygon, Situation, held_back, measure_walls
+from guidance.control.braking_law import RETURN_M_S, RETURN_PER_S
 
 PLAIN = {
     "floor_m": 3.0,
@@ -32,10 +32,10 @@ def at(north, east):
 
 
 def kept(velocity, position, envelope):
-    return keep_inside(velocity, measure_fence(position, envelope), envelope)
+    return held_back(velocity, measure_walls(Situation(position, velocity), envelope), envelope)
 
 
-@given(speeds, speeds, speeds, st.floats(-15.0, 15.0), st.floats(-15.0, 15.0))
+@given(speeds, speeds, st.floats(-3.0, 3.0), st.floats(-15.0, 15.0), st.floats(-15.0, 15.0))
 def test_far_inside_nothing_is_changed(north, east, down, x, y):
     for envelope in (CIRCLE, SQUARE, Envelope(**PLAIN)):
         assert kept((north, east, down), at(0.3 * x, 0.3 * y), envelope) == (
@@ -92,20 +92,36 @@ def test_the_speed_along_the_circle_is_kept(north, east, bearing, distance):
         assert after == pytest.approx(before, abs=1e-6)
 
 
-def test_outside_is_beyond_a_fence_itself_whatever_its_margin():
+def fences(position, envelope):
+    walls = measure_walls(Situation(position, (0.0, 0.0, 0.0)), envelope)
+    return [wall for wall in walls if wall.limiter in {Limiter.FENCE_POLYGON, Limiter.FENCE_RADIUS}]
+
+
+def test_a_fence_itself_lies_beyond_its_wall_by_the_margin():
     for envelope in (CIRCLE, SQUARE):
-        assert not measure_fence(at(29.9, 0.0), envelope).outside
-        assert measure_fence(at(30.1, 0.0), envelope).outside
+        for north_m in (29.9, 30.1):
+            beyond_m = max(-wall.gap_m - wall.margin_m for wall in fences(at(north_m, 0.0), envelope))
+            assert beyond_m == pytest.approx(north_m - 30.0)
     both = replace(CIRCLE, fence_polygon=SQUARE.fence_polygon)
-    assert measure_fence(at(29.0, 29.0), both).outside  # of the circle, within the square's corner
-    assert not measure_fence(at(500.0, 0.0), Envelope(**PLAIN)).outside
+    within = {wall.limiter: wall.gap_m + wall.margin_m > 0.0 for wall in fences(at(29.0, 29.0), both)}
+    assert within == {Limiter.FENCE_RADIUS: False, Limiter.FENCE_POLYGON: True}  # in the square's corner
+    assert fences(at(500.0, 0.0), Envelope(**PLAIN)) == []
 
 
 @given(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))
 def test_edges_are_measured_along_unit_normals_and_outside_only_the_nearest(x, y):
-    fence = measure_fence(at(x, y), SQUARE)
-    assert all(math.hypot(*edge.outward) == pytest.approx(1.0) for edge in fence.edges)
-    nearest = min(abs(edge.gap_m) for edge in fence.edges)
+    edges = [(wall.normal_ned, wall.gap_m + wall.margin_m) for wall in fences(at(x, y), SQUARE)]
+    outside = max(abs(x), abs(y)) > 30.0
+    assert all(math.hypot(*normal) == pytest.approx(1.0) for normal, _ in edges)
+    nearest = min(abs(gap_m) for _, gap_m in edges)
     beyond = math.hypot(max(abs(x) - 30.0, 0.0), max(abs(y) - 30.0, 0.0))
-    assert nearest == pytest.approx(beyond if fence.outside else 30.0 - max(abs(x), abs(y)), abs=0.011)
-    assert len(fence.edges) == 4 if not fence.outside else all(edge.gap_m <= 0.01 for edge in fence.edges)
+    assert nearest == pytest.approx(beyond if outside else 30.0 - max(abs(x), abs(y)), abs=0.011)
+    assert len(edges) == 4 if not outside else all(gap_m <= 0.01 for _, gap_m in edges)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "asked_m_s", "kept_m_s"),
+    [(2.6, 1.0, -0.4 * RETURN_PER_S), (3.0, 1.0, 0.0), (2.0, -3.0, -3.0), (61.0, -1.0, RETURN_PER_S), (50.0, 1.0, 1.0)],
+)
+def test_beyond_floor_and_ceiling_too_the_way_is_back(height_m, asked_m_s, kept_m_s):
+    assert kept((0.0, 0.0, asked_m_s), (10.0, -20.0, -height_m), CIRCLE)[2] == pytest.approx(kept_m_s)

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
-from guidance.control import Envelope, Limiter, Polygon, Situation, limit, measure_fence, setpoint_limiter
-from guidance.control.braking import braked, deceleration_m_s2
-from guidance.control.fence import keep_inside
+from guidance.control import Envelope, Limiter, Polygon, Situation, held_back, limit, measure_walls, setpoint_limiter
+from guidance.control.braking_law import braked, deceleration_m_s2
 from guidance.control.servo import ServoMemory, serve
 from guidance.messages import Setpoint
 from sitl_mock import dynamics
@@ -74,7 +73,7 @@ def test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it(wall, spe
     braking = envelope.vertical_braking_m_s2 if normal[2] else OPEN.braking_m_s2
     wanted = deceleration_m_s2(max(0.0, speed), GAP_M[wall], braking, OPEN.reaction_s)
     here = Situation(AT, tuple(speed * part for part in normal))
-    got, before = braked(fed, here, measure_fence(AT, envelope), envelope), fed or (0.0, 0.0, 0.0)
+    got, before = braked(fed, here, measure_walls(here, envelope), envelope), fed or (0.0, 0.0, 0.0)
     if wanted <= 0.0:
         assert got is fed
         return
@@ -87,8 +86,8 @@ def test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it(wall, spe
 def test_a_circle_is_braked_for_beside_home_too_and_at_home_leads_nowhere():
     envelope = replace(OPEN, fence_radius_m=2.5, fence_margin_m=2.0)
     for north_m, wanted in ((0.5, (-4.0, 0.0, 0.0)), (0.0, None)):
-        at = (north_m, 0.0, 0.0)
-        assert braked(None, Situation(at, (1.0, 0.0, 0.0)), measure_fence(at, envelope), envelope) == wanted
+        here = Situation((north_m, 0.0, 0.0), (1.0, 0.0, 0.0))
+        assert braked(None, here, measure_walls(here, envelope), envelope) == wanted
 
 
 def test_the_limiter_brakes_within_its_acceleration_and_says_so():
@@ -147,10 +146,10 @@ def farthest_beyond_m(autopilot, gust):
     for cycle in range(round(FLOWN_S / DT_S)):
         body = motion.body
         here = Situation(body.position_ned_m, body.velocity_ned_m_s, acceleration_ned_m_s2=body.acceleration_ned_m_s2)
-        fence = measure_fence(here.position_ned_m, envelope)
-        wanted = keep_inside(asked, fence, envelope)
+        walls = measure_walls(here, envelope)
+        wanted = held_back(asked, walls, envelope)
         velocity, fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.following.servo, dt_s=DT_S)
-        limited = limit(Setpoint(velocity, fed), here, envelope, memory, DT_S, fence=fence)
+        limited = limit(Setpoint(velocity, fed), here, envelope, memory, DT_S, walls=walls)
         memory = limited.memory
         setpoint = dynamics.Setpoint(
             dynamics.Kind.STREAM,

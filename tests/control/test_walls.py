@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from guidance.control import Limiter, Polygon, Situation, StandOffLimit
-from guidance.control.velocity_constraints import COVER_M, surge_ned_m
+from guidance.control import Dynamics, Limiter, Limits, Polygon, Situation, Speeds, StandOffLimit, measure_walls
+from guidance.control.braking_law import surge
+from guidance.control.walls import COVER_M
+from guidance.game import StandOff
 from tests.control.scenes import HOVER, OPEN, settled
 
 
@@ -67,7 +69,7 @@ def test_the_way_on_of_a_vehicle_that_gathers_speed_is_taken_from_the_distance(a
         return tuple(side * size if n == axis else 0.0 for n in range(3))
 
     gathering = HOVER._replace(acceleration_ned_m_s2=along(3.5))
-    further_m = abs(surge_ned_m(HOVER.velocity_ned_m_s, along(3.5), OPEN)[axis])
+    further_m = abs(surge(HOVER.velocity_ned_m_s, along(3.5), OPEN)[axis])
     assert 0.05 < further_m < 1.0
     square = Polygon(((-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0), (6.0, -6.0)))
     allowed = settled(along(8.0), gathering, replace(OPEN, fence_polygon=square)).setpoint.velocity_ned_m_s
@@ -192,6 +194,24 @@ def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(limits, vel
     limited = settled((7.0, 4.0, velocity), Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0)), replace(OPEN, **limits))
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((7.0, 4.0, allowed))
     assert limited.active == (limiter,)
+
+
+@pytest.mark.parametrize(
+    ("height_sd_m", "margin_m"), [(0.0, 0.0), (0.3, 0.3), (0.8, 0.5), (9.0, 0.5), (-1.0, 0.0), (math.nan, 0.0)]
+)
+def test_a_vehicle_stops_above_the_floor_by_the_error_of_its_height(height_sd_m, margin_m):
+    at = Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0), height_sd_m=height_sd_m)
+    limited = settled((0.0, 0.0, 2.0), at, replace(OPEN, floor_m=3.0, floor_margin_m=0.5))
+    assert limited.setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, (1.0 - margin_m) / 1.5))
+    (floor,) = [wall for wall in measure_walls(at, replace(OPEN, floor_margin_m=0.5)) if wall.limiter is Limiter.FLOOR]
+    assert floor.margin_m == margin_m
+
+
+@pytest.mark.parametrize(("disc_m", "margin_m"), [(9.0, 1.0), (5.5, 0.5), (5.0, 0.0), (2.0, 0.0)])
+def test_the_margin_above_the_floor_leaves_the_disc_in_reach(disc_m, margin_m):
+    dynamics = Dynamics(acceleration_m_s2=5.0, vertical_acceleration_m_s2=2.0, jerk_m_s3=20.0)
+    made = Limits(floor_m=5.0).envelope(Speeds(6.0, 3.0, 1.5), dynamics, StandOff(3.0, disc_m))
+    assert made.floor_margin_m == pytest.approx(margin_m)
 
 
 ZONE = replace(OPEN, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))

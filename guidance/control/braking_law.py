@@ -1,0 +1,251 @@
+"""The braking law: a vehicle may close on a wall only as fast as it can stop before it.
+
+After a change of command, a vehicle drifts on for its reaction time and then brakes. The closing speed c is allowed if
+
+    drift + c * reaction + c^2 / (2 * braking) <= distance
+
+Near the wall the allowed speed is proportional to the distance left, with the gain 1/reaction. A vehicle whose velocity
+lags by the reaction time then stops without overshoot; both poles are at -1/reaction.
+
+A cycle applies the law to one list of walls:
+
+1. `held_back` reduces the desired velocity before the servo shapes it, and flies back from beyond a wall.
+2. `constraints_of` and `obey` reduce the velocity that is sent. They only take motion away. A vehicle at rest satisfies
+   all constraints, so any number of them has a common solution.
+3. `braked` adds the deceleration to the feed-forward. Without it, the autopilot brakes only after a velocity error
+   appears, which is too late if its integral has adapted to a head wind that ends.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+from guidance.control.limits import Envelope, Limiter
+from guidance.control.polygon import Point
+from guidance.control.walls import STILL, Situation, Wall
+from guidance.frames import Vector
+
+RETURN_PER_S: Final = 0.5
+RETURN_M_S: Final = 1.0
+"""Gain and largest speed of flying back from beyond a wall."""
+
+ROUNDING_M: Final = 1e-9
+"""Excess that counts as rounding. Scaling it away would scale the motion along the wall to zero."""
+
+_STEADY_M_S2: Final = 0.5
+"""A smaller acceleration is estimation noise."""
+
+
+def approach_speed(distance: float, deceleration: float, lag_s: float) -> float:
+    """Return the largest v with v * lag + v^2 / (2 * deceleration) <= distance; 0 for a negative distance."""
+    reserve = deceleration * lag_s
+    return math.sqrt(reserve * reserve + 2.0 * deceleration * max(distance, 0.0)) - reserve
+
+
+def held_back(velocity_ned_m_s: Vector, walls: tuple[Wall, ...], envelope: Envelope) -> Vector:
+    """Reduce a desired velocity to what stops before every wall, and turn it back beyond one.
+
+    Args:
+        velocity_ned_m_s: Desired velocity over the ground.
+        walls: Of this cycle; the evader's are left to the approach.
+        envelope: Braking and reaction of the vehicle.
+    """
+    north, east, down = velocity_ned_m_s
+    for wall in walls:
+        (normal_north, normal_east, normal_down), gap_m = wall.normal_ned, wall.gap_m
+        braking_m_s2 = envelope.vertical_braking_m_s2 if normal_down else envelope.braking_m_s2
+        closing = north * normal_north + east * normal_east + down * normal_down
+        stop_m = closing * (envelope.reaction_s + max(0.0, closing) / (2.0 * braking_m_s2))
+        if wall.approached or (gap_m >= 0.0 and stop_m <= gap_m):
+            continue
+        allowed = max(-RETURN_M_S, RETURN_PER_S * gap_m)
+        if gap_m > 0.0:
+            allowed = approach_speed(gap_m, braking_m_s2, envelope.reaction_s)
+        excess = max(0.0, closing - allowed)
+        north, east, down = north - excess * normal_north, east - excess * normal_east, down - excess * normal_down
+    return (north, east, down)
+
+
+def surge(velocity_ned_m_s: Vector, acceleration_ned_m_s2: Vector, envelope: Envelope) -> Vector:
+    """Return how much longer the stop over the ground is for a vehicle that is still accelerating, m.
+
+    The vehicle releases an acceleration a with its jerk j, in t = a/j, and is faster by dv = a t/2 then. That adds
+    v t + a t^2/3 on the way, and dv * reaction + ((v + dv)^2 - v^2) / (2 braking) to the stop. Deceleration adds
+    nothing.
+
+    Args:
+        velocity_ned_m_s: Present velocity.
+        acceleration_ned_m_s2: Present acceleration.
+        envelope: Jerk, braking and reaction of the vehicle.
+    """
+    north, east = acceleration_ned_m_s2[:2]
+    speed = math.hypot(*velocity_ned_m_s[:2])
+    if speed > 0.0:
+        along = (velocity_ned_m_s[0] / speed, velocity_ned_m_s[1] / speed)
+        braking = min(0.0, north * along[0] + east * along[1])
+        north, east = north - braking * along[0], east - braking * along[1]
+    size = math.hypot(north, east)
+    if size <= _STEADY_M_S2:
+        return STILL
+    gaining_m_s2 = size - _STEADY_M_S2
+    lasts_s = gaining_m_s2 / envelope.easing_m_s3
+    gained = 0.5 * gaining_m_s2 * lasts_s
+    stopped_m = gained * envelope.reaction_s + gained * (2.0 * speed + gained) / (2.0 * envelope.braking_m_s2)
+    far_m = speed * lasts_s + gaining_m_s2 * lasts_s * lasts_s / 3.0 + stopped_m
+    return (far_m * north / size, far_m * east / size, 0.0)
+
+
+class Constraint(NamedTuple):
+    """A bound on a velocity (or, with seconds of 1, on an acceleration).
+
+    max(0, ground part of normal * v) * ground_s + max(0, vertical part of it) * vertical_s <= distance_m
+
+    With `about_m`, the position about home, the bound is a circle: |about_m + v * ground_s| <= distance_m.
+    """
+
+    limiter: Limiter
+    normal_ned: Vector
+    distance_m: float
+    ground_s: float = 1.0
+    vertical_s: float = 1.0
+    about_m: Point | None = None
+
+    def closed(self) -> "Constraint":
+        """Return the constraint that allows nothing towards the wall."""
+        return self._replace(distance_m=0.0, about_m=None)
+
+    def tangent(self, velocity_ned_m_s: Vector) -> "Constraint":
+        """Return the half-space that touches the circle on the way to the stop point."""
+        north, east = self.about_m or (0.0, 0.0)
+        stop_m = (north + velocity_ned_m_s[0] * self.ground_s, east + velocity_ned_m_s[1] * self.ground_s)
+        away_m = math.hypot(*stop_m)
+        normal = (stop_m[0] / away_m, stop_m[1] / away_m, 0.0) if away_m > 0.0 else STILL
+        distance_m = self.distance_m - north * normal[0] - east * normal[1]
+        return self._replace(normal_ned=normal, distance_m=distance_m, about_m=None)
+
+
+def constraints_of(
+    asked_ned_m_s: Vector, here: Situation, walls: tuple[Wall, ...], envelope: Envelope
+) -> tuple[Constraint, ...]:
+    """Return the constraints of the walls within reach; the circle's is last, as `obey` needs it.
+
+    Args:
+        asked_ned_m_s: Velocity asked for.
+        here: State of the vehicle.
+        walls: Of this cycle.
+        envelope: Braking and reaction of the vehicle.
+    """
+    surge_ned_m = surge(here.velocity_ned_m_s, here.acceleration_ned_m_s2, envelope)
+    speed, braking_m_s2 = math.hypot(*asked_ned_m_s), min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
+    drift_m = math.hypot(*here.velocity_ned_m_s) * envelope.reaction_s + math.hypot(*surge_ned_m)
+    reach_m = drift_m + speed * (envelope.reaction_s + speed / (2.0 * braking_m_s2))
+    return tuple(
+        _constraint(wall, asked_ned_m_s, here.velocity_ned_m_s, surge_ned_m, envelope)
+        for wall in walls
+        if wall.gap_m <= reach_m
+    )
+
+
+def _constraint(wall: Wall, asked: Vector, flown: Vector, surge_ned_m: Vector, envelope: Envelope) -> Constraint:
+    """Make the constraint of a wall, from the velocities relative to it.
+
+    Braking is computed from the speed asked for. The speed sent is never larger, so the true stop is shorter.
+    """
+    moving, normal, reaction_s, about_m = wall.velocity_ned_m_s, wall.normal_ned, envelope.reaction_s, None
+    speed = math.hypot(asked[0] - moving[0], asked[1] - moving[1])
+    ground_s = reaction_s + speed / (2.0 * envelope.braking_m_s2)
+    vertical_s = reaction_s + abs(asked[2] - moving[2]) / (2.0 * envelope.vertical_braking_m_s2)
+    rows = zip(flown, moving, surge_ned_m, strict=True)
+    north_m, east_m, down_m = ((mine - its) * reaction_s + more for mine, its, more in rows)
+    if math.isinf(wall.radius_m):
+        drift_m = max(0.0, normal[0] * north_m + normal[1] * east_m) + max(0.0, normal[2] * down_m)
+        receding_m_s = normal[0] * moving[0] + normal[1] * moving[1]
+        distance_m = max(0.0, wall.gap_m - drift_m) + receding_m_s * ground_s
+    else:
+        away_m = wall.radius_m - wall.gap_m
+        about_m = (normal[0] * away_m, normal[1] * away_m)
+        drift_m = max(0.0, math.hypot(about_m[0] + north_m, about_m[1] + east_m) - away_m)
+        distance_m = max(wall.radius_m - drift_m, away_m)
+    return Constraint(wall.limiter, normal, distance_m, ground_s, vertical_s, about_m)
+
+
+def obey(vector_ned: Vector, constraints: tuple[Constraint, ...]) -> tuple[Vector, tuple[Constraint, ...]]:
+    """Reduce a vector until all constraints hold; return it with the constraints that reduced it.
+
+    First it slides along every constraint in turn, which keeps the part along the wall. A later one may turn it back
+    into an earlier one, so at last it is scaled down, which violates no constraint that already holds. A circle must be
+    the last one. Neither the ground speed nor the vertical speed ever increases, and no part changes its sign.
+
+    Args:
+        vector_ned: A velocity or an acceleration.
+        constraints: In the same unit.
+    """
+    result, active = vector_ned, []
+    for one in constraints:
+        slid = reduced(result, one, along=True)
+        if slid is not result:
+            active.append(one)
+            result = slid
+    for one in constraints if active else ():
+        result = reduced(result, one, along=False)
+    return result, tuple(active)
+
+
+def reduced(vector_ned: Vector, one: Constraint, *, along: bool) -> Vector:
+    """Take away what exceeds a constraint and keep the part along the wall, or scale the closing parts down."""
+    if one.about_m is not None:
+        one = one.tangent(vector_ned)
+    (north, east, down), (normal_north, normal_east, normal_down) = vector_ned, one.normal_ned
+    ground = max(0.0, north * normal_north + east * normal_east)
+    vertical = max(0.0, down * normal_down)
+    used_m = ground * one.ground_s + vertical * one.vertical_s
+    if used_m <= one.distance_m + ROUNDING_M:
+        return vector_ned
+    share = one.distance_m / used_m
+    if ground > 0.0 and along:
+        size = math.hypot(normal_north, normal_east)
+        part = (1.0 - share) * ground / size
+        north, east = north - part * (normal_north / size), east - part * (normal_east / size)
+    elif ground > 0.0:
+        north, east = share * north, share * east
+    return (north, east, share * down if vertical > 0.0 else down)
+
+
+def braked(
+    feed_forward_ned_m_s2: Vector | None, here: Situation, walls: tuple[Wall, ...], envelope: Envelope
+) -> Vector | None:
+    """Return a feed-forward that decelerates at least as every wall requires; unchanged if none does.
+
+    Args:
+        feed_forward_ned_m_s2: Feed-forward without walls; None for none.
+        here: State of the vehicle.
+        walls: Of this cycle; the evader's are left to the approach.
+        envelope: Braking and reaction of the vehicle.
+    """
+    flown, fed, drift_s = here.velocity_ned_m_s, feed_forward_ned_m_s2, 2.0 * envelope.reaction_s
+    for wall in walls:
+        north, east, down = wall.normal_ned
+        closing = flown[0] * north + flown[1] * east + flown[2] * down
+        braking_m_s2 = envelope.vertical_braking_m_s2 if down else envelope.braking_m_s2
+        stop_m = closing * (drift_s + closing / (2.0 * braking_m_s2))
+        if wall.approached or closing <= 0.0 or stop_m <= wall.gap_m:
+            continue
+        a_north, a_east, a_down = fed or STILL
+        wanted = deceleration_m_s2(closing, wall.gap_m, braking_m_s2, envelope.reaction_s)
+        missing = max(0.0, a_north * north + a_east * east + a_down * down + wanted)
+        fed = (a_north - missing * north, a_east - missing * east, a_down - missing * down)
+    return fed
+
+
+def deceleration_m_s2(closing_m_s: float, gap_m: float, braking_m_s2: float, reaction_s: float) -> float:
+    """Return the least deceleration before a wall; negative if the vehicle may still accelerate.
+
+    The excess over the allowed closing speed has to be gone within half the reaction time.
+
+    Args:
+        closing_m_s: Closing speed, not negative.
+        gap_m: Distance to the wall, negative beyond it.
+        braking_m_s2: Guaranteed deceleration.
+        reaction_s: Time until it begins.
+    """
+    allowed = approach_speed(gap_m - closing_m_s * reaction_s, braking_m_s2, reaction_s)
+    return 2.0 * (closing_m_s - allowed) / reaction_s

@@ -1,0 +1,261 @@
+"""What a flight sends in a cycle: the setpoint of its state, and requests until their effect is seen."""
+
+import traceback
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+from guidance.autopilots import Autopilot, Mode
+from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
+from guidance.cycle import CycleInputs, CycleMemory, hover, play
+from guidance.flight.detection import Stage
+from guidance.flight.heard import Heard
+from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
+from guidance.flight.table import FINAL, SETPOINT_STATES, State
+from guidance.frames import Amsl, Vector
+from guidance.messages import Heartbeat, Home, Message, Request, Setpoint
+from guidance.monitor import Alarm, MonitorMemory, watch
+from guidance.vehicle import VehicleState
+
+if TYPE_CHECKING:
+    from guidance.certificate import Certificate
+
+REPEAT_S: Final = 1.5
+"""Period of repeating a request without effect, and only in a cycle with a HEARTBEAT.
+
+HEARTBEAT is up to a second old. A blind repetition could take the vehicle back from a pilot who has just taken over.
+"""
+
+BEAT_EVERY_S: Final = 0.1
+"""Period of requesting a HEARTBEAT while entering the guided mode, or when foreign setpoints may be a pilot's.
+
+HEARTBEAT shows the mode and otherwise arrives once per second.
+"""
+
+STREAM_FIRST_S: Final = 0.2
+"""Time of streaming a hover before requesting the guided mode of an autopilot that needs a stream (PX4).
+
+One setpoint is enough if it arrives.
+"""
+
+UNHEARD_S: Final = 0.4
+"""After an engage order, the guided mode is requested after this time even without a new HEARTBEAT."""
+
+_SAME_S: Final = 1e-6
+"""Tolerance for rounding, since cycles fall exactly on these times."""
+
+_MODE_OF_STATE = {
+    State.ENTERING: Mode.GUIDED,
+    State.HOLDING: Mode.HOLD,
+    State.RETURNING: Mode.RETURN,
+    State.LANDING: Mode.LAND,
+}
+
+
+def requests_in(
+    state: State,
+    settings: FlightSettings,
+    vehicle: VehicleState,
+    mode: Mode | None,
+    start: tuple[float, float, Amsl] | None,
+) -> tuple[Request, ...]:
+    """Return the requests of a state; none if their effect is already there.
+
+    Args:
+        state: State of the flight.
+        settings: Settings of the flight.
+        vehicle: Last known state of the vehicle.
+        mode: Mode in HEARTBEAT.
+        start: Latitude and longitude in degrees and altitude of the stand-by position, if there is one.
+    """
+    autopilot, home = settings.autopilot, vehicle.last(Home)
+    match state:
+        case State.CHECKING:
+            asked = (autopilot.request_message(one) for one in (HOME_POSITION, GPS_GLOBAL_ORIGIN))
+            return (*autopilot.stream_requests(), *asked)
+        case State.ARMING:
+            return (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
+        case State.CLIMBING if home is not None and vehicle.on_ground:
+            return (autopilot.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)
+        case State.POSITIONING if start is not None:
+            latitude, longitude, amsl = start
+            return (autopilot.reposition(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=amsl.metres),)
+        case State.STANDING_BY if settings.engage_on is EngageOn.PILOT_MODE and mode is Mode.HOLD:
+            # PX4 returns to OFFBOARD by itself when setpoints return after a loss, unless Hold was requested.
+            return (autopilot.set_mode(Mode.HOLD),)
+    wanted = _MODE_OF_STATE.get(state)
+    return () if wanted is None or mode is wanted else (autopilot.set_mode(wanted),)
+
+
+class HoldHandover:
+    """Requests only the hold until a HEARTBEAT shows another mode than the guided one.
+
+    Attributes:
+        fault: The internal error that ended the flight. With it, the hold is requested immediately; without it, only
+            when a HEARTBEAT shows that the vehicle still waits in the guided mode.
+    """
+
+    def __init__(self, autopilot: Autopilot, error: Exception | None = None, *, flown: bool = True) -> None:
+        self._autopilot = autopilot
+        self._asking = flown
+        self._asked_s = float("-inf")
+        self.fault = None if error is None else _described(error)
+
+    def requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
+        """Return the requests of one cycle."""
+        at_once = self.fault is not None and self._asked_s == float("-inf")
+        modes = [self._autopilot.mode_of(one.custom_mode) for one in messages if isinstance(one, Heartbeat)]
+        if not at_once and any(mode is not Mode.GUIDED for mode in modes):
+            self._asking = False
+        due = at_once or (modes and now_s - self._asked_s >= REPEAT_S)
+        if not (self._asking and due):
+            return ()
+        self._asked_s = now_s
+        return (self._autopilot.set_mode(Mode.HOLD),)
+
+
+class Asking:
+    """The requests of each cycle: those of the state, repetitions, and requests for HEARTBEAT."""
+
+    def __init__(self, settings: FlightSettings) -> None:
+        self._settings = settings
+        self._asked_s = self._beat_asked_s = float("-inf")
+        self._handover: HoldHandover | None = None
+
+    def await_hold(self) -> None:
+        """Request the hold after a loss, for an autopilot that would wait for setpoints in the guided mode."""
+        self._handover = HoldHandover(self._settings.autopilot)
+
+    def requests(self, stage: Stage, heard: Heard, now_s: float) -> tuple[Request, ...]:
+        """Return the requests of one cycle.
+
+        Args:
+            stage: State of the flight.
+            heard: Everything received so far.
+            now_s: Time.
+        """
+        asked: tuple[Request, ...] = ()
+        if stage.state not in FINAL and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats)):
+            self._asked_s = now_s
+            place, frame = None, heard.tracking.local_frame
+            if heard.start_ned_m is not None and frame is not None:
+                place = frame.wgs84_from_ned(heard.start_ned_m)
+            asked = requests_in(stage.state, self._settings, heard.vehicle, heard.mode, place)
+        if stage.state is State.ENTERING or (stage.state in SETPOINT_STATES and heard.echo.suspicious):
+            asked = (*asked, *self._beat(now_s))
+        if self._handover is not None:
+            fresh = [message for message in heard.messages if message.received_s > stage.since_s]
+            asked = (*asked, *self._handover.requests(now_s, fresh))
+        return asked
+
+    def _is_due(self, stage: Stage, now_s: float, *, fresh_heartbeat: bool) -> bool:
+        """Whether the state's requests are due now."""
+        in_state_s, entering, repeated = (
+            now_s - stage.since_s,
+            stage.state is State.ENTERING,
+            self._asked_s >= stage.since_s,
+        )
+        if repeated and now_s - self._asked_s < REPEAT_S:
+            return False
+        if repeated and (stage.state is State.STANDING_BY or stage.mode_left is Mode.OTHER):
+            return False  # the pilot's next switch is intended
+        if (repeated or (entering and in_state_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
+            return False
+        streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
+        # The HEARTBEAT of the order's own cycle may be older than the order.
+        return not (entering and in_state_s <= streamed_s + _SAME_S)
+
+    def _beat(self, now_s: float) -> tuple[Request, ...]:
+        """Request a HEARTBEAT at most every `BEAT_EVERY_S`."""
+        if now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
+            return ()
+        self._beat_asked_s = now_s
+        return (self._settings.autopilot.request_message(HEARTBEAT),)
+
+
+def _described(error: Exception) -> str:
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {error}{where}"
+
+
+class Playing:
+    """State of the game between cycles.
+
+    Attributes:
+        certificate: The last one of the present state.
+        alarm: This cycle's.
+    """
+
+    def __init__(self, settings: FlightSettings) -> None:
+        self._settings = settings
+        self._watch = partial(
+            watch,
+            with_target=settings.cycle.target_game_m is not None,
+            speed_m_s=settings.cycle.ground_speed_m_s,
+            slack_s=settings.guarantee_slack_s,
+        )
+        self._memory = CycleMemory()
+        self._monitor = MonitorMemory()
+        self.certificate: Certificate | None = None
+        self.alarm: Alarm | None = None
+
+    def change(self, before: State, after: State) -> None:
+        """Enter a state and drop the certificate of the last one."""
+        self.certificate = None
+        if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
+            self._memory, self._monitor = CycleMemory(), self._monitor.anew()
+        if after is State.ON_STATION:
+            self._monitor = self._monitor.anew()  # the promise is kept: an evader that gets away begins a new one
+        if after is State.PAUSED:
+            self._monitor = self._monitor.restarted()  # nothing was promised about a pause
+
+    def move(self, by_ned_m: Vector) -> None:
+        """Move the remembered positions (of the hover and the drift estimate) with the local frame.
+
+        The vehicle is then held where it is, not sent to where it now believes that it was.
+        """
+        north_m, east_m, down_m = by_ned_m
+        memory = self._memory
+        drift, place, height = memory.follow.drift, memory.place, memory.height
+        if drift.position_ned_m is not None:
+            north, east, down = drift.position_ned_m
+            drift = drift._replace(position_ned_m=(north + north_m, east + east_m, down + down_m))
+        self._memory = memory._replace(
+            follow=memory.follow._replace(drift=drift),
+            place=None if place is None else (place[0] + north_m, place[1] + east_m),
+            height=None if height is None else height._replace(down_m=height.down_m + down_m),
+        )
+
+    def setpoint(self, heard: Heard, state: State, now_s: float, dt_s: float, *, battery_needed: float) -> Setpoint:
+        """Make this cycle's setpoint.
+
+        Args:
+            heard: Everything received so far, with a vehicle position.
+            state: State of the flight.
+            now_s: Time.
+            dt_s: Time since the last cycle.
+            battery_needed: Share of the charge needed to fly home from here; NaN if it is not computed.
+
+        Raises:
+            ValueError: If there is no position of the vehicle yet.
+        """
+        settings, view = self._settings, heard.view(now_s)
+        if view is None:
+            raise ValueError("a setpoint needs the vehicle's position")
+        if state is State.STANDING_BY:
+            # Neutral stream: do not remember a height while the pilot flies.
+            self._memory = CycleMemory(limits=self._memory.limits)
+        playing = state is State.ENGAGED or (
+            state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
+        )
+        played = play if playing and view.evader is not None else hover
+        guided = bool(heard.beats) and heard.mode is Mode.GUIDED
+        inputs = CycleInputs(dt_s, view.situation, view.walls, view.evader, heard.tracking.game_frame, guided)
+        output = played(inputs, heard.cycle, self._memory)
+        self._memory = output.memory
+        if output.certificate is not None:
+            self.certificate = output.certificate._replace(battery_needed=battery_needed)
+            if state is State.ENGAGED:
+                self._monitor, self.alarm = self._watch(self._monitor, now_s, self.certificate)
+        return output.setpoint
