@@ -1,4 +1,4 @@
-"""What an installation consists of, as a software bill of materials, and whether a known vulnerability concerns it.
+"""Software bill of materials of an installation, and an audit for known vulnerabilities.
 
     python -m tests.supply                           # CycloneDX 1.6, JSON, of the packages that are installed here
     python -m tests.supply --extras all --out bom.json
@@ -27,7 +27,7 @@ BUILT_WITH = ("hatchling",)
 UNREACHABLE = 3
 
 Packages = dict[str, tuple[Distribution, set[str]]]
-"""Name to the installed distribution and the names of what it requires."""
+"""Name -> the installed distribution and the names of its requirements."""
 
 
 def installed(extras: Iterable[str], tools: Iterable[str] = ()) -> Packages:

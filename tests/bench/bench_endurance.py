@@ -90,10 +90,10 @@ class VirtualWorld:
         if now_s >= self._next_s:
             self._next_s = now_s + 0.1
             self._radio.send(self._beacon.frame(now_s))
-        self._radio.receive()  # nobody answers
+        self._radio.receive()  # without an answer
 
     def engage(self, _vehicle: str) -> None:
-        """Nothing waits for it."""
+        """Do nothing: this world has no faults that begin then."""
 
     def drain(self) -> Sequence[tuple[float, str, bytes]]:
         return self._mock.wire.drain()
@@ -118,9 +118,9 @@ def cycles_in(path: Path) -> int:
 
 
 class Page:
-    """The operator's page without a browser: what the daemon broadcasts goes to the panel's hub.
+    """The operator's page without a browser: the daemon's broadcasts go to the panel's hub.
 
-    It is the daemon's `Record` for broadcasts and the hub's bus. Every fifth cycle is passed on, as often as the hub
+    It is the daemon's `Record` for broadcasts and the hub's bus. The hub gets every fifth cycle, as often as it
     makes messages.
     """
 
@@ -158,7 +158,7 @@ class Page:
 
 
 class Person:
-    """What a person does around the cycles, and who looks at the process meanwhile."""
+    """Gives a person's orders between cycles and measures the process."""
 
     def __init__(self, daemon: Daemon, page: Page, record: Path, hours: float, within_s: float) -> None:
         self._page, self._scrape_s, self.scrapes = page, SCRAPE_EVERY_S, 0

@@ -34,7 +34,7 @@ PILOTS = {"pilot_mode", "pilot_sticks"}
 
 ALLOWED_M = 0.3
 BEFORE_S = 3.0
-"""The errors of what is told count as the largest of this time."""
+"""The errors of reported positions count as the largest of this time."""
 
 BRAKING_S = 3.0
 """The walls hold this much longer than the vehicle follows our setpoints."""
@@ -87,7 +87,7 @@ class Largest:
 
 
 class Told:
-    """What one vehicle has told by its frames: positions in the pursuer's local frame, and arrival times."""
+    """Data of one vehicle from its frames: positions in the pursuer's local frame, and arrival times."""
 
     def __init__(self, system_id: int, names: Sequence[str]) -> None:
         self._system_id = system_id
@@ -121,7 +121,7 @@ class Told:
             self.positions_m[kind] = position
 
     def error_m(self, true_m: Vector) -> Vector:
-        """Return the largest error of what was last told: horizontal, up or down, and both."""
+        """Return the largest error of the last reported positions: horizontal, vertical and in space."""
         errors = [difference(position, true_m) for position in self.positions_m.values()]
         return (
             max((math.hypot(one[0], one[1]) for one in errors), default=0.0),
@@ -206,7 +206,7 @@ class SecondJudge:
         self._frames += passed
         return passed
 
-    # What tests.faults.flying calls
+    # Called by tests.faults.flying
 
     def sent(self, now_s: float, ours: Sequence[bytes], outputs: Any, _flight: Any) -> None:
         """Judge one cycle's frames to the vehicle, and the events of the service."""
@@ -330,7 +330,7 @@ class SecondJudge:
         if up_m > limits.ceiling_m + error_m and velocity[2] < -0.05:
             self.wrong("nothing is asked further out", now_s, -velocity[2], f"climbs at {up_m:.2f} m")
 
-    # What the vehicle follows
+    # The setpoints that the vehicle follows
 
     def _follow(self, now_s: float) -> None:
         """Find out whether our setpoints are flown, and since when they are not."""
@@ -368,7 +368,7 @@ class SecondJudge:
             self._foreign_s = math.nan
 
     def _counts(self, pursuer: Any) -> bool:
-        """Whether the walls hold in this mode: ours, or the hold after it, unless a pilot flies."""
+        """Return whether the walls hold in this mode: ours, or the hold after it, unless a pilot flies."""
         if pursuer.mode in GUIDED:
             return True
         return any(name in pursuer.mode for name in HOLDS) and not PILOTS & set(self.case.kinds)
@@ -383,7 +383,7 @@ class SecondJudge:
     ) -> None:
         if breach_m <= 0.0:
             self._excused_m[name] = 0.0
-        if self._age_s > FRESH_S:  # the last setpoint is flown on; afterwards the vehicle brakes
+        if self._age_s > FRESH_S:  # the vehicle still flies the last setpoint and then brakes
             speed_m_s = math.hypot(velocity[0], velocity[1])
             ahead_m = 0.35 * speed_m_s + speed_m_s**2 / 6.0
             if name in {"floor", "ceiling"}:

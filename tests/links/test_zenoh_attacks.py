@@ -66,7 +66,7 @@ def daemon(keys, endpoint):
 
 
 def is_answered(keys, endpoint, name, order="hold"):
-    """Whether an order of this party is answered."""
+    """Return whether an order of this party is answered."""
     try:
         ask(order, endpoint=endpoint, name="uav1", timeout_s=0.5, credentials=of(keys, name))
     except LinkError:
@@ -76,7 +76,7 @@ def is_answered(keys, endpoint, name, order="hold"):
 
 @contextmanager
 def recording_proxy(port):
-    """Forward one TCP connection to a port; yields the proxy's port and what the client sent."""
+    """Forward one TCP connection to a port; yields the proxy's port and the client's bytes."""
     sent = bytearray()
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
 
