@@ -43,6 +43,7 @@ from guidance.links.carriers import GlobalPositionInt
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.log import compare
+from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, CycleEntry, EventEntry
 from guidance.log.reader import CONFIG as CONFIG_KEY
 from guidance.log.reader import Item
@@ -53,7 +54,7 @@ from guidance.session.loop import EvaderPlayer, run
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock
-from guidance.viz.panel.bus import BroadcastItem, FoundDaemon, News
+from guidance.viz.panel.bus import BroadcastItem, News
 from guidance.viz.panel.hub import Hub
 from sitl_mock import MockVehicle
 from sitl_mock.faults import Faulted, FaultScript
@@ -128,7 +129,7 @@ class Page:
 
     def __init__(self, name: str, clock: VirtualClock, metadata: dict[str, str]) -> None:
         self._name, self._clock = name, clock
-        self._waiting: list[News] = [FoundDaemon(name, metadata, None)]
+        self._waiting: list[News] = [FoundFlight(name, metadata, None)]
         self._hub = Hub([self], recorded_settings, clock)
         self._cycles = self.messages = self.sent_mb = 0
 
