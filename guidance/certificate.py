@@ -164,7 +164,7 @@ def certify(
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     return here, certificate._replace(
-        evader_arrived=not certificate.captured and math.dist(T[:2], E[:2]) <= tolerance_m,
+        evader_arrived=not certificate.captured and game.target_extent.distance_m(T, E) <= tolerance_m,
         assured_distance_m=assured_m,
         allowance=here.value - assured_m,
         vehicle_winner=int(Winner.PURSUER if certificate.captured else verdict),

@@ -29,7 +29,8 @@ from guidance.control.servo import NorthEast
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
-from guidance.game import Ball, Game, Reason, SpeedSet, StandOff, guaranteed_age_s
+from guidance.game import Ball, Extent, Game, Reason, SpeedSet, StandOff, guaranteed_age_s
+from guidance.game.extent import POINT
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 
@@ -50,6 +51,7 @@ class CycleSettings:
         following: Settings for following the game's velocity; None sends it unchanged.
         acceleration: Guaranteed acceleration of the vehicle, for `time_needed_s`.
         target_game_m: The evader's target in the game frame (TAD); None in the PE game.
+        target_extent: Shape of that target about its place.
         target_velocity_m_s: Velocity of that target from the beginning of play, x and y of the game frame.
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None for home.
         evader_timeout_s: The evader counts as lost when its last report is older than this.
@@ -69,6 +71,7 @@ class CycleSettings:
     following: Following | None
     acceleration: Acceleration
     target_game_m: Vector | None = None
+    target_extent: Extent = POINT
     site: tuple[float, float, Amsl] | None = None
     evader_timeout_s: float = 1.5
     target_velocity_m_s: tuple[float, float] = (0.0, 0.0)
@@ -78,7 +81,13 @@ class CycleSettings:
 
     def __post_init__(self) -> None:
         speed_m_s, target_m_s = self.declared_evader_speed_m_s, self.target_velocity_m_s
-        game = Game(self.speed_set, speed_m_s, standoff=self.standoff, target_velocity_m_s=target_m_s)
+        game = Game(
+            self.speed_set,
+            speed_m_s,
+            standoff=self.standoff,
+            target_velocity_m_s=target_m_s,
+            target_extent=self.target_extent,
+        )
         object.__setattr__(self, "game", game)
         object.__setattr__(self, "ground_speed_m_s", float(self.speed_set.horizontal_m_s))
 

@@ -4,6 +4,7 @@ The game:
     Game: one pursuer against one evader, with the extensions of a vehicle: stand-off, wind, old information.
     Ball, Cylinder: the pursuer's speed set; `SpeedSet` is either, `horizontal_m_s` its largest horizontal speed.
     StandOff: the disc around the evader that the pursuer aims for.
+    Extent: the shape of the evader's target about its position: a disc, a segment, a convex polygon.
     guaranteed_age_s: the largest age of the evader's position with a guaranteed value of PE.
 
 Its answer:
@@ -32,6 +33,7 @@ Examples:
 
 from guidance.game.apollonius import Apollonius, apollonius_circle, apollonius_sphere, barrier
 from guidance.game.arrays import Array
+from guidance.game.extent import Extent
 from guidance.game.game import (
     Ball,
     Cylinder,
@@ -55,6 +57,7 @@ __all__ = [
     "Cylinder",
     "End",
     "Exact",
+    "Extent",
     "Game",
     "Paper",
     "Policy",

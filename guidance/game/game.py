@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Plane, Real, Rows, is_array, less_length, pair_length
+from guidance.game.extent import POINT, Extent
 from guidance.game.records import (
     is_zero,
     record_hash,
@@ -169,6 +170,7 @@ class Game:
         wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader; numbers or arrays.
         target_velocity_m_s: velocity (x, y) of the evader's target; zero in the paper's game. The answer is exact if
             this velocity is constant (it is a change of frame), and not if the target manoeuvres.
+        target_extent: the target's shape about its position; a point by default.
         evader_space: "plane", or "space" for the evader of the paper's remark, which moves in three dimensions.
 
     Raises:
@@ -184,6 +186,7 @@ class Game:
     information_age_s: Real = 0.0
     wind_m_s: Plane = STILL
     target_velocity_m_s: tuple[float, float] = STILL
+    target_extent: Extent = POINT
     evader_space: Literal["plane", "space"] = "plane"
     varies: bool = field(init=False, repr=False)
     """True if a parameter is an array."""
@@ -196,6 +199,7 @@ class Game:
         speed_sets = "a speed set, Ball(speed_m_s) or Cylinder(horizontal_m_s, climb_m_s, descent_m_s)"
         require_kind("pursuer", self.pursuer, (Ball, Cylinder), speed_sets)
         require_kind("standoff", self.standoff, (StandOff,), "a disc, StandOff(radius_m, height_m)")
+        require_kind("target_extent", self.target_extent, (Extent,), "a shape, Extent(corners_m, radius_m)")
         take(self, "evader_speed_m_s")
         take(self, "capture_radius_m", zero_allowed=True)
         take(self, "information_age_s", zero_allowed=True)
@@ -250,11 +254,11 @@ class Game:
             return
         if self.evader_space != "space":
             raise ConfigError(f"evader_space = {self.evader_space!r}: must be 'plane' or 'space'")
-        plain = is_zero(self.standoff.radius_m) and is_zero(self.standoff.height_m)
+        plain = is_zero(self.standoff.radius_m) and is_zero(self.standoff.height_m) and self.target_extent == POINT
         if not (plain and isinstance(self.pursuer, Ball) and self.calm and self.target_velocity_m_s == STILL):
             raise ConfigError(
                 "evader_space = 'space': an evader that flies is defined for the speed set Ball, without stand-off, "
-                "wind or moving target"
+                "wind, or a target that moves or has an extent"
             )
 
 

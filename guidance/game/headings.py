@@ -24,6 +24,7 @@ from guidance.game.arrays import (
     select,
     unit2,
 )
+from guidance.game.extent import Extent, nearest
 from guidance.game.game import STILL, Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import Geometry, ball_time
 from guidance.game.records import is_zero
@@ -43,7 +44,10 @@ class Hunt(NamedTuple):
     z2: Real
     """Square of the height above the disc."""
     to_evader: Plane
-    to_target: Plane
+    target: Plane
+    """To the target's position ..."""
+    extent: Extent
+    """... and its shape about it."""
     wind: Plane | None
     """None where the air is calm ..."""
     drift: Plane | None
@@ -71,7 +75,9 @@ class Way(NamedTuple):
     rho: Real
     """Length of the run."""
     left: Plane
-    """From the target to the end."""
+    """From the nearest point of the target to the end ..."""
+    flat: Truth
+    """... which lies on a straight line of its edge."""
     air: Plane
     """The evader's velocity through the air."""
     flown: Plane
@@ -87,14 +93,14 @@ class Way(NamedTuple):
     """The root of `ball_time`; infinite if the evader is captured before it can leave the disc."""
 
 
-def hunt_for(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: Plane) -> Hunt:
+def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plane) -> Hunt:
     """Return the state of a search, with headings counted from the direction to `goal`.
 
     Args:
         xp: array library.
         game: speeds, capture radius, stand-off, age, wind and drift.
         state: the state.
-        to_target: vector from the evader to the target now, m.
+        target: vector from the evader to the target's position now, m.
         goal: vector from the evader to where it could meet its target, m.
     """
     u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
@@ -115,7 +121,8 @@ def hunt_for(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: P
         hand=least_square_in_hand(game),
         z2=z2,
         to_evader=state.to_evader,
-        to_target=to_target,
+        target=target,
+        extent=game.target_extent,
         wind=None if game.calm else game.wind_m_s,
         drift=None if game.target_velocity_m_s == STILL else game.target_velocity_m_s,
         ahead=unit2(xp, goal, norm2(xp, goal)),
@@ -133,7 +140,7 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
         aim: the heading.
         held: also if the pursuer's height alone decides the time of the capture.
     """
-    v, wind, drift, s = hunt.v, hunt.wind, hunt.drift, aim.s
+    v, wind, s = hunt.v, hunt.wind, aim.s
     square = s * s
     scale = 1.0 / (1.0 + square)
     cosine, sine = (1.0 - square) * scale, (s + s) * scale
@@ -165,10 +172,32 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
         slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, air, flown)
         delta = select(xp, delta < float("inf"), slower, delta) if held else slower
     rho = v * t + hunt.lag
-    left = (rho - dot2(hunt.to_target, n), across(n, hunt.to_target))
-    if drift is not None:
-        left = (left[0] - dot2(drift, n) * t, left[1] - across(drift, n) * t)
-    return Way(n, t, rho, left, air, flown, disc, to, bent, hand, delta)
+    left, flat_edge = left_over(xp, hunt, n, rho, t)
+    return Way(n, t, rho, left, flat_edge, air, flown, disc, to, bent, hand, delta)
+
+
+def aimed_at(xp: Library, hunt: Hunt, t: Real, place: Plane) -> tuple[Plane, Truth]:
+    """Return the vector from E to the target's point nearest to a place after t, and whether that is on a line."""
+    x, y = hunt.target
+    if hunt.drift is not None:
+        x, y = x + hunt.drift[0] * t, y + hunt.drift[1] * t
+    near, flat = nearest(xp, hunt.extent, (place[0] - x, place[1] - y))
+    return (x + near[0], y + near[1]), flat
+
+
+def left_over(xp: Library, hunt: Hunt, n: Plane, rho: Real, t: Real) -> tuple[Plane, Truth]:
+    """Return the vector from the target to the end of a run, along and across it; see `Way`."""
+    if len(hunt.extent.corners_m) == 1:
+        (x, y), (more_x, more_y) = hunt.target, hunt.extent.corners_m[0]
+        place = (x + more_x, y + more_y)
+        left = (rho - dot2(place, n), across(n, place))
+        if hunt.drift is not None:
+            left = (left[0] - dot2(hunt.drift, n) * t, left[1] - across(hunt.drift, n) * t)
+        return left, False
+    end = (rho * n[0], rho * n[1])
+    goal, flat = aimed_at(xp, hunt, t, end)
+    way = (end[0] - goal[0], end[1] - goal[1])
+    return (dot2(way, n), across(way, n)), flat
 
 
 def _along(hunt: Hunt, air: Plane, p: Plane) -> Real:
@@ -204,7 +233,8 @@ def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
         bend = (bend[0] - pulled[0] * second, bend[1] - pulled[1] * second)
     slope, square = dot2(left, edge), dot2(edge, edge)
     before = left[0] * edge[1] - left[1] * edge[0]
-    rate = square + before * (bend[0] * edge[1] - bend[1] * edge[0]) / square
+    turns = square if way.flat is False else square * (1.0 - 1.0 * way.flat)  # seen from a line it keeps its direction
+    rate = turns + before * (bend[0] * edge[1] - bend[1] * edge[0]) / square
     return -slope / rate, slope, (rate > 0) & (before <= 0)
 
 

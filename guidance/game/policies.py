@@ -23,10 +23,11 @@ from guidance.game.arrays import (
     unit2,
     vectors,
 )
+from guidance.game.extent import POINT
 from guidance.game.pe import steer, take_apart
 from guidance.game.rows import leading_shape
 from guidance.game.solution import solve
-from guidance.game.tad import catch_time, guard_time
+from guidance.game.tad import catch_time, guard_time, to_target
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -123,7 +124,7 @@ def _pursuer_to_target(
     evader_velocity_m_s: ArrayLike | None = None,
 ) -> Array:
     """Task-oriented: fly straight to the target, to the stand-off disc around it."""
-    return _fly_straight(game, pursuer, evader, _needed(target), None)
+    return _fly_straight(game, pursuer, evader, _goal(game, evader, target), None)
 
 
 def _pure_evade(
@@ -145,7 +146,7 @@ def _evader_to_target(
     evader_velocity_m_s: ArrayLike | None = None,
 ) -> Array:
     """Task-oriented: run straight to the target, and stay there."""
-    return _run(game, evader, _needed(target), away=False)
+    return _run(game, evader, _goal(game, evader, target), away=False)
 
 
 def _hold(
@@ -177,10 +178,17 @@ EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
 """Every strategy of the evader without a memory, by name."""
 
 
-def _needed(target: ArrayLike | None) -> ArrayLike:
+def _goal(game: Game, evader: ArrayLike, target: ArrayLike | None) -> ArrayLike:
+    """Return the target's point that is nearest to the evader."""
     if target is None:
         raise ConfigError("target = None: the strategy 'task_oriented' needs a target")
-    return target
+    if game.target_extent == POINT:
+        return target
+    xp, given = vectors({"evader": evader, "target": target})
+    shape, E = leading_shape(game, given), given["evader"]
+    with quiet(xp):
+        way = to_target(xp, game, components(E), components(given["target"]))
+        return pack(xp, shape, E, (component(E, 0) + way[0], component(E, 1) + way[1], component(given["target"], 2)))
 
 
 def _fly_straight(game: Game, pursuer: ArrayLike, evader: ArrayLike, aim: ArrayLike, seen: ArrayLike | None) -> Array:

@@ -28,7 +28,7 @@ from guidance.game.arrays import (
     unit2,
 )
 from guidance.game.game import STILL, Game
-from guidance.game.headings import Aim, Hunt, Way, across, bounded, follow, hunt_for, in_plane, judge, turned
+from guidance.game.headings import Aim, Hunt, Way, across, aimed_at, bounded, follow, hunt_for, in_plane, judge, turned
 from guidance.game.pe import Geometry
 from guidance.game.records import is_zero
 
@@ -49,6 +49,10 @@ DISC_STEPS = 5
 
 TRACED_STEPS = 12
 """Steps for libraries that trace and cannot stop early."""
+
+
+HERE = (0.0, 0.0)
+"""The evader's own place."""
 
 
 class Closest(NamedTuple):
@@ -72,30 +76,30 @@ def is_circle(game: Game) -> Truth:
     return plain
 
 
-def closest_point(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: Plane, wanted: Truth) -> Closest:
+def closest_point(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plane, wanted: Truth) -> Closest:
     """Return the closest point of the evader's region (for a Cylinder its planar part) to its target.
 
     Args:
         xp: array library.
         game: the game, whose region is not the paper's disc.
         state: the state.
-        to_target: vector from the evader to the target now, m.
+        target: vector from the evader to the target's position now, m.
         goal: vector from the evader to the point where it could meet its target, m.
         wanted: which rows to compute; the others have an arbitrary answer.
     """
     if wanted is False:
-        return Closest(to_target, 0.0, 0.0)
-    hunt = hunt_for(xp, game, state, to_target, goal)
+        return Closest(target, 0.0, 0.0)
+    hunt = hunt_for(xp, game, state, target, goal)
     if not isinstance(wanted, np.ndarray) or wanted.all():
         return _closest(xp, hunt)
     rows = np.nonzero(wanted)
     found = _closest(xp, _rows(hunt, wanted.shape, rows))
-    return Closest(*_put((to_target, 0.0, 0.0), wanted.shape, rows, tuple(found)))
+    return Closest(*_put((target, 0.0, 0.0), wanted.shape, rows, tuple(found)))
 
 
 def _closest(xp: Library, hunt: Hunt) -> Closest:
     """Find it, by Newton's method unless the pursuer's height alone ends the run."""
-    met = hunt.to_target if hunt.drift is None else _plus(hunt.to_target, hunt.met_s, hunt.drift)
+    met, _ = aimed_at(xp, hunt, hunt.met_s, HERE)
     far = norm2(xp, met)
     straight = unit2(xp, met, far)
     rho = hunt.v * hunt.met_s + hunt.lag
@@ -166,18 +170,19 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     the closest point of its own circle, which is found in rounds.
     """
     hand = (hunt.u - hunt.v) * (hunt.u + hunt.v)
-    end = (hunt.to_evader[0] + hunt.to_target[0], hunt.to_evader[1] + hunt.to_target[1])
+    to_target, _ = aimed_at(xp, hunt, 0.0, HERE)
+    end = (hunt.to_evader[0] + to_target[0], hunt.to_evader[1] + to_target[1])
     disc = unit2(xp, end, norm2(xp, end))
     if _is_bare(hunt):
         for _ in range(ROUNDS):
-            run = _circle(xp, hunt, _plus(hunt.to_evader, -hunt.radius, disc), hunt.z2, hunt.to_target)
+            run = _circle(xp, hunt, _plus(hunt.to_evader, -hunt.radius, disc), hunt.z2, to_target)
             end = _plus(run, hand, hunt.to_evader)
             disc = unit2(xp, end, norm2(xp, end))
         return Aim(_half_angle(xp, hunt, run), disc)
     way = follow(xp, hunt, Aim(0.0 * end[0], disc))
     e0, z2 = _virtual(xp, hunt, way)
     lag = (hunt.lag * way.n[0], hunt.lag * way.n[1])
-    goal = _plus(hunt.to_target, -1.0, lag)
+    goal = _plus(to_target, -1.0, lag)
     if hunt.drift is not None:
         goal = _plus(goal, way.t, hunt.drift)
     run = _plus(_circle(xp, hunt, _plus(e0, 1.0, lag), z2, goal), hand, lag)

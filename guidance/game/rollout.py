@@ -38,6 +38,7 @@ from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.records import is_zero, require
 from guidance.game.rows import leading_shape
 from guidance.game.solution import solve
+from guidance.game.tad import to_target
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -186,8 +187,15 @@ def rollout(
             if keep_path:
                 path.append(last)
         place = last.evader_m if isinstance(stepping, Exact) else last.pursuer_m
-        distance = zero * math.nan if last.target_m is None else norm3(xp, last.target_m - place)
+        distance = zero * math.nan if last.target_m is None else _distance(xp, game, last.target_m, place)
     return Rollout(last.end, last.time_s, last.pursuer_m, last.evader_m, distance, tuple(path))
+
+
+def _distance(xp: Library, game: Game, target: Array, place: Array) -> Array:
+    """Return the distance of places from the target, in space."""
+    x, y, _ = to_target(xp, game, components(place), components(target))
+    z = component(target, 2) - component(place, 2)
+    return xp.sqrt(x * x + y * y + z * z)
 
 
 def _velocities(game: Game, pursuer_policy: str | Policy, evader_policy: str | Policy) -> Velocities:
@@ -339,7 +347,6 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
         turn = select(xp, over > TOUCH_M, inside, math.inf)
     if target is None:
         return Ahead(ahead, math.inf, turn)
-    x, y, z = (component(target, index) - component(evader, index) for index in range(3))
-    rise = z if game.evader_space == "space" else 0.0 * z
+    x, y, z = to_target(xp, game, components(evader), components(target))
     speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
-    return Ahead(ahead, xp.sqrt(x * x + y * y + rise * rise) / speed, turn)
+    return Ahead(ahead, xp.sqrt(x * x + y * y + z * z) / speed, turn)

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.game.arrays import FLOATS, Array, Library, Plane, Real, Space, Truth, dot2, norm2, select, select2, unit2
+from guidance.game.extent import from_set, least_at, nearest, to_set
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner
 from guidance.game.pe import (
     Geometry,
@@ -82,7 +83,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
         target: position of the target now, m.
     """
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
-    contest = _compare(xp, game, state, to_target)
+    contest = _compare(xp, game, state, to_target, _most_in_danger(xp, game, state, to_target))
     goal, margin, lead = contest.goal, contest.margin, contest.edge
     edge = _with_falling(xp, game, game.pursuer, state, to_target, lead) if isinstance(game.pursuer, Cylinder) else lead
     won, arrived = margin > 0, contest.arrival <= 0
@@ -96,7 +97,9 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
     flown = steer(xp, game, to, _gap(xp, game, to), select(xp, won, lead.time, contest.guard), state.z, hold)
     return Play(
         winner=_winner(xp, margin),
-        value=select(xp, won, edge.left, select(xp, margin < 0, contest.short, 0.0)),
+        value=select(
+            xp, won, _less(edge.left, game.target_extent.radius_m), select(xp, margin < 0, contest.short, 0.0)
+        ),
         margin=margin,
         meeting=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         time=select(xp, won, edge.time, contest.arrival),
@@ -125,24 +128,60 @@ def _gap(xp: Library, game: Game, to: Plane) -> Real:
     return norm2(xp, to) - (game.standoff.radius_m + game.capture_radius_m)
 
 
-def _compare(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Contest:
-    """Compare the times to the target, with the paper's formulas if the game is the paper's."""
+def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Plane:
+    """Return the vector from E to the point of the target's set where the pursuer's margin is least."""
+    extent = game.target_extent
+    if extent.is_point:
+        return from_set(to_target, extent.corners_m[0])
+
+    def margin(offset: Plane) -> Real:
+        arrival, goal = _arrive(xp, game, from_set(to_target, offset))
+        return arrival - guard_time(xp, game, state, goal)
+
+    way = to_set(xp, extent, (-to_target[0], -to_target[1]))
+    arrived = dot2(way, way) == 0
+    return select2(xp, arrived, way, from_set(to_target, least_at(xp, extent, margin)))
+
+
+def to_target(xp: Library, game: Game, E: Space, T: Space) -> Space:
+    """Return the vector from the evader to the nearest point of its target; in the plane unless the evader flies."""
+    extent, rise = game.target_extent, T[2] - E[2] if game.evader_space == "space" else 0.0 * T[2]
+    if extent.is_point:
+        return T[0] + extent.corners_m[0][0] - E[0], T[1] + extent.corners_m[0][1] - E[1], rise
+    return *to_set(xp, extent, (E[0] - T[0], E[1] - T[1])), rise
+
+
+def _less(distance: Real, radius: float) -> Real:
+    return distance - radius if radius else distance
+
+
+def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> Contest:
+    """Compare the times to the target, with the paper's formulas if the game is the paper's.
+
+    Args:
+        xp: array library.
+        game: the game.
+        state: the state.
+        centre: vector from the evader to the target's position, m.
+        to_target: to the point of the target that is most in danger, m.
+    """
     circle = is_circle(game)
     whole = circle is True
     if whole and isinstance(game.pursuer, Ball):
-        return _paper(xp, game, state, to_target, state.z)
+        return _paper(xp, game, state, centre, to_target, state.z)
     arrival, goal = _arrive(xp, game, to_target)
     guard = guard_time(xp, game, state, goal)
     margin = arrival - guard
     short = _shortfall(xp, game, state, goal, arrival, margin < 0)
     if circle is False:
-        edge = closest_point(xp, game, state, to_target, goal, margin > 0)
+        edge = closest_point(xp, game, state, centre, _ahead(xp, game, centre), margin > 0)
         return Contest(goal, arrival, guard, margin, short, edge)
     flat = isinstance(game.pursuer, Cylinder)
-    paper = _paper(xp, game, state, to_target, 0.0 if flat else state.z)
+    paper = _paper(xp, game, state, centre, to_target, 0.0 if flat else state.z)
     if whole:
         return Contest(goal, arrival, guard, margin, short, paper.edge)
-    edge = _choose_edge(xp, circle, paper.edge, closest_point(xp, game, state, to_target, goal, (margin > 0) & ~circle))
+    found = closest_point(xp, game, state, centre, _ahead(xp, game, centre), (margin > 0) & ~circle)
+    edge = _choose_edge(xp, circle, paper.edge, found)
     if flat:
         return Contest(goal, arrival, guard, margin, short, edge)
     arrival, guard, margin, short = (
@@ -154,11 +193,23 @@ def _compare(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Cont
     return Contest(goal, arrival, guard, margin, short, edge)
 
 
-def _paper(xp: Library, game: Game, state: Geometry, to_target: Plane, z: Real) -> Contest:
+def _ahead(xp: Library, game: Game, centre: Plane) -> Plane:
+    """Return the vector from E to where it can meet the point of its target that is nearest now."""
+    near, _ = nearest(xp, game.target_extent, (-centre[0], -centre[1]))
+    return _arrive(xp, game, from_set(centre, near))[1]
+
+
+def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane, z: Real) -> Contest:
     u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
-    ended = race(xp, (u, v), state.to_evader, z, to_target)
+    ended = closest = race(xp, (u, v), state.to_evader, z, to_target)
     arrival = norm2(xp, to_target) / v
-    edge = Closest(ended.run, norm2(xp, ended.run) / v, ended.final_distance)
+    if not game.target_extent.is_point:
+        # The point of the target closest to the circle is the one closest to the circle's centre c.
+        lead = v * v / ((u - v) * (u + v))
+        place = (lead * state.to_evader[0] - centre[0], lead * state.to_evader[1] - centre[1])
+        near, _ = nearest(xp, game.target_extent, place)
+        closest = race(xp, (u, v), state.to_evader, z, from_set(centre, near))
+    edge = Closest(closest.run, norm2(xp, closest.run) / v, closest.final_distance)
     return Contest(to_target, arrival, arrival - ended.margin, ended.margin, -u * ended.margin, edge)
 
 
@@ -267,7 +318,9 @@ def _with_falling(
     """Add to the planar region the disc that the evader reaches before the pursuer reaches its height."""
     falling, adrift = xp.maximum(level_time(xp, game, pursuer, state.z), 0.0), game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)
-    goal = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
+    drifted = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
+    near, _ = nearest(xp, game.target_extent, (-drifted[0], -drifted[1]))
+    goal = from_set(drifted, near)
     far = norm2(xp, goal)
     towards = unit2(xp, goal, far)
     fallen = Closest((radius * towards[0], radius * towards[1]), falling, abs(far - radius))

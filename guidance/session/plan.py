@@ -20,6 +20,7 @@ from guidance.flight import FlightSettings, State
 from guidance.flight.settings import LIMITS_S, FlightSection
 from guidance.frames import Amsl, Vector
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
+from guidance.game.extent import POINT
 from guidance.session.vehicle_file import Config, EvaderSection, GameSection, LogSection, Vehicle
 from guidance.strategies import Strategy
 
@@ -83,10 +84,12 @@ def _settings(
     autopilot, game = autopilot_named(config.vehicle.autopilot), config.game
     speed_set, standoff = _speed_set(game), StandOff(game.standoff_radius_m, game.standoff_height_m)
     strategy, start_game_m, target_game_m = Strategy(game.policy, gain=game.navigation_gain), None, None
+    target_extent = POINT if game.target is None else game.target.extent
     if scenario is not None:
         from guidance.sim import players  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
         start_game_m, target_game_m = _start_game_m(scenario), players.target_game_m(scenario)
+        target_extent = players.target_extent(scenario)
         strategy = players.pursuer_strategy(scenario, np.array(start_game_m), speed_set, scenario.seed)
     elif game.target is not None:
         target_game_m = (0.0, 0.0, 0.0)  # the game frame's zero is the target; only height differences matter
@@ -104,6 +107,7 @@ def _settings(
         site=site,
         evader_timeout_s=config.evader.timeout_s,
         target_velocity_m_s=game.target_velocity_m_s,
+        target_extent=target_extent,
     )
     return FlightSettings(
         **dict(config.flight),

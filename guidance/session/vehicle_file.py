@@ -1,26 +1,24 @@
 """The vehicle file: how the vehicle and the evader are reached, which game is played, and within which limits."""
 
-import json
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from guidance.autopilots import AutopilotName, Preflight
 from guidance.config import Altitude, Latitude, Longitude, Section, parse, read_text, read_toml
 from guidance.control import Limits, Speeds
-from guidance.errors import ConfigError
 from guidance.flight.settings import FlightSection
 from guidance.links.port import taken_apart
 from guidance.links.zenoh_access import ZenohSection
+from guidance.session.places import Target, with_plans
 from guidance.strategies import COURSES, PURSUER_STRATEGIES
 
 _ABOVE_THE_FLOOR_M: Final = 1.0
 """A take-off ends up to 0.7 m low, and a hover wanders by some decimetres."""
 
-_FENCE_PLAN: Final = "fence_plan_file"
 _LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+")
 _BY_TLS = re.compile(r"tls/[^\s/]+:\d+")
 
@@ -117,14 +115,6 @@ class EvaderSection(Section):
         return self
 
 
-class Place(Section):
-    """A place on Earth."""
-
-    latitude_deg: Latitude = Field(description="north is positive")
-    longitude_deg: Longitude = Field(description="east is positive")
-    altitude_amsl_m: Altitude = Field(0.0, description="information only: the game uses height differences")
-
-
 class GameSection(Section):
     """The game."""
 
@@ -141,7 +131,7 @@ class GameSection(Section):
     standoff_radius_m: float = Field(8.0, gt=0.0, le=200.0, description="radius of the disc around the evader")
     standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="height of the disc above the evader")
     tolerance_m: float = Field(1.0, gt=0.0, le=10.0, description="distance from the disc that counts as capture")
-    target: Place | None = Field(None, description="TAD: the evader's target")
+    target: Target | None = Field(None, description="TAD: the evader's target")
     target_velocity_m_s: tuple[float, float] = Field(
         (0.0, 0.0), description="TAD: velocity of the target, east and north, constant from engagement"
     )
@@ -297,48 +287,12 @@ class Config(Section):
 
 
 def load_vehicle(path: Path) -> Config:
-    """Read a vehicle file and the fence plan it names. Relative names are relative to the vehicle file's folder.
+    """Read a vehicle file and the plans it names. Relative names are relative to the vehicle file's folder.
 
     Raises:
         ConfigError: If a file cannot be read or is wrong.
     """
     text = read_text(path)
-    document = read_toml(text, path)
-    limits = document.get("limits")
-    if isinstance(limits, dict) and isinstance(limits.get(_FENCE_PLAN), str) and "fence_polygon_deg" not in limits:
-        limits["fence_polygon_deg"] = corners_deg(path.parent / limits.pop(_FENCE_PLAN))
+    document = with_plans(read_toml(text, path), path.parent)
     config = parse(Config, document, source=str(path), text=text)
     return config.model_copy(update={"zenoh": config.zenoh.beside(path.parent.absolute())})
-
-
-def corners_deg(path: Path) -> list[tuple[float, float]]:
-    """Read the one inclusion polygon of a QGroundControl plan: latitude and longitude of each corner.
-
-    Format: https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html.
-
-    Raises:
-        ConfigError: If the file is not a plan, or its fence is anything but one inclusion polygon.
-    """
-    said = f"limits.{_FENCE_PLAN} = {str(path)!r}"
-    try:
-        plan = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{said}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise ConfigError(f"{said}: not JSON ({error})") from error
-    fence = plan.get("geoFence") if isinstance(plan, dict) else None
-    if not isinstance(fence, dict):
-        raise ConfigError(f"{said}: has no geoFence; save it from QGroundControl's Plan view with a fence drawn")
-    polygons, circles = (fence.get(key) or [] for key in ("polygons", "circles"))
-    excluded = [one for one in polygons if not (isinstance(one, dict) and one.get("inclusion") is True)]
-    if len(polygons) != 1 or excluded or circles:
-        raise ConfigError(
-            f"{said}: its fence has {len(polygons)} polygons ({len(excluded)} of them not for inclusion) and "
-            f"{len(circles)} circles; must be exactly one inclusion polygon (a circle about home is "
-            "limits.fence_radius_m)"
-        )
-    corners: Any = polygons[0].get("polygon")
-    try:
-        return [(float(latitude), float(longitude)) for latitude, longitude in corners]
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{said}: its polygon is not a list of latitude and longitude ({error})") from error

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
 from guidance.game.arrays import Real
-from guidance.sim.players import evader_strategy, pursuer_strategy
+from guidance.sim.players import evader_strategy, pursuer_strategy, target_extent
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import PERFECT, Noise
 from guidance.strategies import Strategy
@@ -62,6 +62,7 @@ def kind_of(scenario: Scenario) -> Hashable:
     pursuer, evader, sensor = scenario.pursuer, scenario.evader, scenario.sensor
     return (
         scenario.game,
+        target_extent(scenario),
         pursuer.speed_set,
         any(scenario.wind.velocity_m_s),
         scenario.time_limit_s if "random_turns" in (pursuer.policy, evader.policy) else None,
@@ -115,6 +116,7 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
                 column(lambda each: each.standoff.radius_m), column(lambda each: each.standoff.height_m) - ground
             ),
             wind_m_s=(column(lambda each: each.wind.velocity_m_s[0]), column(lambda each: each.wind.velocity_m_s[1])),
+            target_extent=target_extent(kind),
         ),
         believed_m_s=column(lambda each: each.evader.believed_speed_m_s),
         target_m=np.array(targets) if targets else None,

@@ -182,7 +182,8 @@ def distance_to_disc_m(scenario: Scenario, pursuer_m: Sequence[float], evader_m:
 
 def evader_to_target_m(scenario: Scenario, evader_m: Sequence[float]) -> float:
     """Return how far the evader is from its target; NaN in PE."""
-    return math.nan if scenario.target is None else math.dist(evader_m[:2], scenario.target.position_m)
+    target = scenario.target
+    return math.nan if target is None else target.extent.distance_m(target.position_m, evader_m)
 
 
 def winner_name(winner: int) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from guidance.autopilots import ROVER, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.frames import Amsl, GameFrame, Vector, ned_from_game
-from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
+from guidance.game import Ball, Cylinder, Extent, Game, SpeedSet, StandOff
 from guidance.links.port import VehicleLink
 from guidance.messages import Heartbeat, Home, LocalPosition, Message, Origin, Setpoint
 from guidance.sim.scenario import Player, Scenario
@@ -131,12 +131,22 @@ def standoff(scenario: Scenario) -> StandOff:
 
 def game(scenario: Scenario) -> Game:
     """Return the game with the evader's true speed, as the evader plays it in flight."""
-    return Game(speed_set(scenario), scenario.evader.speed_m_s, standoff=standoff(scenario))
+    return Game(
+        speed_set(scenario),
+        scenario.evader.speed_m_s,
+        standoff=standoff(scenario),
+        target_extent=target_extent(scenario),
+    )
 
 
 def target_game_m(scenario: Scenario) -> Vector | None:
     """Return the evader's target in the game frame, None in the PE game."""
     return None if scenario.target is None else (*scenario.target.position_m, 0.0)
+
+
+def target_extent(scenario: Scenario) -> Extent:
+    """Return the target's shape, a point in the PE game."""
+    return Extent() if scenario.target is None else scenario.target.extent
 
 
 def pursuer_strategy(scenario: Scenario, start_m: Array, speeds: SpeedSet, seed: ArrayLike) -> Strategy:

@@ -14,6 +14,8 @@ from guidance.autopilots import AutopilotName
 from guidance.config import Latitude, Longitude, Section
 from guidance.control import Limits, Speeds
 from guidance.control.limits import Tighter
+from guidance.errors import ConfigError
+from guidance.game import Extent
 from guidance.sim.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 
@@ -111,9 +113,26 @@ class Evader(Player):
 
 
 class Target(Section):
-    """The evader's target."""
+    """The evader's target: a place, and possibly a shape about it."""
 
     position_m: Point2 = Field(description="x east, y north")
+    polygon_m: tuple[Point2, ...] = Field(
+        (), description="corners of a convex polygon, or both ends of a line, from position_m; default: the place"
+    )
+    radius_m: float = Field(0.0, ge=0.0, le=1000.0, description="what lies so near to place or polygon belongs to it")
+
+    @property
+    def extent(self) -> Extent:
+        """The shape about the place."""
+        return Extent(self.polygon_m or ((0.0, 0.0),), self.radius_m)
+
+    @model_validator(mode="after")
+    def _check_polygon(self) -> Self:
+        try:
+            _ = self.extent
+        except ConfigError as error:
+            raise ValueError(f"target.polygon_m = {self.polygon_m}: {error}") from error
+        return self
 
 
 class Standoff(Section):

@@ -90,6 +90,7 @@ def chase_of(story: Story) -> Chase:
         isochron_later=None if last is None else isochron_at(settings, last),
         meeting_m=None if first is None else first.meeting_point_game_m,
         target_m=settings.target_game_m,
+        target_extent=settings.target_extent,
         fence=() if story.home_m is None else fence_edges(story.envelope, story.home_m),
         fence_height_m=0.0 if story.home_m is None else story.home_m[2],
     )

@@ -16,8 +16,9 @@ from matplotlib.text import Text
 
 from guidance.errors import ConfigError, OutputError
 from guidance.frames import Vector
-from guidance.game import StandOff
-from guidance.viz.shapes import Array, circle
+from guidance.game import Extent, StandOff
+from guidance.game.extent import POINT
+from guidance.viz.shapes import Array, circle, target_edge
 
 PURSUER: Final = {"color": "#b3261e", "linewidth": 1.8}
 EVADER: Final = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
@@ -160,6 +161,7 @@ class Chase(NamedTuple):
         isochron_later: The same at capture.
         meeting_m: The meeting point foreseen at engagement.
         target_m: T of a TAD game.
+        target_extent: Its shape.
         fence: Its edges, (n, 2) each.
         fence_height_m: Height of the fence in space.
     """
@@ -173,6 +175,7 @@ class Chase(NamedTuple):
     isochron_later: Array | None = None
     meeting_m: Vector | None = None
     target_m: Vector | None = None
+    target_extent: Extent = POINT
     fence: Sequence[Array] = ()
     fence_height_m: float = 0.0
 
@@ -197,7 +200,13 @@ def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN40
         disc = lifted(rim, chase.standoff.height_m, dimensions)
         axes.plot(*disc, **STANDOFF, label="stand-off disc at capture")
     if chase.target_m is not None:
-        draw_place(axes, chase.target_m, TARGET, dimensions, "T, target")
+        draw_target(axes, chase.target_m, chase.target_extent, dimensions)
+
+
+def draw_target(axes: Any, place_m: Vector, extent: Extent, dimensions: int) -> None:  # noqa: ANN401
+    """Draw a target and the edge of its shape."""
+    draw_place(axes, place_m, TARGET, dimensions, "T, target")
+    axes.plot(*lifted(target_edge(place_m, extent), place_m[2], dimensions), color=TARGET["color"])
 
 
 def _draw_run(axes: Any, track: Array, dimensions: int, name: str, style: dict[str, Any], marks: str) -> None:  # noqa: ANN401

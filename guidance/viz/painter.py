@@ -14,7 +14,7 @@ from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, Item, SettingsOf
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
 from guidance.log.reader import CONFIG, entry_of
-from guidance.viz.shapes import Array, circle, fence_edges, isochron_at
+from guidance.viz.shapes import Array, circle, fence_edges, isochron_at, target_edge
 
 PURSUER: Final = "game/pursuer"
 EVADER: Final = "game/evader"
@@ -221,6 +221,10 @@ class Painter:
         if target_m is not None:
             at = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
             self._to.log(TARGET, at, static=True)
+            edge = target_edge(target_m, self._settings.cycle.target_extent)
+            if len(edge):
+                strip = np.column_stack([edge, np.zeros(len(edge))])
+                self._to.log(f"{TARGET}/edge", rr.LineStrips3D([strip]), static=True)
 
     def _fence(self) -> None:
         home = self._aggregator.home_m

@@ -26,7 +26,7 @@ from guidance.session.result import FlightResult, ending_words
 from guidance.sim.batch import stack, starts
 from guidance.sim.maths import game_of, moments, opening
 from guidance.sim.outcome import Outcome
-from guidance.sim.players import evader_strategy, pursuer_strategy, speed_set, standoff, target_game_m
+from guidance.sim.players import evader_strategy, pursuer_strategy, speed_set, standoff, target_extent, target_game_m
 from guidance.sim.scenario import Scenario
 from guidance.sim.team_maths import opening_of, played_teams
 from guidance.sim.teams import Teams, TeamScenario, teams_of
@@ -70,6 +70,7 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
             isochron=isochron(game_of(batch, batch.believed_m_s), P, E),
             meeting_m=(*_vector(meeting_m)[:2], 0.0) if np.isfinite(meeting_m).all() else None,
             target_m=target_game_m(scenario),
+            target_extent=target_extent(scenario),
             fence=_fence(scenario),
         )
     )
@@ -173,6 +174,7 @@ def chase_of(result: FlightResult) -> Chase:
         isochron=None if engaged is None else isochron_at(settings, engaged),
         meeting_m=None if engaged is None else (*engaged.meeting_point_game_m[:2], 0.0),
         target_m=settings.target_game_m,
+        target_extent=settings.target_extent,
         fence=_fence(scenario),
     )
 

@@ -9,7 +9,7 @@ from guidance.certificate import Certificate
 from guidance.control import Envelope
 from guidance.cycle import CycleSettings, game_played
 from guidance.frames import Vector
-from guidance.game import Game, solve
+from guidance.game import Extent, Game, solve
 
 Array = NDArray[np.float64]
 
@@ -18,6 +18,12 @@ def circle(centre: Vector, radius_m: float, points: int = 181) -> Array:
     """A closed circle (points, 2), seen from above."""
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     return np.stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1)
+
+
+def target_edge(place_m: Vector, extent: Extent) -> Array:
+    """The closed edge (n, 2) of a target's shape about its place; of a point nothing."""
+    edge = np.array(extent.outline_m()).reshape(-1, 2) + np.array(place_m[:2])
+    return np.concatenate([edge, edge[:1]])
 
 
 def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181) -> Array:

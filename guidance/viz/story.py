@@ -226,7 +226,7 @@ def _flown(story: Story) -> float:
         return math.nan
     target = story.settings.cycle.target_game_m
     if target is not None:
-        return math.dist(captured.evader_game_m[:2], target[:2])
+        return story.settings.cycle.target_extent.distance_m(target, captured.evader_game_m)
     return story.reached_s - story.begun_s
 
 

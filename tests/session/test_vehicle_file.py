@@ -160,6 +160,17 @@ def test_a_speed_limit_below_the_games_speed_names_both_keys(read, key):
         read(limits={key: 0.5})
 
 
+def test_a_target_polygon_in_degrees_has_its_zero_in_the_middle_of_the_corners(read):
+    corners = [[47.0, 8.0], [47.0, 8.001], [47.001, 8.001], [47.001, 8.0]]
+    target = {"polygon_deg": corners, "radius_m": 2.0}
+    cycle = plan_of(read(game={"kind": "tad", "target": target})).flight.cycle
+    assert cycle.site[:2] == pytest.approx((47.0005, 8.0005))
+    extent = cycle.game.target_extent
+    assert extent.radius_m == 2.0
+    assert sorted(round(y) for _, y in extent.corners_m) == [-56, -56, 56, 56]
+    assert sorted(round(x) for x, _ in extent.corners_m) == [-38, -38, 38, 38]
+
+
 def test_the_target_is_the_zero_of_the_game(read):
     place = {"latitude_deg": 47.4, "longitude_deg": 8.55, "altitude_amsl_m": 480.0}
     cycle = plan_of(read(game={"kind": "tad", "target": place, "speed_set": "ball"})).flight.cycle
@@ -253,6 +264,19 @@ def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, 
         load_vehicle(vehicle_with_plan(tmp_path, text))
     assert words in str(refused.value)
     assert "limits.fence_plan_file" in str(refused.value) or "limits.fence_polygon_deg" in str(refused.value)
+
+
+def test_a_plan_may_hold_the_target(tmp_path):
+    path = tmp_path / "vehicle.toml"
+    text = find("px4", "vehicles").read_text().replace('kind = "pe"', 'kind = "tad"')
+    path.write_text(text + '\n[game.target]\npolygon_plan_file = "zone.plan"\n')
+    (tmp_path / "zone.plan").write_text(json.dumps(drawn()))
+    target = load_vehicle(path).game.target
+    assert target.polygon_deg == tuple(map(tuple, TRIANGLE))
+    assert target.polygon_plan_file is None
+    (tmp_path / "zone.plan").write_text("{")
+    with pytest.raises(ConfigError, match=r"game\.target\.polygon_plan_file"):
+        load_vehicle(path)
 
 
 def test_sources_of_evaders_need_what_they_need_and_no_more(read):

@@ -7,8 +7,9 @@ import pytest
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
 from guidance.session.plan import plan_of
+from guidance.sim.outcome import evader_to_target_m
 from guidance.sim.players import EvaderPilot, game, site
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import Scenario, Target
 from guidance.sim.scenario_file import has_teams, load_document, load_scenario
 
 SHORT = tomllib.loads((Path(__file__).parents[1] / "data" / "short_chase.toml").read_text())
@@ -84,6 +85,16 @@ def test_a_fault_of_keys_that_go_together_has_the_line_of_the_one_that_is_blamed
     )
     with pytest.raises(ConfigError, match=r"line 4: pursuer.policy = 'optimum': allowed are optimal, "):
         load_scenario(path)
+
+
+def test_a_target_may_be_a_convex_polygon_about_its_place():
+    square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]
+    _, tad = load_scenario("tad")
+    shaped = tad.model_copy(update={"target": Target(position_m=(1.0, 2.0), polygon_m=square, radius_m=1.0)})
+    assert evader_to_target_m(shaped, (3.0, 12.0)) == pytest.approx(5.0)
+    dented = {"position_m": [0.0, 0.0], "polygon_m": [*square, [2.0, 1.0]]}
+    assert "target.polygon_m" in refused(game="tad", target=dented)
+    assert "(2, 1) is no corner" in refused(game="tad", target=dented)
 
 
 def test_tad_needs_a_target_and_pe_refuses_one():

@@ -25,6 +25,7 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.extras import how_to_add
+from guidance.game.extent import POINT
 from guidance.game.game import Game, Reason, Winner
 from guidance.game.records import require
 from guidance.game.solution import solve
@@ -187,6 +188,10 @@ def _table(
     game: Game, pursuers: ArrayLike, evaders: ArrayLike, target: ArrayLike | None, in_play: ArrayLike | None
 ) -> _Table:
     """Bring the arguments to one shape, and solve each pair."""
+    if game.target_extent != POINT:
+        raise ConfigError(
+            f"target_extent = {game.target_extent!r}: matchings defend a point; use solve_team for each evader"
+        )
     u, v = each_speed(game)
     P, E = vectors("pursuers", pursuers, "(..., n, 3)"), vectors("evaders", evaders, "(..., m, 3)")
     T = None if target is None else vectors("target", target, "(..., 3)")

@@ -5,6 +5,9 @@ convex, so one point X* of it is closest to the target, and the value of the gam
 
     L = dist(T, ∩ᵢ discᵢ).
 
+A target with an extent is replaced by its point T* that is closest to the intersection. A team may then win although
+none of its pursuers wins alone.
+
 The team wins if one pursuer wins alone, because T is outside the intersection only if it is outside one disc. A second
 pursuer increases L, and at most two discs decide X*. The pursuers that decide it fly straight to X*; then L never
 falls for any play of the evader. The others are free and fly to X* too.
@@ -31,12 +34,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from guidance.errors import ConfigError
+from guidance.game.extent import POINT, least_at, to_set
 from guidance.game.game import Ball, Game, Reason
 from guidance.game.solution import Solution, solve
 from guidance.game.team.discs import Array, Discs, Meeting, Point, farthest, multipliers, pairs_of, project, taken
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+    from guidance.game.arrays import Plane
 
 ALLOWED: dict[str, Any] = {
     "capture_radius_m": 0.0,
@@ -149,6 +155,11 @@ def solve_team(
     axes = {"pursuers": P.shape[:-2], "speed_m_s": np.shape(u)[:-1], "evader_speed_m_s": np.shape(v)[:-1]}
     shape = fitting(axes | {name: one.shape[:-1] for name, one in rest.items()})
     P = np.broadcast_to(P, (*shape, *P.shape[-2:]))
+    if target is not None and game.target_extent != POINT:
+        rest["target"] = _most_in_danger(
+            game, P, *(np.broadcast_to(rest[name], (*shape, 3)) for name in ("evader", "target"))
+        )
+        game = replace(game, target_extent=POINT)
     lone = {name: np.broadcast_to(one, (*shape, 3))[..., None, :] for name, one in rest.items()}
     E, T = lone["evader"], lone.get("target")
     alone = solve(game, P, E, T, evader_velocity_m_s=lone.get("evader_velocity_m_s"))
@@ -163,6 +174,27 @@ def solve_team(
         late = multipliers(team.discs, (team.u, team.v), team.goal, best.point, (best.first, best.second))
         answer = answer._replace(multipliers=np.where(won, late, 0.0))
         return _judged(answer, alone, {"pursuers": P, **rest})
+
+
+def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
+    """Return the point of the target's set that is closest to the evader's region, (..., 3).
+
+    The distance of a point from the region is a convex function of the point. If the region meets the set, the point
+    is the one where the evader arrives before every pursuer by most.
+    """
+    extent, point = game.target_extent, replace(game, target_extent=POINT)
+
+    def placed(offset: Plane) -> Array:
+        return T + np.stack([*np.broadcast_arrays(*offset, 0.0 * T[..., 0])], axis=-1) * [1.0, 1.0, 0.0]
+
+    def left(offset: Plane) -> Array:
+        with np.errstate(all="ignore"):
+            found = solve_team(point, P, E, placed(offset))
+        return np.asarray(np.where(found.winner > 0, found.value, found.margin_s))
+
+    away = to_set(np, extent, (E[..., 0] - T[..., 0], E[..., 1] - T[..., 1]))
+    arrived = np.asarray(away[0] * away[0] + away[1] * away[1] == 0)
+    return np.where(arrived[..., None], E, placed(least_at(np, extent, left)))
 
 
 def speeds(game: Game) -> tuple[Any, Any]:

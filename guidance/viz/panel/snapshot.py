@@ -25,7 +25,7 @@ from guidance.log.codec import plain
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
 from guidance.log.reader import CONFIG, entry_of
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, Message, SystemStatus
-from guidance.viz.shapes import fence_edges, isochron_at
+from guidance.viz.shapes import fence_edges, isochron_at, target_edge
 
 if TYPE_CHECKING:
     from guidance.monitor import Alarm
@@ -230,7 +230,7 @@ class SnapshotFold:
 
     def _make_scene(self) -> Plain:
         cycle, home, place = self._settings.cycle, self._aggregator.home_m, self._heard.get(Home)
-        envelope = self._aggregator.envelope
+        envelope, target = self._aggregator.envelope, cycle.target_game_m
         return {
             "title": self._title,
             "unit": "s" if cycle.target_game_m is None else "m",
@@ -241,6 +241,7 @@ class SnapshotFold:
             "floor_m": envelope.floor_m,
             "ceiling_m": envelope.ceiling_m,
             "target_m": rounded(cycle.target_game_m),
+            "target_edge_m": [] if target is None else np.round(target_edge(target, cycle.target_extent), 1).tolist(),
             "standoff_m": {"radius": cycle.standoff.radius_m, "height": cycle.standoff.height_m},
             "evader_timeout_s": cycle.evader_timeout_s,
         }

@@ -130,6 +130,7 @@ export class Plan {
       surface.context.fillStyle = ink("--card");
       surface.context.fillText(TEXTS.map.home, x, y + 2);
     }
+    if (scene.target_edge_m?.length) surface.line(scene.target_edge_m.map((place) => this.pixel(place)), ink("--ink"), 2);
     if (scene.target_m) {
       const [x, y] = this.pixel(scene.target_m);
       surface.line([[x - 9, y], [x + 9, y], null, [x, y - 9], [x, y + 9]], ink("--ink"), 2.5);

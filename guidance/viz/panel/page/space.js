@@ -114,6 +114,7 @@ export class Space {
       });
     }
     if (scene.home_m) this.mark(scene.home_m, "--faint", TEXTS.map.home);
+    if (scene.target_edge_m?.length) this.curve(scene.target_edge_m.map(([x, y]) => [x, y, this.ground]), "--ink", 2);
     if (scene.target_m) this.mark([scene.target_m[0], scene.target_m[1], this.ground], "--ink", TEXTS.map.target);
   }
 
