@@ -3,7 +3,7 @@
 A policy is a function of a game and of arrays (..., 3). Strategies with memory, and courses, are in
 `guidance.strategies`. Every baseline moves at full speed, as in section V of the paper.
 """
-# ruff: noqa: ARG001 - every policy takes the arguments of `Policy`
+# ruff: noqa: ARG001, ARG005 - every policy takes the arguments of `Policy`
 
 from __future__ import annotations
 
@@ -30,11 +30,14 @@ from guidance.game.solution import solve
 from guidance.game.tad import catch_time, guard_time, to_target
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import ArrayLike
 
     from guidance.game.game import Game
+    from guidance.game.solution import Solution
+
+    _Move = Callable[[Game, ArrayLike, ArrayLike, ArrayLike | None, ArrayLike | None], Array]
 
 
 class Policy(Protocol):
@@ -59,123 +62,28 @@ class Policy(Protocol):
         """
 
 
-def _optimal_pursuer(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    evader_velocity_m_s: ArrayLike | None = None,
-) -> Array:
-    """Play the pursuer's part of `solve`: eq. (20) of the paper in PE, eq. (49) in TAD, straight to T if E wins."""
-    return solve(game, pursuer, evader, target, evader_velocity_m_s=evader_velocity_m_s).pursuer_velocity_m_s
+def _policy(move: _Move) -> Policy:
+    """Return a policy of a function that gets every argument by position."""
+
+    def play(
+        game: Game,
+        pursuer: ArrayLike,
+        evader: ArrayLike,
+        target: ArrayLike | None = None,
+        evader_velocity_m_s: ArrayLike | None = None,
+    ) -> Array:
+        return move(game, pursuer, evader, target, evader_velocity_m_s)
+
+    return play
 
 
-def _optimal_evader(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    evader_velocity_m_s: ArrayLike | None = None,
-) -> Array:
-    """Play the evader's part of `solve`: eq. (20) of the paper in PE, eq. (44) in TAD, straight to T if it wins."""
-    return solve(game, pursuer, evader, target, evader_velocity_m_s=evader_velocity_m_s).evader_velocity_m_s
+def _solved(game: Game, P: ArrayLike, E: ArrayLike, T: ArrayLike | None, seen: ArrayLike | None) -> Solution:
+    return solve(game, P, E, T, evader_velocity_m_s=seen)
 
 
-def _pure_pursuit(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    evader_velocity_m_s: ArrayLike | None = None,
-) -> Array:
-    """Fly straight at the evader, to the stand-off disc around it."""
-    return _fly_straight(game, pursuer, evader, evader, evader_velocity_m_s)
-
-
-def _lead_pursuit(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    evader_velocity_m_s: ArrayLike | None = None,
-) -> Array:
-    """Fly to the point of capture of an evader that keeps its velocity (the collision course).
-
-    Without an observed velocity it is pure pursuit.
-    """
-    seen = {} if evader_velocity_m_s is None else {"evader_velocity_m_s": evader_velocity_m_s}
-    xp, given = vectors({"pursuer": pursuer, "evader": evader} | seen)
-    shape, P, E = leading_shape(game, given), given["pursuer"], given["evader"]
-    with quiet(xp):
-        observed = components(given.get("evader_velocity_m_s", 0.0 * E))
-        state = take_apart(xp, game, components(P), components(E), observed)
-        run, wind = state.hold, game.wind_m_s
-        t = catch_time(xp, game, state.to_evader, (run[0] - wind[0], run[1] - wind[1]), state.z)
-        to = (state.to_evader[0] + run[0] * t, state.to_evader[1] + run[1] * t)
-        gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
-        return pack(xp, shape, P, steer(xp, game, to, gap, t, state.z, state.hold))
-
-
-def _pursuer_to_target(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    evader_velocity_m_s: ArrayLike | None = None,
-) -> Array:
-    """Task-oriented: fly straight to the target, to the stand-off disc around it."""
-    return _fly_straight(game, pursuer, evader, _goal(game, evader, target), None)
-
-
-def _pure_evade(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    evader_velocity_m_s: ArrayLike | None = None,
-) -> Array:
-    """Run straight away from the pursuer, in the plane."""
-    return _run(game, evader, pursuer, away=True)
-
-
-def _evader_to_target(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    evader_velocity_m_s: ArrayLike | None = None,
-) -> Array:
-    """Task-oriented: run straight to the target, and stay there."""
-    return _run(game, evader, _goal(game, evader, target), away=False)
-
-
-def _hold(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    evader_velocity_m_s: ArrayLike | None = None,
-) -> Array:
-    """Stay where you are."""
-    _, given = vectors({"pursuer": pursuer, "evader": evader})
+def _stay(game: Game, P: ArrayLike, E: ArrayLike, T: ArrayLike | None, seen: ArrayLike | None) -> Array:
+    _, given = vectors({"pursuer": P, "evader": E})
     return 0.0 * (given["pursuer"] + given["evader"])
-
-
-PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
-    {
-        "optimal": _optimal_pursuer,
-        "pure_pursuit": _pure_pursuit,
-        "task_oriented": _pursuer_to_target,
-        "hold": _hold,
-        "lead_pursuit": _lead_pursuit,
-    }
-)
-"""Every strategy of the pursuer without a memory, by name."""
-
-EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
-    {"optimal": _optimal_evader, "pure_evade": _pure_evade, "task_oriented": _evader_to_target, "hold": _hold}
-)
-"""Every strategy of the evader without a memory, by name."""
 
 
 def _goal(game: Game, evader: ArrayLike, target: ArrayLike | None) -> ArrayLike:
@@ -216,3 +124,47 @@ def _run(game: Game, evader: ArrayLike, point: ArrayLike, *, away: bool) -> Arra
         direction = unit2(xp, way, length)
         pace = -game.evader_speed_m_s if away else select(xp, length > 0, game.evader_speed_m_s, 0.0)
         return pack(xp, shape, E, (pace * direction[0], pace * direction[1], 0.0))
+
+
+def _lead(game: Game, pursuer: ArrayLike, evader: ArrayLike, seen: ArrayLike | None) -> Array:
+    """Fly the pursuer to the point of capture of an evader that keeps its velocity."""
+    observed = {} if seen is None else {"evader_velocity_m_s": seen}
+    xp, given = vectors({"pursuer": pursuer, "evader": evader} | observed)
+    shape, P, E = leading_shape(game, given), given["pursuer"], given["evader"]
+    with quiet(xp):
+        moving = components(given.get("evader_velocity_m_s", 0.0 * E))
+        state = take_apart(xp, game, components(P), components(E), moving)
+        run, wind = state.hold, game.wind_m_s
+        t = catch_time(xp, game, state.to_evader, (run[0] - wind[0], run[1] - wind[1]), state.z)
+        to = (state.to_evader[0] + run[0] * t, state.to_evader[1] + run[1] * t)
+        gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
+        return pack(xp, shape, P, steer(xp, game, to, gap, t, state.z, state.hold))
+
+
+PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
+    {
+        # The pursuer's part of `solve`: eq. (20) of the paper in PE, eq. (49) in TAD, straight to T if E wins.
+        "optimal": _policy(lambda *state: _solved(*state).pursuer_velocity_m_s),
+        # Straight at the evader, to the stand-off disc around it.
+        "pure_pursuit": _policy(lambda game, P, E, T, seen: _fly_straight(game, P, E, E, seen)),
+        # Straight to the target, to the stand-off disc around it.
+        "task_oriented": _policy(lambda game, P, E, T, seen: _fly_straight(game, P, E, _goal(game, E, T), None)),
+        "hold": _policy(_stay),
+        # To where an evader that keeps its velocity is captured; pure pursuit if its velocity is unknown.
+        "lead_pursuit": _policy(lambda game, P, E, T, seen: _lead(game, P, E, seen)),
+    }
+)
+"""Every strategy of the pursuer without a memory, by name."""
+
+EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
+    {
+        # The evader's part of `solve`: eq. (20) of the paper in PE, eq. (44) in TAD, straight to T if it wins.
+        "optimal": _policy(lambda *state: _solved(*state).evader_velocity_m_s),
+        # Straight away from the pursuer, in the plane.
+        "pure_evade": _policy(lambda game, P, E, T, seen: _run(game, E, P, away=True)),
+        # Straight to the target, and stay there.
+        "task_oriented": _policy(lambda game, P, E, T, seen: _run(game, E, _goal(game, E, T), away=False)),
+        "hold": _policy(_stay),
+    }
+)
+"""Every strategy of the evader without a memory, by name."""

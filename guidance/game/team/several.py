@@ -185,7 +185,8 @@ def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
     extent, point = game.target_extent, replace(game, target_extent=POINT)
 
     def placed(offset: Plane) -> Array:
-        return T + np.stack([*np.broadcast_arrays(*offset, 0.0 * T[..., 0])], axis=-1) * [1.0, 1.0, 0.0]
+        x, y = offset
+        return np.stack([T[..., 0] + x, T[..., 1] + y, T[..., 2]], axis=-1)
 
     def left(offset: Plane) -> Array:
         with np.errstate(all="ignore"):
