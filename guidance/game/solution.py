@@ -37,7 +37,7 @@ from guidance.game.arrays import (
 from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
 from guidance.game.pe import Play, pursuit, take_apart
 from guidance.game.records import is_finite
-from guidance.game.rows import for_rows, leading_shape, refused_rows, simplified
+from guidance.game.rows import for_rows, is_sound, leading_shape, most_squares, refused_rows, simplified, squares
 from guidance.game.tad import defence
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def solve_state(
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero
         return _row_of_one(game, known)
     contested = target is not None
-    if not _is_sound(game, play, squares, contested=contested) or (contested and _has_no_region(game, play)):
+    if not is_sound(game, play, squares, contested=contested) or (contested and _has_no_region(game, play)):
         return _row_of_one(game, known)
     (x, y, z), (px, py, pz), (ex, ey, ez) = play.meeting, play.pursuer, play.evader
     return StateSolution(
@@ -250,13 +250,13 @@ def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Sp
 def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real:
     """Return 0, or the reason why a row can have no answer."""
     contested = "target" in given
-    sound = _is_sound(game, play, _most_squares(given) if xp is np else _squares(given), contested=contested)
+    sound = is_sound(game, play, most_squares(given) if xp is np else squares(given), contested=contested)
     fault: Real = int(Reason.SOLVED)
     lost = contested and _has_no_region(game, play)
     if lost is not False:
         fault = select(xp, lost, int(Reason.NO_REGION), fault)
     if xp is not np or not np.all(sound):
-        sound = _is_sound(game, play, _squares(given), contested=contested)
+        sound = is_sound(game, play, squares(given), contested=contested)
         zero = sum(0.0 * part for array in given.values() for part in components(array))
         fault = select(xp, sound, fault, select(xp, zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     return refused_rows(xp, game, fault) if game.varies else fault
@@ -266,43 +266,6 @@ def _has_no_region(game: Game, play: Play) -> Truth:
     """Return where the evader of TAD was seen too long ago for a convex region, and the pursuer would win."""
     old = game.information_age_s > guaranteed_age_s(game)
     return old if old is False else old & (play.winner > 0) & (play.reason != int(Reason.CAPTURED))
-
-
-def _is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Truth:
-    """Return whether an answer is finite, and no square inside the kernels can have been infinite.
-
-    Args:
-        game: the game.
-        play: the answer.
-        squares: sum of the squares of all positions and velocities, or more.
-        contested: whether it is TAD; in PE the margin is infinite.
-    """
-    answered: Real = sum((play.value, play.time, *play.meeting, *play.pursuer, *play.evader))
-    if contested:
-        answered = answered + play.margin
-    standoff, u = game.standoff, game.pursuer.horizontal_m_s
-    length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
-    square = u * u
-    total = answered + (squares + length * length) * square * square
-    return total - total == 0
-
-
-def _squares(given: dict[str, Array]) -> Real:
-    """Return the sum of the squares of all components, row by row."""
-    total: Real = 0.0
-    for array in given.values():
-        x, y, z = components(array)
-        total = total + (x * x + y * y + z * z)
-    return total
-
-
-def _most_squares(given: dict[str, Array]) -> Real:
-    """Return an upper bound of `_squares` for all rows, which takes a tenth of the time."""
-    total: Real = 0.0
-    for array in given.values():
-        most = 2.0 * abs(array).max(initial=0.0)
-        total = total + most * most
-    return total
 
 
 def _refuse(fault: Real, given: dict[str, Array]) -> None:

@@ -7,7 +7,7 @@ flight. No step passes the end of a game, and a game has the same bits alone and
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,10 @@ from guidance.game.game import wind_speed
 from guidance.game.pe import TOUCH_M
 from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
 from guidance.sim.batch import Array, Batch, keep, kind_of, stack, starts
+from guidance.sim.moment import ARRIVED, CAPTURED, ENDS, FAILED, LIMITS, RUNNING, TIME_UP, Moment, begun, beside
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
-from guidance.sim.sensor import PERFECT, TIMEOUT_S, Known, Received, begin, known, listen, next_event_s
+from guidance.sim.sensor import PERFECT, TIMEOUT_S, Known, Received, known, listen, next_event_s
 from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
 from guidance.strategies.catalogue import PROPORTIONAL
 from guidance.strategies.navigation import turning
@@ -42,50 +43,6 @@ _SHARE_LEFT = 0.75
 """Finished games are removed from the arrays when this share or less is still running."""
 
 _LONG_LOST_S = LIMITS_S[State.PAUSED]
-_RUNNING, _CAPTURED, _ARRIVED, _TIME_UP, _FAILED = range(5)
-_ENDS = ("running", "captured", "arrived", "time_up", "failed")
-_LIMITS = ("fence", "floor", "ceiling")
-
-
-class Moment(NamedTuple):
-    """A batch of games, each at one moment of its own; arrays (n, …).
-
-    Attributes:
-        row: Number of the game.
-        now_s: Time since engagement.
-        pursuer_m: Position.
-        evader_m: Position.
-        flown_m_s: Pursuer velocity at the begin of the last step.
-        run_m_s: Evader velocity at the begin of the last step.
-        step_s: Length of the last step.
-        turning_rad_s: Mean rate of turn of the last step, for proportional navigation of a pursuer that sees the
-            evader; else None.
-        heard: Reports that the pursuer received; None if it sees the evader.
-        lost_s: Waiting time for a report.
-        standoff_m: Least horizontal distance so far.
-        altitude_m: Least height above the evader's plane so far.
-        met: Which of `_LIMITS` have held the pursuer back, (n, 3).
-        lost: Whether the evader was ever lost.
-        no_game: Whether the evader was too fast for a game.
-        end: Index into `_ENDS`.
-    """
-
-    row: NDArray[np.intp]
-    now_s: Array
-    pursuer_m: Array
-    evader_m: Array
-    flown_m_s: Array
-    run_m_s: Array
-    step_s: Array
-    turning_rad_s: Array | None
-    heard: Received | None
-    lost_s: Array
-    standoff_m: Array
-    altitude_m: Array
-    met: NDArray[np.bool_]
-    lost: NDArray[np.bool_]
-    no_game: NDArray[np.bool_]
-    end: NDArray[np.int8]
 
 
 def play(scenarios: Sequence[Scenario]) -> list[Outcome]:
@@ -102,13 +59,13 @@ def play(scenarios: Sequence[Scenario]) -> list[Outcome]:
 
 def moments(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Iterator[Moment]:
     """Play scenarios of one kind, see `kind_of`; yield every moment, also of games that have just ended."""
-    batch, moment = batch or stack(scenarios), _begin(scenarios)
+    batch, moment = batch or stack(scenarios), begun(scenarios)
     with quiet(np):
         while len(moment.row):
             ahead = look_ahead(np, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
             moment = moment._replace(end=_judge(batch, moment, ahead))
             yield moment
-            running = moment.end == _RUNNING
+            running = moment.end == RUNNING
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
                 batch, moment, ahead = (keep(part, running) for part in (batch, moment, ahead))
             if len(moment.row):
@@ -127,45 +84,19 @@ def _play_kind(scenarios: Sequence[Scenario]) -> Iterator[tuple[int, Outcome]]:
     first = opening(scenarios, batch)
     done = np.zeros(len(scenarios), dtype=bool)
     for moment in moments(scenarios, batch):
-        for place in np.flatnonzero((moment.end != _RUNNING) & ~done[moment.row]):
+        for place in np.flatnonzero((moment.end != RUNNING) & ~done[moment.row]):
             row = int(moment.row[place])
             done[row] = True
             yield row, _outcome(scenarios[row], first, row, moment, int(place))
 
 
-def _begin(scenarios: Sequence[Scenario]) -> Moment:
-    P, E = starts(scenarios)
-    count = len(scenarios)
-    zeros = np.zeros(count)
-    no = np.zeros(count, dtype=bool)
-    sensor, navigates = scenarios[0].sensor, scenarios[0].pursuer.policy == PROPORTIONAL
-    return Moment(
-        row=np.arange(count),
-        now_s=zeros,
-        pursuer_m=P,
-        evader_m=E,
-        flown_m_s=np.zeros_like(P),
-        run_m_s=np.zeros_like(E),
-        step_s=zeros,
-        turning_rad_s=np.zeros_like(P) if navigates and sensor == PERFECT else None,
-        heard=None if sensor == PERFECT else begin(sensor, E),
-        lost_s=zeros,
-        standoff_m=_beside(P, E),
-        altitude_m=P[:, 2],
-        met=np.zeros((count, len(_LIMITS)), dtype=bool),
-        lost=no,
-        no_game=no,
-        end=np.zeros(count, dtype=np.int8),
-    )
-
-
 def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
-    now = np.where(moment.now_s >= batch.limit_s, _TIME_UP, _RUNNING)
-    now = np.where(moment.no_game | (moment.lost_s >= _LONG_LOST_S), _FAILED, now)
-    now = np.where(ahead.arrival_s <= NANOSECOND_S, _ARRIVED, now)
-    now = np.where(ahead.capture_s <= NANOSECOND_S, _CAPTURED, now)
-    return np.where(moment.end == _RUNNING, now, moment.end).astype(np.int8)
+    now = np.where(moment.now_s >= batch.limit_s, TIME_UP, RUNNING)
+    now = np.where(moment.no_game | (moment.lost_s >= _LONG_LOST_S), FAILED, now)
+    now = np.where(ahead.arrival_s <= NANOSECOND_S, ARRIVED, now)
+    now = np.where(ahead.capture_s <= NANOSECOND_S, CAPTURED, now)
+    return np.where(moment.end == RUNNING, now, moment.end).astype(np.int8)
 
 
 def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
@@ -191,7 +122,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
         *_changes_s(batch, moment, heard),
     ):
         h = np.minimum(h, limit)
-    h = np.where(moment.end == _RUNNING, h, 0.0)
+    h = np.where(moment.end == RUNNING, h, 0.0)
     slope = first = _slope(batch, moment, P, E, (v, w))
     long = h > CYCLE_S
     if long.any():
@@ -209,7 +140,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
         turning_rad_s=slope[2] if len(slope) > 2 else None,
         heard=heard,
         lost_s=np.where(waiting, moment.lost_s + h, 0.0),
-        standoff_m=np.minimum(moment.standoff_m, _beside(P, E)),
+        standoff_m=np.minimum(moment.standoff_m, beside(P, E)),
         altitude_m=np.minimum(moment.altitude_m, P[:, 2]),
         met=moment.met | met,
         lost=moment.lost | waiting,
@@ -227,7 +158,7 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead) -> Real:
     P, game = moment.pursuer_m, batch.game
     speeds, level_m_s = game.pursuer, game.pursuer.horizontal_m_s + wind_speed(game)
     vertical_m_s = 0.0 if isinstance(speeds, Ball) else np.maximum(speeds.climb_m_s, speeds.descent_m_s)
-    apart = _beside(P, moment.evader_m)
+    apart = beside(P, moment.evader_m)
     if not isinstance(speeds, Ball):  # it holds its place when it is beside the evader
         apart = apart - game.standoff.radius_m - game.capture_radius_m
     inside = batch.fence_m - _from_home(batch, P)[2]
@@ -245,16 +176,16 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
     P, E, game = moment.pursuer_m, moment.evader_m, batch.game
     x, y, z = P[:, 0] - E[:, 0], P[:, 1] - E[:, 1], P[:, 2] - game.standoff.height_m
     level = np.sqrt(x**2 + y**2)
-    beside, rate = (
+    outside, rate = (
         level - game.standoff.radius_m,
         (x * closing_m_s[:, 0] + y * closing_m_s[:, 1]) / np.where(level > 0.0, level, 1.0),
     )
     if isinstance(game.pursuer, Ball):
-        reach = np.maximum(beside, 0.0)
+        reach = np.maximum(outside, 0.0)
         far = np.sqrt(reach**2 + z**2)
         return _zero_s(far - game.capture_radius_m, (reach * rate + z * closing_m_s[:, 2]) / far)
     capture = game.capture_radius_m + 2.0 * TOUCH_M
-    return np.maximum(_zero_s(beside - capture, rate), _zero_s(np.abs(z) - capture, np.sign(z) * closing_m_s[:, 2]))
+    return np.maximum(_zero_s(outside - capture, rate), _zero_s(np.abs(z) - capture, np.sign(z) * closing_m_s[:, 2]))
 
 
 def _zero_s(distance_m: Array, rate_m_s: Array) -> Array:
@@ -345,12 +276,8 @@ def _from_home(batch: Batch, P: Array) -> tuple[Array, Array, Array]:
     return x, y, np.sqrt(x**2 + y**2)
 
 
-def _beside(P: Array, E: Array) -> Array:
-    return np.asarray(np.sqrt((P[:, 0] - E[:, 0]) ** 2 + (P[:, 1] - E[:, 1]) ** 2))
-
-
 def _outcome(scenario: Scenario, first: Solution, row: int, moment: Moment, place: int) -> Outcome:
-    end = _ENDS[moment.end[place]]
+    end = ENDS[moment.end[place]]
     P, E = moment.pursuer_m[place], moment.evader_m[place]
     events = {
         Event.EVADER_LOST: bool(moment.lost[place]),
@@ -371,7 +298,7 @@ def _outcome(scenario: Scenario, first: Solution, row: int, moment: Moment, plac
         min_standoff_m=float(moment.standoff_m[place]),
         min_altitude_m=float(moment.altitude_m[place]) + scenario.evader.height_m,
         duration_s=float(moment.now_s[place]),
-        limits=[name for name, met in zip(_LIMITS, moment.met[place], strict=True) if met],
+        limits=[name for name, met in zip(LIMITS, moment.met[place], strict=True) if met],
         events=[str(event) for event, happened in events.items() if happened],
         reason="" if end != "failed" else str(Event.NO_GAME if moment.no_game[place] else Event.EVADER_LOST),
     )

@@ -20,7 +20,8 @@ from guidance.sweeps import rows as chunks
 from guidance.sweeps import running
 from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_whole
 from guidance.sweeps.rows import chunk_size
-from guidance.sweeps.running import SERIAL, Interrupted, ThisProcess, Workers, begun, finish, planned, shown, workers_of
+from guidance.sweeps.progress import shown
+from guidance.sweeps.running import SERIAL, Interrupted, ThisProcess, Workers, begun, finish, planned, workers_of
 
 COMMAND = [sys.executable, "-c", "from guidance.cli import main; main()", "sweep"]
 

@@ -18,31 +18,18 @@ Pursuers that remain go where they come closest to a capture of their own, and g
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.extras import how_to_add
-from guidance.game.extent import POINT
 from guidance.game.game import Game, Reason, Winner
 from guidance.game.records import require
-from guidance.game.solution import solve
+from guidance.game.team.arguments import spoiled
 from guidance.game.team.discs import Array, Meeting, taken
-from guidance.game.team.several import (
-    Team,
-    TeamSolution,
-    chase,
-    defence,
-    fitting,
-    meeting_of,
-    speeds,
-    spoiled,
-    team_of,
-    vectors,
-    with_speeds,
-)
+from guidance.game.team.several import TeamSolution, chase, defence
+from guidance.game.team.table import Kept, Table, kept_of, pairs_with, table_of, worth_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -114,140 +101,21 @@ def match_teams(
             finite number, zero or more.
     """
     require("hysteresis", hysteresis, zero_allowed=True)
-    table = _table(game, pursuers, evaders, target, in_play)
+    table = table_of(game, pursuers, evaders, target, in_play)
     with np.errstate(all="ignore"):
-        kept = None if previous is None else _kept(table, previous)
+        kept = None if previous is None else kept_of(table, previous)
         first = _firsts(table, kept, hysteresis)
         if table.target is None:
             answer = _chased(table, first)
         else:
             pairs = kept.pairs if kept is not None and np.array_equal(first, kept.asked) else None
-            pairs = pairs or _pairs(table, first)
+            pairs = pairs or pairs_with(table, first)
             second = _seconds(table, pairs, first, kept, hysteresis)
             answer = _defended(table, table.target, pairs, first, second)
     return _judged(Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer)), table)
 
 
-def each_speed(game: Game) -> tuple[Any, Any]:
-    """Return the speeds of the pursuers, (..., n), and of the evaders, (..., m), or one number for all.
-
-    Raises:
-        ConfigError: Teams do not play such a game, or speeds differ by pair.
-    """
-    u, v = speeds(game)
-    if np.ndim(u) and (np.ndim(u) < 2 or u.shape[-1] != 1):
-        raise ConfigError(f"speed_m_s = {u!r}: must be one number, or an array (..., n, 1), for n pursuers")
-    if np.ndim(v) > 1 and v.shape[-2] != 1:
-        raise ConfigError(
-            f"evader_speed_m_s = {v!r}: must be one number, or an array (m,) or (..., 1, m), for m evaders"
-        )
-    return u[..., 0] if np.ndim(u) else u, v[..., 0, :] if np.ndim(v) > 1 else v
-
-
-class _Table(NamedTuple):
-    """Everybody against everybody, with the leading axes made one, b.
-
-    Attributes:
-        shape: the leading axes.
-        evaders: positions, (b, m, 3), m.
-        target: of each, (b, m, 3), m; None in PE.
-        present: which are in play, (b, m).
-        all: each pair by itself, the pursuers along the last axis: (b, m, n).
-        worth: of each pair, larger is better, (b, m, n): L, m, in TAD; minus the capture time, s, in PE.
-        beats: whether a pursuer captures an evader that is in play alone, (b, m, n).
-    """
-
-    shape: tuple[int, ...]
-    evaders: Array
-    target: Array | None
-    present: Array
-    all: Team
-    worth: Array
-    beats: Array
-
-
-class _Kept(NamedTuple):
-    """The promises of an earlier matching that still hold.
-
-    Attributes:
-        first: of its teams that still win, (b, m); −1 for none.
-        second: the pursuer beside it; −1 for none.
-        worth: the team's worth now (see `_Table`).
-        asked: of all its teams.
-        pairs: in TAD, these with each pursuer beside them, (b, m, n).
-    """
-
-    first: Array
-    second: Array
-    worth: Array
-    asked: Array
-    pairs: Meeting | None
-
-
-def _table(
-    game: Game, pursuers: ArrayLike, evaders: ArrayLike, target: ArrayLike | None, in_play: ArrayLike | None
-) -> _Table:
-    """Bring the arguments to one shape, and solve each pair."""
-    if game.target_extent != POINT:
-        raise ConfigError(
-            f"target_extent = {game.target_extent!r}: matchings defend a point; use solve_team for each evader"
-        )
-    u, v = each_speed(game)
-    P, E = vectors("pursuers", pursuers, "(..., n, 3)"), vectors("evaders", evaders, "(..., m, 3)")
-    T = None if target is None else vectors("target", target, "(..., 3)")
-    n, m = P.shape[-2], E.shape[-2]
-    present = _in_play(in_play, m)
-    evader_axes = {"evaders": E.shape[:-1], "in_play": present.shape, "evader_speed_m_s": np.shape(v)}
-    whole = fitting(evader_axes | ({} if T is None else {"target": T.shape[:-1]}))
-    shape = fitting({"pursuers": P.shape[:-2], "speed_m_s": np.shape(u)[:-1], "evaders and what they have": whole[:-1]})
-    b = math.prod(shape)
-    P, E = (np.broadcast_to(one, (*shape, *one.shape[-2:])).reshape(b, one.shape[-2], 3) for one in (P, E))
-    T = None if T is None else np.broadcast_to(T, (*shape, m, 3)).reshape(b, m, 3)
-    if np.ndim(u) or np.ndim(v):
-        u = np.broadcast_to(u, (*shape, n)).reshape(b, 1, n)
-        v = np.broadcast_to(v, (*shape, m)).reshape(b, m, 1)
-        game = with_speeds(game, u, v)
-    present = np.broadcast_to(present, (*shape, m)).reshape(b, m)
-    P, one = P[:, None], E[:, :, None]
-    goal = None if T is None else T[:, :, None]
-    alone = solve(game, P, one, goal)
-    with np.errstate(all="ignore"):
-        each = team_of(game, u, v, P, one, goal, alone)
-    worth = alone.value if T is not None else -alone.value
-    return _Table(shape, E, T, present, each, worth, (alone.winner > 0) & present[..., None])
-
-
-def _in_play(given: ArrayLike | None, m: int) -> Array:
-    """Return which evaders are in play, as truths."""
-    if given is None:
-        return np.ones(m, dtype=bool)
-    try:
-        present = np.asarray(given)
-    except ValueError:  # lists of different lengths
-        present = np.empty(0)
-    if isinstance(given, np.ma.MaskedArray) or present.shape[-1:] != (m,) or not np.isin(present, (0, 1)).all():
-        raise ConfigError(
-            f"in_play = {given!r}: must say for each of {m} evaders whether it is in play, by true or false"
-        )
-    return present.astype(bool)
-
-
-def _kept(table: _Table, previous: Matching) -> _Kept:
-    """Return the teams of an earlier matching that still win, with their worth now."""
-    b, m, n = table.worth.shape
-    first, second = (np.broadcast_to(who, (*table.shape, m)).reshape(b, m) for who in (previous.first, previous.second))
-    first = np.where((first < n) & table.present, first, -1)
-    second = np.where((second < n) & (first >= 0), second, -1)
-    worth, wins, pairs = _of(table.worth, first), _of(table.beats, first), None
-    if table.target is not None:
-        pairs = _pairs(table, first)
-        worth = np.where(second < 0, worth, _of(pairs.distance, second))
-        wins |= (second >= 0) & _of(table.beats, second)
-    stays = (first >= 0) & wins
-    return _Kept(np.where(stays, first, -1), np.where(stays, second, -1), worth, first, pairs)
-
-
-def _firsts(table: _Table, kept: _Kept | None, hysteresis: float) -> Array:
+def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
     """Return the pursuer that guarantees the capture of each evader, (b, m), −1 for none."""
     every = np.arange(table.worth.shape[-1])
     least = np.min(np.where(table.beats, table.worth, np.inf), axis=(1, 2), keepdims=True)
@@ -257,7 +125,7 @@ def _firsts(table: _Table, kept: _Kept | None, hysteresis: float) -> Array:
     promised = (kept.first >= 0)[..., None]
     old = promised & (every == kept.first[..., None])
     needed = kept.second >= 0
-    needed &= _of(table.worth, kept.first) < kept.worth
+    needed &= worth_of(table.worth, kept.first) < kept.worth
     partner = needed[..., None] & (every == kept.second[..., None])
     as_good = ~promised | (table.worth >= kept.worth[..., None] + hysteresis)
     free = ~partner.any(axis=1)[:, None] | partner
@@ -266,27 +134,19 @@ def _firsts(table: _Table, kept: _Kept | None, hysteresis: float) -> Array:
     return _assigned(np.where(edges, np.maximum(profit, 0.0), -np.inf), first=kept.first >= 0)
 
 
-def _pairs(table: _Table, first: Array) -> Meeting:
-    """Return where the first of each evader meets it together with each other pursuer, (b, m, n)."""
-    b, m, n = table.worth.shape
-    who = np.empty((b, m, n, 2), dtype=np.intp)
-    who[..., 0], who[..., 1] = np.maximum(first, 0)[..., None], np.arange(n)
-    return meeting_of(table.all, (np.arange(b)[:, None, None, None], np.arange(m)[:, None, None], who))
-
-
-def _seconds(table: _Table, pairs: Meeting, first: Array, kept: _Kept | None, hysteresis: float) -> Array:
+def _seconds(table: Table, pairs: Meeting, first: Array, kept: Kept | None, hysteresis: float) -> Array:
     """Return the pursuer that supports the first of each evader, (b, m), −1 for none."""
     every, matched = np.arange(table.worth.shape[-1]), first >= 0
     busy = (every == first[..., None]).any(axis=1)
     if busy.all() or not matched.any():
         return np.full_like(first, -1)
-    gain = pairs.distance - _of(table.worth, first)[..., None]
+    gain = pairs.distance - worth_of(table.worth, first)[..., None]
     useful = matched[..., None] & ~busy[:, None] & (gain > 0)
     if kept is None:
         return _assigned(np.where(useful, gain, -np.inf))
     old = every == kept.second[..., None]
     promised = (first == kept.first) & (useful & old).any(axis=-1)
-    as_good = gain >= _of(gain, kept.second)[..., None] + hysteresis
+    as_good = gain >= worth_of(gain, kept.second)[..., None] + hysteresis
     useful &= old | as_good | ~promised[..., None]
     return _assigned(np.where(useful, gain + np.where(old, hysteresis, 0.0), -np.inf), promised)
 
@@ -312,18 +172,18 @@ def _assigned(profit: Array, first: Array | None = None) -> Array:
     for row in np.flatnonzero(np.isfinite(worth.sum(axis=(1, 2)))):
         evader, pursuer = linear_sum_assignment(worth[row], maximize=True)
         found[row, evader] = pursuer
-    return np.where((found >= 0) & _of(edges, found), found, -1)
+    return np.where((found >= 0) & worth_of(edges, found), found, -1)
 
 
-def _chased(table: _Table, first: Array) -> Matching:
+def _chased(table: Table, first: Array) -> Matching:
     """Put the answer in PE together, (b, ...)."""
     guarded = first >= 0
     played, _ = chase(table.all, table.evaders, bracket=False)
-    value = np.where(guarded, -_of(table.worth, first), np.inf)
+    value = np.where(guarded, -worth_of(table.worth, first), np.inf)
     return _answer(table, first, np.full_like(first, -1), played._replace(value=value))
 
 
-def _defended(table: _Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
+def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
     """Put the answer in TAD together, (b, ...)."""
     b, m, _ = table.worth.shape
     row, evader, guarded = np.arange(b)[:, None], np.arange(m), first >= 0
@@ -344,12 +204,12 @@ def _defended(table: _Table, target: Array, pairs: Meeting, first: Array, second
     return _answer(table, first, second, played)
 
 
-def _answer(table: _Table, first: Array, second: Array, played: TeamSolution) -> Matching:
+def _answer(table: Table, first: Array, second: Array, played: TeamSolution) -> Matching:
     """Put the answer together, (b, ...), from each evader's game; in TAD the game with its own two pursuers."""
     alone, present, guarded = table.all.alone, table.present, first >= 0
     there = np.where(present, 0.0, np.nan)
     evader_of = _evader_of(table, first, second)
-    flown = _of(alone.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
+    flown = worth_of(alone.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
     flown = np.where((evader_of < 0)[..., None], 0.0 * flown, flown)
     lost = 0
     if table.target is not None:
@@ -375,7 +235,7 @@ def _answer(table: _Table, first: Array, second: Array, played: TeamSolution) ->
     )
 
 
-def _evader_of(table: _Table, first: Array, second: Array) -> Array:
+def _evader_of(table: Table, first: Array, second: Array) -> Array:
     """Return the evader of each pursuer: its own, or else the one that it is closest to capturing."""
     every = np.arange(table.worth.shape[-1])
     mine = (every == first[..., None]) | (every == second[..., None])
@@ -387,13 +247,7 @@ def _evader_of(table: _Table, first: Array, second: Array) -> Array:
     return np.where(table.present.any(axis=1, keepdims=True), own, -1)
 
 
-def _of(table: Array, who: Array) -> Array:
-    """Take from a table (b, m, n) or (b, m, n, 3) what belongs to one pursuer of each evader, (b, m)."""
-    b, m = who.shape
-    return np.asarray(table[np.arange(b)[:, None], np.arange(m), np.maximum(who, 0)])
-
-
-def _to_target(table: _Table, target: Array) -> Array:
+def _to_target(table: Table, target: Array) -> Array:
     """Return the velocities of evaders that run straight to their targets, (b, m, 3), m/s."""
     to = (target - table.evaders) * [1.0, 1.0, 0.0]
     length = np.sqrt(to[..., 0] * to[..., 0] + to[..., 1] * to[..., 1])
@@ -406,7 +260,7 @@ def _summed(parts: Array) -> Array:
     return np.asarray(sum(np.moveaxis(np.sort(parts, axis=-1), -1, 0)))
 
 
-def _judged(answer: Matching, table: _Table) -> Matching:
+def _judged(answer: Matching, table: Table) -> Matching:
     """Spoil the rows without an answer, or refuse a single state that has none."""
     worst = np.max(table.all.alone.reason, axis=(1, 2)).reshape(table.shape)
     sound = worst < int(Reason.NOT_FINITE)

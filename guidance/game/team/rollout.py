@@ -18,8 +18,8 @@ from guidance.game.game import Game, Reason
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.records import require
 from guidance.game.rollout import NANOSECOND_S, End
-from guidance.game.team.matching import Matching, each_speed, match_teams
-from guidance.game.team.several import with_speeds
+from guidance.game.team.arguments import each_speed, with_speeds
+from guidance.game.team.matching import Matching, match_teams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -29,31 +29,22 @@ new solution decides again; this costs the pursuers a time that goes to zero wit
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.game.extent import POINT, least_at, to_set
-from guidance.game.game import Ball, Game, Reason
+from guidance.game.game import Game, Reason
 from guidance.game.solution import Solution, solve
-from guidance.game.team.discs import Array, Discs, Meeting, Point, farthest, multipliers, pairs_of, project, taken
+from guidance.game.team.arguments import fitting, speeds, spoiled, vectors
+from guidance.game.team.discs import Array, Meeting, multipliers, pairs_of, taken
+from guidance.game.team.table import Team, meeting_of, team_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from guidance.game.arrays import Plane
-
-ALLOWED: dict[str, Any] = {
-    "capture_radius_m": 0.0,
-    "information_age_s": 0.0,
-    "wind_m_s": (0.0, 0.0),
-    "target_velocity_m_s": (0.0, 0.0),
-    "evader_space": "plane",
-}
-"""The settings of a team's game that have one allowed value."""
-
-_NO_DISC = "because only then the points that an evader reaches first form a disc"
 
 
 class TeamSolution(NamedTuple):
@@ -91,35 +82,6 @@ class TeamSolution(NamedTuple):
     pursuer_velocity_m_s: Array
     evader_velocity_m_s: Array
     reason: Array
-
-
-class Team(NamedTuple):
-    """Every pursuer's game against the evader, (..., n), and its disc.
-
-    Attributes:
-        u: speeds of the pursuers, m/s.
-        v: speed of the evader, m/s.
-        discs: the points that the evader reaches before each pursuer.
-        guide: TAD: each disc's point closest to the target, from the evader, m. PE: the direction of its farthest.
-        measure: TAD: the distance of that point from the target, m; zero if the target is in the disc. PE: from the
-            evader, m.
-        goal: the target from the evader, (...), m; None in PE.
-        alone: each pursuer's own game.
-    """
-
-    u: Array
-    v: Array
-    discs: Discs
-    guide: Point
-    measure: Array
-    goal: Point | None
-    alone: Solution
-
-    def pick(self, index: Any) -> Team:  # noqa: ANN401 - whatever indexes an array
-        """Return the team of some pursuers: those that an index takes from arrays (..., n)."""
-        discs, alone = Discs(*(part[index] for part in self.discs)), Solution(*(part[index] for part in self.alone))
-        guide = self.guide[0][index], self.guide[1][index]
-        return Team(self.u[index], self.v[index], discs, guide, self.measure[index], self.goal, alone)
 
 
 def solve_team(
@@ -198,69 +160,6 @@ def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
     return np.where(arrived[..., None], E, placed(least_at(np, extent, left)))
 
 
-def speeds(game: Game) -> tuple[Any, Any]:
-    """Return the speeds of pursuers and evader of a game that teams play.
-
-    Raises:
-        ConfigError: If teams cannot play this game.
-    """
-    if not isinstance(game.pursuer, Ball):
-        raise ConfigError(f"pursuer = {game.pursuer!r}: must be a Ball in a game of teams, {_NO_DISC}")
-    for name, allowed in ALLOWED.items():
-        value = getattr(game, name)
-        varies = any(map(np.ndim, value if isinstance(value, tuple) else (value,)))
-        if varies or value != allowed:
-            raise ConfigError(f"{name} = {value!r}: must be {allowed!r} in a game of teams, {_NO_DISC}")
-    radius_m, height_m = game.standoff.radius_m, game.standoff.height_m
-    if np.ndim(radius_m) or radius_m != 0.0:
-        raise ConfigError(f"standoff.radius_m = {radius_m!r}: must be 0.0 in a game of teams, {_NO_DISC}")
-    if np.ndim(height_m):
-        raise ConfigError(f"standoff.height_m = {height_m!r}: must be one number in a game of teams")
-    return game.pursuer.speed_m_s, game.evader_speed_m_s
-
-
-def with_speeds(game: Game, u: Any, v: Any) -> Game:  # noqa: ANN401 - numbers or arrays
-    """Return a game with other speeds."""
-    return replace(game, pursuer=Ball(u), evader_speed_m_s=v)
-
-
-def vectors(name: str, array: ArrayLike, shape: str) -> Array:
-    """Return an argument as an array of real numbers.
-
-    Raises:
-        ConfigError: If it is not an array of numbers of this shape, has masked elements, or holds no player.
-    """
-    try:
-        found = np.asarray(array)
-    except ValueError:  # lists of different lengths
-        found = np.empty(0)
-    axes = shape.count(",")
-    nobody = axes > 1 and 0 in found.shape[-2:-1]
-    if isinstance(array, np.ma.MaskedArray):
-        raise ConfigError(f"{name} = {array!r}: must not be a masked array; leave those players out")
-    if found.ndim < axes or nobody or found.shape[-1:] != (3,) or found.dtype.kind not in "fiu":
-        raise ConfigError(f"{name} = {array!r}: must be an array of numbers of shape {shape}")
-    return found if found.dtype.kind == "f" else found.astype(np.float64)
-
-
-def fitting(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the common shape of leading axes.
-
-    Raises:
-        ConfigError: If they do not fit each other.
-    """
-    try:
-        return np.broadcast_shapes(*shapes.values())
-    except ValueError:
-        raise ConfigError(f"the leading shapes do not fit each other: {shapes}") from None
-
-
-def spoiled(part: Array, sound: Array) -> Array:
-    """Return a field of an answer with NaN, or zero where it holds no real numbers, in the rows without an answer."""
-    mask = sound[(..., *[None] * (part.ndim - sound.ndim))]
-    return np.where(mask, part, np.asarray(np.nan if part.dtype.kind == "f" else 0, dtype=part.dtype))
-
-
 def _judged(answer: TeamSolution, alone: Solution, given: dict[str, Array]) -> TeamSolution:
     """Spoil the rows without an answer, or refuse a single state that has none."""
     none = int(Reason.NOT_FINITE)
@@ -275,46 +174,6 @@ def _judged(answer: TeamSolution, alone: Solution, given: dict[str, Array]) -> T
         raise ConfigError(f"{', '.join(wrong) or 'the team'}: has no answer: {why}")
     parts = {name: spoiled(part, sound) for name, part in answer._asdict().items()}
     return TeamSolution(**parts)._replace(reason=np.where(sound, answer.reason, fault).astype(answer.reason.dtype))
-
-
-def team_of(game: Game, u: Any, v: Any, P: Array, E: Array, T: Array | None, alone: Solution) -> Team:  # noqa: ANN401
-    """Return the team whose pursuers are along the last axis but one of P.
-
-    Args:
-        game: the game.
-        u: speeds of the pursuers, one number or (..., n), m/s.
-        v: speed of the evader, one number or (..., 1), m/s.
-        P: positions of the pursuers, (..., n, 3), m.
-        E: position of the evader, (..., 1, 3), m.
-        T: position of its target, (..., 1, 3), m, or None for PE.
-        alone: each pursuer's own game, (..., n).
-    """
-    w = P - E
-    zero = np.zeros(w.shape[:-1], dtype=w.dtype)
-    u, v = (zero + np.asarray(speed, dtype=w.dtype) for speed in (u, v))
-    discs = Discs((u - v) * (u + v) / (v * v), w[..., 0], w[..., 1], w[..., 2] - game.standoff.height_m)
-    if T is None:
-        run = alone.evader_velocity_m_s
-        return Team(u, v, discs, (run[..., 0] / v, run[..., 1] / v), alone.value * v, None, alone)
-    wins, to = alone.winner > 0, T - E
-    own = np.where(wins[..., None], alone.meeting_point_m - E, to)
-    measure = np.where(wins, alone.value, 0.0 * alone.value)
-    return Team(u, v, discs, (own[..., 0], own[..., 1]), measure, (to[..., 0, 0], to[..., 0, 1]), alone)
-
-
-def meeting_of(team: Team, index: Any = ...) -> Meeting:  # noqa: ANN401 - whatever indexes an array
-    """Return where the evader is closest to its target, or else farthest from where it is, before all of a team.
-
-    Args:
-        team: the pursuers.
-        index: which of them, as in `Team.pick`.
-    """
-    discs, measure = Discs(*(part[index] for part in team.discs)), team.measure[index]
-    guide = team.guide[0][index], team.guide[1][index]
-    if team.goal is None:
-        return farthest(discs, guide, measure)
-    beside = (..., *[None] * (measure.ndim - 1 - team.goal[0].ndim))
-    return project(discs, (team.goal[0][beside], team.goal[1][beside]), guide, measure)
 
 
 def defence(team: Team, evader: Array, found: Meeting) -> TeamSolution:
