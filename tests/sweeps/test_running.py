@@ -19,8 +19,8 @@ from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.sweeps import rows as chunks
 from guidance.sweeps import running
 from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_whole
-from guidance.sweeps.rows import chunk_size
 from guidance.sweeps.progress import shown
+from guidance.sweeps.rows import chunk_size
 from guidance.sweeps.running import SERIAL, Interrupted, ThisProcess, Workers, begun, finish, planned, workers_of
 
 COMMAND = [sys.executable, "-c", "from guidance.cli import main; main()", "sweep"]

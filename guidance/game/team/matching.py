@@ -103,7 +103,7 @@ def match_teams(
     require("hysteresis", hysteresis, zero_allowed=True)
     table = table_of(game, pursuers, evaders, target, in_play)
     with np.errstate(all="ignore"):
-        kept = None if previous is None else kept_of(table, previous)
+        kept = None if previous is None else kept_of(table, (previous.first, previous.second))
         first = _firsts(table, kept, hysteresis)
         if table.target is None:
             answer = _chased(table, first)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from guidance.game.game import Game
-    from guidance.game.team.matching import Matching
 
 
 class Team(NamedTuple):
@@ -162,10 +161,10 @@ def table_of(
     return Table(shape, E, T, present, each, worth, (alone.winner > 0) & present[..., None])
 
 
-def kept_of(table: Table, previous: Matching) -> Kept:
-    """Return the teams of an earlier matching that still win, with their worth now."""
+def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
+    """Return the teams of an earlier matching that still win, with their worth now, from its `first` and `second`."""
     b, m, n = table.worth.shape
-    first, second = (np.broadcast_to(who, (*table.shape, m)).reshape(b, m) for who in (previous.first, previous.second))
+    first, second = (np.broadcast_to(who, (*table.shape, m)).reshape(b, m) for who in teams)
     first = np.where((first < n) & table.present, first, -1)
     second = np.where((second < n) & (first >= 0), second, -1)
     worth, wins, pairs = worth_of(table.worth, first), worth_of(table.beats, first), None
