@@ -24,7 +24,7 @@ from guidance.game.arrays import (
     select,
     unit2,
 )
-from guidance.game.extent import Extent, nearest
+from guidance.game.extent import Extent, from_set, nearest
 from guidance.game.game import STILL, Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import Geometry, ball_time
 from guidance.game.records import is_zero
@@ -181,6 +181,8 @@ def aimed_at(xp: Library, hunt: Hunt, t: Real, place: Plane) -> tuple[Plane, Tru
     x, y = hunt.target
     if hunt.drift is not None:
         x, y = x + hunt.drift[0] * t, y + hunt.drift[1] * t
+    if len(hunt.extent.corners_m) == 1:
+        return from_set((x, y), hunt.extent.corners_m[0]), False
     near, flat = nearest(xp, hunt.extent, (place[0] - x, place[1] - y))
     return (x + near[0], y + near[1]), flat
 
@@ -188,8 +190,7 @@ def aimed_at(xp: Library, hunt: Hunt, t: Real, place: Plane) -> tuple[Plane, Tru
 def left_over(xp: Library, hunt: Hunt, n: Plane, rho: Real, t: Real) -> tuple[Plane, Truth]:
     """Return the vector from the target to the end of a run, along and across it; see `Way`."""
     if len(hunt.extent.corners_m) == 1:
-        (x, y), (more_x, more_y) = hunt.target, hunt.extent.corners_m[0]
-        place = (x + more_x, y + more_y)
+        place = from_set(hunt.target, hunt.extent.corners_m[0])
         left = (rho - dot2(place, n), across(n, place))
         if hunt.drift is not None:
             left = (left[0] - dot2(hunt.drift, n) * t, left[1] - across(hunt.drift, n) * t)

@@ -174,13 +174,13 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     margin = arrival - guard
     short = _shortfall(xp, game, state, goal, arrival, margin < 0)
     if circle is False:
-        edge = closest_point(xp, game, state, centre, _ahead(xp, game, centre), margin > 0)
+        edge = closest_point(xp, game, state, centre, _ahead(xp, game, centre, goal), margin > 0)
         return Contest(goal, arrival, guard, margin, short, edge)
     flat = isinstance(game.pursuer, Cylinder)
     paper = _paper(xp, game, state, centre, to_target, 0.0 if flat else state.z)
     if whole:
         return Contest(goal, arrival, guard, margin, short, paper.edge)
-    found = closest_point(xp, game, state, centre, _ahead(xp, game, centre), (margin > 0) & ~circle)
+    found = closest_point(xp, game, state, centre, _ahead(xp, game, centre, goal), (margin > 0) & ~circle)
     edge = _choose_edge(xp, circle, paper.edge, found)
     if flat:
         return Contest(goal, arrival, guard, margin, short, edge)
@@ -193,8 +193,10 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     return Contest(goal, arrival, guard, margin, short, edge)
 
 
-def _ahead(xp: Library, game: Game, centre: Plane) -> Plane:
+def _ahead(xp: Library, game: Game, centre: Plane, goal: Plane) -> Plane:
     """Return the vector from E to where it can meet the point of its target that is nearest now."""
+    if game.target_extent.is_point:
+        return goal
     near, _ = nearest(xp, game.target_extent, (-centre[0], -centre[1]))
     return _arrive(xp, game, from_set(centre, near))[1]
 
