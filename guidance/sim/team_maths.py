@@ -50,28 +50,28 @@ class TeamOutcome(NamedTuple):
     scenario: str
     run: str
     game: str
-    evader: int
-    pursuer_policy: str
-    evader_policy: str
-    seed: int
-    pursuers: int
-    evaders: int
-    guaranteed: int
-    captured: int
-    end: str
-    winner: str
-    predicted_winner: str
-    first: int
-    second: int
-    captor: int
-    game_time_s: float
-    capture_time_s: float
-    evader_to_target_m: float
-    predicted: float
-    lower_bound: float
-    achieved: float
-    regret: float
-    ratio: float
+    evader: int = -1
+    pursuer_policy: str = ""
+    evader_policy: str = ""
+    seed: int = 0
+    pursuers: int = 0
+    evaders: int = 0
+    guaranteed: int = 0
+    captured: int = 0
+    end: str = "invalid"
+    winner: str = "none"
+    predicted_winner: str = "none"
+    first: int = -1
+    second: int = -1
+    captor: int = -1
+    game_time_s: float = math.nan
+    capture_time_s: float = math.nan
+    evader_to_target_m: float = math.nan
+    predicted: float = math.nan
+    lower_bound: float = math.nan
+    achieved: float = math.nan
+    regret: float = math.nan
+    ratio: float = math.nan
     reason: str = ""
 
 
@@ -107,22 +107,6 @@ def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: b
         duration_s=scenario.time_limit_s,
         keep_path=keep_path,
     )
-
-
-def invalid_teams(title: str, game: str, pursuers: str, evaders: str, seed: int, reason: str) -> TeamOutcome:
-    """Return the row of an invalid scenario.
-
-    Args:
-        title: Of the scenario.
-        game: "pe" or "tad".
-        pursuers: Policy of the pursuers.
-        evaders: Policy of the evaders.
-        seed: Of the run.
-        reason: Why it is invalid.
-    """
-    nan = math.nan
-    whole = (title, "maths", game, -1, pursuers, evaders, seed, 0, 0, 0, 0, "invalid", "none", "none", -1, -1, -1)
-    return TeamOutcome(*whole, nan, nan, nan, nan, nan, nan, nan, nan, reason)
 
 
 def opening_of(scenario: TeamScenario) -> Matching:

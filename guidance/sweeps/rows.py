@@ -21,7 +21,7 @@ from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
 from guidance.sim.maths import play
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import PURSUER, Scenario
-from guidance.sim.team_maths import TeamOutcome, invalid_teams, play_teams
+from guidance.sim.team_maths import TeamOutcome, play_teams
 from guidance.sim.teams import TeamScenario
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 from guidance.sweeps.axes import Axis
@@ -271,48 +271,54 @@ def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Any]) -> pa.Table:
 def _outcomes(plan: Plan, cases: Cases) -> tuple[Cases, list[Any]]:
     """Return the outcomes, and the cases that belong to them: of teams one for every evader."""
     found = list(Scenarios(plan).of(cases))
-    if plan.teams:
-        return _of_teams(plan, cases, found)
-    games = [scenario for scenario in found if isinstance(scenario, Scenario)]
-    played = iter(play(games) if plan.way == "maths" else map(_flown, games))
-    outcomes: list[Outcome] = []
-    for scenario, pair, seed in zip(found, cases.pair.tolist(), cases.seed.tolist(), strict=True):
-        if isinstance(scenario, str):
-            none = Outcome(plan.scenario["title"], plan.way, reason=scenario)
-            pursuer, evader = plan.pairs[pair]
-            names = {"game": plan.scenario["game"], "pursuer_policy": pursuer, "evader_policy": evader, "seed": seed}
-            outcomes.append(none._replace(**names))
-        else:
-            outcomes.append(next(played))
-    return cases, outcomes
-
-
-def _of_teams(plan: Plan, cases: Cases, found: Sequence[object]) -> tuple[Cases, list[Any]]:
-    played = iter(play_teams([scenario for scenario in found if isinstance(scenario, TeamScenario)]))
-    outcomes: list[TeamOutcome] = []
+    played = _played(plan, [scenario for scenario in found if not isinstance(scenario, str)])
+    outcomes: list[Any] = []
     places: list[int] = []
     for place, scenario in enumerate(found):
-        pair = plan.pairs[cases.pair[place]]
-        title, game, seed = plan.scenario["title"], plan.scenario["game"], int(cases.seed[place])
-        none = invalid_teams(title, game, pair.pursuer or "", pair.evader or "", seed, str(scenario))
-        rows = [none] if isinstance(scenario, str) else next(played)
+        rows = [_invalid(plan, cases, place, scenario)] if isinstance(scenario, str) else next(played)
         outcomes += rows
         places += [place] * len(rows)
+    if not plan.teams:
+        return cases, outcomes
     values = tuple([axis[place] for place in places] for axis in cases.values)
     whose = np.array(places, dtype=np.intp)
     return Cases(cases.row[whose], cases.pair[whose], cases.point[whose], cases.seed[whose], values), outcomes
+
+
+def _played(plan: Plan, games: list[Any]) -> Iterator[Sequence[Any]]:
+    """Yield the outcomes of each game: one, or of teams one for every evader."""
+    if plan.teams:
+        return iter(play_teams(games))
+    return ([outcome] for outcome in (play(games) if plan.way == "maths" else map(_flown, games)))
+
+
+def _invalid(plan: Plan, cases: Cases, place: int, reason: str) -> Outcome | TeamOutcome:
+    pursuer, evader = plan.pairs[cases.pair[place]]
+    kind = TeamOutcome if plan.teams else Outcome
+    return kind(
+        scenario=plan.scenario["title"],
+        run=plan.way,
+        game=plan.scenario["game"],
+        pursuer_policy=pursuer or "",
+        evader_policy=evader or "",
+        seed=int(cases.seed[place]),
+        reason=reason,
+    )
 
 
 def _flown(scenario: Scenario) -> Outcome:
     try:
         return flown(scenario)
     except GuidanceError as error:
-        return Outcome(scenario.title, "fast", reason=str(error))._replace(
-            game=scenario.game,
-            pursuer_policy=scenario.pursuer.policy,
-            evader_policy=scenario.evader.policy,
-            seed=scenario.seed,
+        return Outcome(
+            scenario.title,
+            "fast",
+            scenario.game,
+            scenario.pursuer.policy,
+            scenario.evader.policy,
+            scenario.seed,
             end="failed",
+            reason=str(error),
         )
 
 
