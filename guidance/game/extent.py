@@ -219,8 +219,6 @@ def _pieces(extent: Extent) -> Iterator[Piece]:
     ways = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
     outs = [(radius * y / math.hypot(x, y), -radius * x / math.hypot(x, y)) for x, y in ways]
     for number, (corner, way, out) in enumerate(zip(corners, ways, outs, strict=True)):
-        if number == 0 or len(corners) > 2 or radius > 0.0:
-            yield Piece(corner, way, out, 0.0)
         if radius > 0.0:
             before = outs[number - 1]
             angle = math.atan2(before[0] * out[1] - before[1] * out[0], before[0] * out[0] + before[1] * out[1])
@@ -231,3 +229,5 @@ def _pieces(extent: Extent) -> Iterator[Piece]:
             )
             for begin in (before, middle):
                 yield Piece(corner, (0.0, 0.0), begin, math.tan(0.5 * half))
+        if number == 0 or len(corners) > 2 or radius > 0.0:
+            yield Piece(corner, way, out, 0.0)

@@ -175,6 +175,15 @@ def test_two_pursuers_defend_a_line_that_neither_defends_alone():
         match_teams(game, P, E[None], T)
 
 
+@pytest.mark.parametrize("shape", [SHAPES[name] for name in ("disc", "stadium", "polygon", "rounded")])
+def test_the_outline_goes_once_around_the_shape(shape):
+    corners, outline = np.array(shape.corners_m), np.array(shape.outline_m())
+    around = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=-1).sum() + 2.0 * np.pi * shape.radius_m
+    drawn = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=-1).sum()
+    assert 0.99 * around < drawn <= around * (1.0 + 1e-12)
+    assert np.all(distance(shape, *outline.T) < 1e-9)
+
+
 @pytest.mark.parametrize(
     ("corners", "words"),
     [
