@@ -46,6 +46,7 @@ from guidance.game.arrays import (
     select2,
     unit2,
 )
+from guidance.game.extent import to_set
 from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.records import is_zero
 
@@ -108,6 +109,14 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) 
     scale = bound / xp.maximum(xp.sqrt(run * run + rise * rise), bound)
     hold = (run * scale, rise * scale)
     return Geometry((east, north), ground, to_evader, distance, z, hold, hold)
+
+
+def to_target(xp: Library, game: Game, E: Space, T: Space) -> Space:
+    """Return the vector from the evader to the nearest point of its target; in the plane unless the evader flies."""
+    extent, rise = game.target_extent, T[2] - E[2] if game.evader_space == "space" else 0.0 * T[2]
+    if extent.is_point:
+        return T[0] + extent.corners_m[0][0] - E[0], T[1] + extent.corners_m[0][1] - E[1], rise
+    return *to_set(xp, extent, (E[0] - T[0], E[1] - T[1])), rise
 
 
 def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real:

@@ -24,10 +24,10 @@ from guidance.game.arrays import (
     vectors,
 )
 from guidance.game.extent import POINT
-from guidance.game.pe import steer, take_apart
+from guidance.game.pe import steer, take_apart, to_target
 from guidance.game.rows import leading_shape
 from guidance.game.solution import solve
-from guidance.game.tad import catch_time, guard_time, to_target
+from guidance.game.tad import catch_time, guard_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -33,12 +33,11 @@ from guidance.game.arrays import (
     vectors,
 )
 from guidance.game.game import Ball, Game, wind_speed
-from guidance.game.pe import TOUCH_M, take_apart, vertical_speed
+from guidance.game.pe import TOUCH_M, take_apart, to_target, vertical_speed
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.records import is_zero, require
 from guidance.game.rows import leading_shape
 from guidance.game.solution import solve
-from guidance.game.tad import to_target
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -192,7 +191,6 @@ def rollout(
 
 
 def _distance(xp: Library, game: Game, target: Array, place: Array) -> Array:
-    """Return the distance of places from the target, in space."""
     x, y, _ = to_target(xp, game, components(place), components(target))
     z = component(target, 2) - component(place, 2)
     return xp.sqrt(x * x + y * y + z * z)

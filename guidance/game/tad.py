@@ -143,14 +143,6 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     return select2(xp, arrived, way, from_set(to_target, least_at(xp, extent, margin)))
 
 
-def to_target(xp: Library, game: Game, E: Space, T: Space) -> Space:
-    """Return the vector from the evader to the nearest point of its target; in the plane unless the evader flies."""
-    extent, rise = game.target_extent, T[2] - E[2] if game.evader_space == "space" else 0.0 * T[2]
-    if extent.is_point:
-        return T[0] + extent.corners_m[0][0] - E[0], T[1] + extent.corners_m[0][1] - E[1], rise
-    return *to_set(xp, extent, (E[0] - T[0], E[1] - T[1])), rise
-
-
 def _less(distance: Real, radius: float) -> Real:
     return distance - radius if radius else distance
 
