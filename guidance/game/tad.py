@@ -97,9 +97,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
     flown = steer(xp, game, to, _gap(xp, game, to), select(xp, won, lead.time, contest.guard), state.z, hold)
     return Play(
         winner=_winner(xp, margin),
-        value=select(
-            xp, won, _less(edge.left, game.target_extent.radius_m), select(xp, margin < 0, contest.short, 0.0)
-        ),
+        value=select(xp, won, edge.left - game.target_extent.radius_m, select(xp, margin < 0, contest.short, 0.0)),
         margin=margin,
         meeting=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         time=select(xp, won, edge.time, contest.arrival),
@@ -141,10 +139,6 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     way = to_set(xp, extent, (-to_target[0], -to_target[1]))
     arrived = dot2(way, way) == 0
     return select2(xp, arrived, way, from_set(to_target, least_at(xp, extent, margin)))
-
-
-def _less(distance: Real, radius: float) -> Real:
-    return distance - radius if radius else distance
 
 
 def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> Contest:
