@@ -17,7 +17,7 @@ from guidance.extras import require
 from guidance.screen import console, sheet, waiting
 
 if TYPE_CHECKING:
-    from guidance.preflight import Finding
+    from guidance.autopilots import Finding
     from guidance.session.checkup import Applied, Checkup
 
 _STYLE: Final = {"refuse": "bold red", "warn": "yellow", "pass": "green"}

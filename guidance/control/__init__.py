@@ -1,8 +1,7 @@
 """From the velocity that the game asks for to a setpoint within the limits.
 
 Following:
-    follow: one cycle of it, with a `FollowMemory`; `Following` has the settings of one vehicle.
-    ServoGains, Approach: settings of its parts.
+    Following: the settings of one vehicle. ServoGains, Approach: settings of its parts.
     Gaps: distances to the disc. Speeds: horizontal speed, climb rate and descent rate.
     hold_altitude: keeps a height, with an `AltitudeHold`. keep_station: stops and stays at a place.
 
@@ -11,11 +10,11 @@ What the vehicle can do:
     observe_speed: compares the speed asked for with the one flown, in a `SpeedMemory`.
 
 Limiting, always last:
-    limit: turns a command into a setpoint, `Limited`, with a `LimitMemory`; `start` returns the first one.
+    limit: turns a command into a setpoint, with a `LimitMemory`.
     Situation: state of the vehicle and the evader. `measure_walls` returns every `Wall` there.
     held_back: reduces a desired velocity before walls.
     Limits: the section of a file. Envelope: the same with the vehicle's Dynamics.
-    StandOffLimit: the space about the evader that is never entered. Limiter: names of the limits.
+    Limiter: names of the limits.
     Polygon: corners of a fence, in metres about home.
 """
 
@@ -26,11 +25,11 @@ from guidance.control.capability import (
     late_start,
     observe_speed,
 )
-from guidance.control.follow import Approach, Following, FollowMemory, Gaps, follow
-from guidance.control.limits import Dynamics, Envelope, Limiter, Limits, Speeds, StandOffLimit
+from guidance.control.follow import Approach, Following, Gaps
+from guidance.control.limits import Dynamics, Envelope, Limiter, Limits, Speeds
 from guidance.control.polygon import Polygon
 from guidance.control.servo import AltitudeHold, ServoGains, hold_altitude, keep_station
-from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start
+from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.control.walls import Situation, Wall, measure_walls
 
 __all__ = [
@@ -39,11 +38,9 @@ __all__ = [
     "Approach",
     "Dynamics",
     "Envelope",
-    "FollowMemory",
     "Following",
     "Gaps",
     "LimitMemory",
-    "Limited",
     "Limiter",
     "Limits",
     "Polygon",
@@ -51,9 +48,7 @@ __all__ = [
     "Situation",
     "SpeedMemory",
     "Speeds",
-    "StandOffLimit",
     "Wall",
-    "follow",
     "held_back",
     "hold_altitude",
     "keep_station",
@@ -61,5 +56,4 @@ __all__ = [
     "limit",
     "measure_walls",
     "observe_speed",
-    "start",
 ]

@@ -2,17 +2,14 @@
 
 Flight: one flight of one vehicle. Its `step` maps `Inputs` to `Outputs`, with every `Happening`.
 Authority: the cause of a change of state: an operator, a mission, or the flight itself.
-FlightSettings: the settings. `EngageOn` selects the start of the game, `AfterCapture` the action after capture.
+FlightSettings: the settings. `EngageOn` selects the start of the game.
 State, Event: states and events. ORDERS: the events that are orders.
-TRANSITIONS: the transition table. `next_state` looks up a transition; `is_done` checks whether an order is in effect.
+is_done: checks whether an order is in effect.
 BEFORE_FLIGHT, FINAL: states before take-off, and end states.
-Check: one condition of arming and engaging.
 """
 
 from guidance.flight.machine import Flight
-from guidance.flight.readiness import Check
 from guidance.flight.settings import (
-    AfterCapture,
     Authority,
     EngageOn,
     FlightSettings,
@@ -20,16 +17,13 @@ from guidance.flight.settings import (
     Inputs,
     Outputs,
 )
-from guidance.flight.table import BEFORE_FLIGHT, FINAL, ORDERS, TRANSITIONS, Event, State, is_done, next_state
+from guidance.flight.table import BEFORE_FLIGHT, FINAL, ORDERS, Event, State, is_done
 
 __all__ = [
     "BEFORE_FLIGHT",
     "FINAL",
     "ORDERS",
-    "TRANSITIONS",
-    "AfterCapture",
     "Authority",
-    "Check",
     "EngageOn",
     "Event",
     "Flight",
@@ -39,5 +33,4 @@ __all__ = [
     "Outputs",
     "State",
     "is_done",
-    "next_state",
 ]

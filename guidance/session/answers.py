@@ -4,12 +4,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
+from guidance.autopilots import Finding, Verdict
 from guidance.clock import Clock
 from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, Event, Flight, Outputs, State, is_done
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
-from guidance.preflight import Finding, Verdict, advice, refusals
+from guidance.preflight import advice, refusals
 from guidance.session.control_socket import STATUS, WORDS
 from guidance.session.orders import Answer
 from guidance.vehicle import VehicleState

@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
+from guidance.autopilots import Finding, Verdict
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import find
 from guidance.errors import FlightError
@@ -17,7 +18,7 @@ from guidance.messages import (
     Parameter,
     ParameterRequest,
 )
-from guidance.preflight import Finding, ParameterChange, Verdict, another_autopilot, changes
+from guidance.preflight import ParameterChange, another_autopilot, changes
 from guidance.preflight.judging import single
 from guidance.preflight.survey import COUNTED_S
 from guidance.session.daemon import Daemon, Equipment

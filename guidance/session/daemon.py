@@ -4,7 +4,7 @@ import logging
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
@@ -13,7 +13,7 @@ from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import ORDERED, RELOADED, STOPPED
 from guidance.log.writer import Record
 from guidance.messages import LocalPosition, Message
-from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
+from guidance.preflight import Facts, PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
 from guidance.session.flight_files import Recording
@@ -22,6 +22,9 @@ from guidance.session.metrics import Metrics
 from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
 from guidance.session.process import Notifier
+
+if TYPE_CHECKING:
+    from guidance.autopilots import Finding
 
 HEARTBEAT_EVERY_S: Final = 1.0
 PREFLIGHT_EVERY_S: Final = 0.5

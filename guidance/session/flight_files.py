@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from guidance.autopilots import Finding, Verdict
 from guidance.clock import Clock, Timing
 from guidance.config import parse
 from guidance.errors import ConfigError
@@ -20,7 +21,6 @@ from guidance.links.wires import CapturedFrame
 from guidance.log.entries import BEGUN, STOPPED, cycle_entry
 from guidance.log.reader import CONFIG, SCENARIO
 from guidance.log.writer import BackgroundRecorder, NullRecorder, Record, Recorder, started_utc, versions
-from guidance.preflight import Finding, Verdict
 from guidance.session.log import Logger
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config

@@ -13,8 +13,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from guidance.control import Envelope, Polygon, Situation, StandOffLimit, limit
-from guidance.estimation import Measurement, Track, TrackSettings, predict, update
+from guidance.control import Envelope, Polygon, Situation, limit
+from guidance.control.limits import StandOffLimit
+from guidance.estimation import TrackSettings, predict
+from guidance.estimation.measurement import Measurement
+from guidance.estimation.track import Track, update
 from guidance.messages import Setpoint
 
 with warnings.catch_warnings():

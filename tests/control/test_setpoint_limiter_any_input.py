@@ -7,16 +7,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from guidance.control import (
-    AltitudeHold,
-    Limiter,
-    LimitMemory,
-    Polygon,
-    Situation,
-    StandOffLimit,
-    hold_altitude,
-    limit,
-)
+from guidance.control import AltitudeHold, Limiter, LimitMemory, Polygon, Situation, hold_altitude, limit
+from guidance.control.limits import StandOffLimit
 from guidance.control.setpoint_limiter import NOTED
 from guidance.messages import Setpoint
 from tests.control.scenes import MULTICOPTER

@@ -7,17 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from guidance.control import (
-    AltitudeHold,
-    Limiter,
-    Polygon,
-    Situation,
-    StandOffLimit,
-    Wall,
-    hold_altitude,
-    limit,
-    measure_walls,
-)
+from guidance.control import AltitudeHold, Limiter, Polygon, Situation, Wall, hold_altitude, limit, measure_walls
+from guidance.control.limits import StandOffLimit
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S
 from tests.control.scenes import MULTICOPTER as ENVELOPE

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from guidance.control import Dynamics, Limiter, Limits, Polygon, Situation, Speeds, StandOffLimit, measure_walls
+from guidance.control import Dynamics, Limiter, Limits, Polygon, Situation, Speeds, measure_walls
 from guidance.control.braking_law import surge
+from guidance.control.limits import StandOffLimit
 from guidance.control.walls import COVER_M
 from guidance.game import StandOff
 from tests.control.scenes import HOVER, OPEN, settled

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance import estimation
-from guidance.estimation import Measurement, Track, TrackSettings, update
+from guidance.estimation import TrackSettings
 from guidance.estimation.filters import advance, combine
-from guidance.estimation.measurement import Array
+from guidance.estimation.measurement import Array, Measurement
+from guidance.estimation.track import Track, update
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 

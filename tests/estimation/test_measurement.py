@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimation import ClockOffset, Observer, ReportOutcome, TrackSettings, compare_clocks, observe
-from guidance.estimation.measurement import hear, synchronise
+from guidance.estimation import Observer, ReportOutcome, TrackSettings, observe
+from guidance.estimation.measurement import ClockOffset, hear, synchronise
+from guidance.estimation.observer import compare_clocks
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport, Timesync
 from tests.estimation.scenes import predict

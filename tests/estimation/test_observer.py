@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from guidance.errors import ConfigError
-from guidance.estimation import ReportOutcome, Track, update
+from guidance.estimation import ReportOutcome
+from guidance.estimation.track import Track, update
 from tests.estimation.scenes import SETTINGS, measured, predict, straight, tracked
 
 

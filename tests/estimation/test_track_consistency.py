@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from guidance.estimation import Measurement, ReportOutcome, Track, TrackSettings, update
+from guidance.estimation import ReportOutcome, TrackSettings
+from guidance.estimation.measurement import Measurement
+from guidance.estimation.track import Track, update
 from tests.estimation.scenes import predict
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)

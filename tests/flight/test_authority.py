@@ -3,8 +3,8 @@
 import pytest
 
 from guidance.autopilots import Mode
-from guidance.flight import BEFORE_FLIGHT, FINAL, TRANSITIONS, Authority, Event, State, is_done
-from guidance.flight.table import OUR_MODES
+from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, Event, State, is_done
+from guidance.flight.table import OUR_MODES, TRANSITIONS
 from tests.flight.flown import Flown, commands
 from tests.flight.scenes import BOTH, settings_of, status
 

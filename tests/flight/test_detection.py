@@ -6,11 +6,12 @@ from dataclasses import replace
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
-from guidance.control import StandOffLimit
-from guidance.flight import TRANSITIONS, AfterCapture, EngageOn, Event, State
+from guidance.control.limits import StandOffLimit
+from guidance.flight import EngageOn, Event, State
 from guidance.flight.detection import events, fit
 from guidance.flight.readiness import checks
-from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES
+from guidance.flight.settings import AfterCapture
+from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition
 from guidance.vehicle import VehicleState, observe
 from tests.flight.scenes import (

@@ -6,9 +6,10 @@ from itertools import pairwise
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
-from guidance.flight import FINAL, AfterCapture, EngageOn, Event, FlightSettings, State
+from guidance.flight import FINAL, EngageOn, Event, FlightSettings, State
 from guidance.flight.machine import INVITE_AFTER_S
 from guidance.flight.sending import requests_in
+from guidance.flight.settings import AfterCapture
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
 from guidance.frames import Amsl
 from guidance.messages import LandedState, Odometry, PositionTarget

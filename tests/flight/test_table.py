@@ -3,8 +3,8 @@ import itertools
 import pytest
 
 from guidance.autopilots import Mode
-from guidance.flight import FINAL, ORDERS, TRANSITIONS, Event, State, next_state
-from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES
+from guidance.flight import FINAL, ORDERS, Event, State
+from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, next_state
 
 COMMANDING = {State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION}
 AIRBORNE = {State.CLIMBING, State.POSITIONING, State.STANDING_BY}

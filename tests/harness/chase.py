@@ -11,7 +11,8 @@ from typing import Any
 
 from guidance.certificate import Certificate
 from guidance.clock import VirtualClock
-from guidance.flight import AfterCapture, Event, Flight, FlightSettings, Outputs, State
+from guidance.flight import Event, Flight, FlightSettings, Outputs, State
+from guidance.flight.settings import AfterCapture
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink

@@ -3,9 +3,9 @@
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import autopilot_named
+from guidance.autopilots import Verdict, autopilot_named
 from guidance.flight import EngageOn, Event, State
-from guidance.preflight import Facts, Verdict, refusals, rows
+from guidance.preflight import Facts, refusals, rows
 from sitl_mock import MockVehicle
 from tests.preflight.wants import wants_of
 

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import PX4, autopilot_named
+from guidance.autopilots import PX4, Verdict, autopilot_named
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Heartbeat, Home, Origin
-from guidance.preflight import Facts, PreflightMemory, Verdict, rows
+from guidance.preflight import Facts, PreflightMemory, rows
 from guidance.preflight.fence import READ_AGAIN_S, Area, Reading, Uploaded, areas_of
 from guidance.vehicle import VehicleState, observe
 from sitl_mock import MockVehicle

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.autopilots import AUTOPILOTS, PX4, autopilot_named
-from guidance.preflight import Facts, Verdict, changes, parameter_names, rows
+from guidance.autopilots import AUTOPILOTS, PX4, Verdict, autopilot_named
+from guidance.preflight import Facts, changes, parameter_names, rows
 from guidance.preflight.fence import Uploaded
 from sitl_mock import MockVehicle
 from tests.preflight.wants import wants_of

@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.autopilots import ARDUCOPTER, PX4, autopilot_named
-from guidance.preflight import Facts, Verdict, parameter_names, refusals, rows
+from guidance.autopilots import ARDUCOPTER, PX4, Verdict, autopilot_named
+from guidance.preflight import Facts, parameter_names, refusals, rows
 from sitl_mock import MockVehicle
 from tests.preflight.wants import wants_of
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from guidance.autopilots import ARDUCOPTER, PX4
+from guidance.autopilots import ARDUCOPTER, PX4, Verdict
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import (
     Attitude,
@@ -21,7 +21,7 @@ from guidance.messages import (
     PositionTarget,
     SystemStatus,
 )
-from guidance.preflight import Facts, PreflightMemory, Verdict, rows
+from guidance.preflight import Facts, PreflightMemory, rows
 from guidance.preflight.survey import ASK_AGAIN_S
 from guidance.vehicle import VehicleState, observe
 from tests.preflight.wants import wants_of

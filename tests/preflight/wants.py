@@ -1,8 +1,7 @@
 """What a configuration demands of the autopilot, for tests of preflight."""
 
-from guidance.autopilots import Preflight
+from guidance.autopilots import Preflight, Wants
 from guidance.control import Limits, Speeds
-from guidance.preflight import Wants
 
 
 def wants_of(*, limit_speed_m_s=9.0, fence_required=True, battery_needed=None, **limits):

@@ -8,7 +8,8 @@ import pytest
 
 from guidance.config import config_folder, find, load, parse
 from guidance.errors import ConfigError
-from guidance.flight import AfterCapture, EngageOn, State
+from guidance.flight import EngageOn, State
+from guidance.flight.settings import AfterCapture
 from guidance.game import Ball, Cylinder
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
