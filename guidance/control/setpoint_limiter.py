@@ -146,8 +146,8 @@ def _repaired(
 
 
 def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Shaped:
-    """Approach the allowed velocity within acceleration and jerk."""
-    return shape(
+    """Approach the allowed velocity within acceleration and jerk, and stay within the speeds meanwhile."""
+    velocity, acceleration = shape(
         allowed,
         clamp(memory.velocity_ned_m_s, envelope.speeds),
         clamp(memory.acceleration_ned_m_s2, envelope.accelerations),
@@ -156,6 +156,7 @@ def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float
         jerk_m_s3=envelope.jerk_m_s3,
         dt_s=dt_s,
     )
+    return Shaped(clamp(velocity, envelope.speeds), acceleration)
 
 
 def _accelerate(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Shaped:

@@ -170,8 +170,8 @@ class Game:
         wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader; numbers or arrays.
         target_velocity_m_s: velocity (x, y) of the evader's target; zero in the paper's game. The answer is exact if
             this velocity is constant (it is a change of frame), and not if the target manoeuvres.
-        target_extent: the target's shape about its position; a point by default.
         evader_space: "plane", or "space" for the evader of the paper's remark, which moves in three dimensions.
+        target_extent: the target's shape about its position; a point by default.
 
     Raises:
         ConfigError: a number is not finite or out of range, the pursuer is no speed set or the stand-off no disc, the
@@ -186,8 +186,8 @@ class Game:
     information_age_s: Real = 0.0
     wind_m_s: Plane = STILL
     target_velocity_m_s: tuple[float, float] = STILL
-    target_extent: Extent = POINT
     evader_space: Literal["plane", "space"] = "plane"
+    target_extent: Extent = POINT
     varies: bool = field(init=False, repr=False)
     """True if a parameter is an array."""
     calm: bool = field(init=False, repr=False)

@@ -1,6 +1,8 @@
 import json
 import math
+from collections import Counter
 
+import numpy as np
 import pytest
 from pyarrow import parquet
 from scipy import stats
@@ -15,8 +17,28 @@ from guidance.sweeps.report import QUANTILES, write_report
 from guidance.sweeps.running import SERIAL, begun, finish
 
 
+class Rows(dict):
+    """A sweep's rows: column -> array."""
+
+    def of(self, mask):
+        return Rows({name: column[mask] for name, column in self.items()})
+
+    def known(self, name):
+        return self[name][~np.isnan(self[name])]
+
+    def at(self, row):
+        return {name: column[self["row"] == row].item() for name, column in self.items()}
+
+
 def rows_of(folder):
-    return parquet.read_table(folder.path / "rows").to_pandas()
+    table = parquet.read_table(folder.path / "rows")
+    return Rows({name: table[name].to_numpy() for name in table.column_names})
+
+
+def of_pair(everything, found):
+    return everything.of(
+        (everything["pursuer_policy"] == found["pursuer"]) & (everything["evader_policy"] == found["evader"])
+    )
 
 
 @pytest.fixture
@@ -45,34 +67,30 @@ def test_the_results_of_each_pair_of_policies_are_those_of_its_rows(mixed, repor
     everything = rows_of(mixed)
     assert {"captured", "time_up", "invalid"} <= set(everything["end"])
     for found in report_of(mixed)["policies"]:
-        rows = everything[
-            (everything.pursuer_policy == found["pursuer"]) & (everything.evader_policy == found["evader"])
-        ]
-        assert found["ends"] == rows["end"].value_counts().to_dict()
+        rows = of_pair(everything, found)
+        assert found["ends"] == Counter(rows["end"].tolist())
         assert found["games"] == (rows["end"] != "invalid").sum()
-        known = rows["regret"].dropna()
+        known = rows.known("regret")
         assert found["regret_mean"]["estimate"] == pytest.approx(known.mean())
-        assert list(found["regret_quantiles"].values()) == pytest.approx(known.quantile(list(QUANTILES)).tolist())
+        assert list(found["regret_quantiles"].values()) == pytest.approx(np.quantile(known, list(QUANTILES)).tolist())
 
 
 def test_groups_of_a_key_and_of_two_keys_are_those_of_their_rows(mixed, report_of):
     everything = rows_of(mixed)
     for found in report_of(mixed)["policies"]:
-        rows = everything[
-            (everything.pursuer_policy == found["pursuer"]) & (everything.evader_policy == found["evader"])
-        ]
+        rows = of_pair(everything, found)
         for column in ("evader.speed_m_s", "evader.position_m[0]"):
             assert sum(group["games"] for group in found["by_key"][column]) == found["games"]
         assert len(found["by_point"]) == 4
         for group in found["by_point"]:
             speeds, limit = group["at"].values()
-            there = rows[(rows["pursuer.speed_set"] == speeds) & (rows["time_limit_s"] == float(limit))]
-            games = there[there["end"] != "invalid"]
-            assert group["games"] == len(games)
-            if len(games):
-                assert group["capture"]["estimate"] == pytest.approx((games["end"] == "captured").mean())
-            if there["regret"].notna().any():
-                assert group["regret_mean"]["estimate"] == pytest.approx(there["regret"].mean())
+            there = rows.of((rows["pursuer.speed_set"] == speeds) & (rows["time_limit_s"] == float(limit)))
+            ends = there["end"][there["end"] != "invalid"]
+            assert group["games"] == len(ends)
+            if len(ends):
+                assert group["capture"]["estimate"] == pytest.approx((ends == "captured").mean())
+            if len(known := there.known("regret")):
+                assert group["regret_mean"]["estimate"] == pytest.approx(known.mean())
 
 
 def test_only_random_draws_have_intervals(mixed, swept, report_of):
@@ -103,13 +121,13 @@ def test_reasons_of_invalid_rows_are_counted(mixed, report_of):
 
 
 def test_the_worst_rows_are_lost_games_then_those_with_the_largest_regret(mixed, report_of):
-    everything = rows_of(mixed).set_index("row")
+    everything = rows_of(mixed)
     worst = report_of(mixed, worst=1000)["worst"]
     ends = [case["end"] for case in worst]
     assert "invalid" not in ends
     lost = ends.count("time_up")
     assert ends == ["time_up"] * lost + ["captured"] * (len(ends) - lost)
-    distance = [everything.loc[case["row"], "distance_to_disc_m"] for case in worst[:lost]]
+    distance = [everything.at(case["row"])["distance_to_disc_m"] for case in worst[:lost]]
     regret = [case["regret"] for case in worst[lost:]]
     assert distance == sorted(distance, reverse=True)
     assert regret == sorted(regret, reverse=True)
@@ -130,12 +148,12 @@ def test_a_sweep_over_one_key_prints_a_curve_and_over_two_a_map(swept, tmp_path,
 
 def test_a_worst_case_is_a_scenario_file_that_reproduces_its_row(mixed, tmp_path, report_of):
     summary = report_of(mixed)
-    everything = rows_of(mixed).set_index("row")
+    everything = rows_of(mixed)
     assert len(summary["worst"]) == 8
     for case in summary["worst"]:
         _, scenario = load_scenario(str(tmp_path / "report" / case["file"]))
         outcome = play([scenario])[0]._asdict()
-        row = everything.loc[case["row"]]
+        row = everything.at(case["row"])
         for name, value in outcome.items():
             if isinstance(value, float):
                 assert value == row[name] or (math.isnan(value) and math.isnan(row[name]))

@@ -9,6 +9,7 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 import pytest
 import rerun as rr
 from rerun.chunk import McapReader, RrdReader
@@ -46,7 +47,7 @@ class Seeing:
                 if chunk.is_static:
                     self.still[chunk.entity_path, component] = values[0]
                 else:
-                    times = [time.total_seconds() for time in batch.column("flight").to_pylist()]
+                    times = [1e-9 * time for time in batch.column("flight").cast(pyarrow.int64()).to_pylist()]
                     rows[chunk.entity_path, component] += zip(times, values, strict=True)
         self._rows = {key: sorted(kept, key=lambda row: row[0]) for key, kept in rows.items()}
 
