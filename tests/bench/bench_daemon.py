@@ -52,7 +52,7 @@ FLOODS = {
     "impostors": (20_000, 12, lambda: foreign_heartbeat(1)),
     "bytes": (20_000, 12, lambda: b"\xfd"),
 }
-"""What a stranger sends: datagrams a second, from how many ports, and the datagram."""
+"""Floods by name: datagrams per second, number of source ports, and a function that makes the datagram."""
 LASTING_MAH = 1e6
 """A charge that lasts for days: how long it flies is not the battery's to say."""
 
@@ -93,7 +93,7 @@ class Watch(Stopwatch):
         super().on_frame(data)
 
     def obey(self, order: str) -> None:
-        """`measure` begins anew, `report` prints what came since."""
+        """Restart the measurement on `measure`; print its result on `report`."""
         if order == "measure":
             self.restart()
         elif order == "report":
@@ -237,7 +237,7 @@ def daemon(
 
 
 class Cycle(NamedTuple):
-    """When a cycle began, how late; what it took in all, and of the processor: the loop's thread, the whole process."""
+    """One cycle: start, lateness, duration, and processor time of the loop's thread and of the whole process."""
 
     at_s: float
     late_s: float

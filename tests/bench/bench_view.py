@@ -93,7 +93,7 @@ def phases(seconds: float, pid: int, control: str) -> Iterator[tuple[str, float,
 
 
 def show(record: Path, taken: list[tuple[str, float, float, float]]) -> None:
-    """Print what the record says of each phase, beside the first."""
+    """Print the cycle times of each phase from the record, and their ratio to the first."""
     began_s = datetime.fromisoformat(survey_of(record).metadata["started_utc"]).timestamp()
     timings = [(began_s + row.now_s, row.json["timing"]) for row in cycles_of(record) if "timing" in row.json]
     print("                        cycle began late, ms      worked, ms")
