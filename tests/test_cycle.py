@@ -1,4 +1,4 @@
-"""What one guidance cycle hands from its last part, the limits, to the next cycle's servo."""
+"""Feedback of the limits, the last part of a guidance cycle, to the servo of the next cycle."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The documentation says nothing that does not run: its commands, its files, its Python, its examples, its notebooks.
+"""The documentation's commands, files, Python code, examples and notebooks run as shown.
 
 In a page's ```console blocks a line `$ guidance …` is run in the page's own folder, and every line shown below it must
 be in what it prints, in this order; `…` stands for anything. A ```toml block whose first line is a comment with a

@@ -1,9 +1,8 @@
-"""What an onlooker costs the daemon: `python -m tests.bench.bench_view [--seconds 12]`.
+"""The cost of a live view for the daemon: `python -m tests.bench.bench_view [--seconds 12]`.
 
-A mock PX4 and a rover in a process of their own, `guidance run` engaged and in the shadow of the rover, over Zenoh.
-The same daemon is flown with nobody looking on, with `guidance view --live`, with that process stopped (SIGSTOP: it
-reads nothing any more), and after it was killed. How late its cycles began and how long they worked is read from its
-own record.
+A mock PX4 and a rover run in their own process; `guidance run` over Zenoh is engaged and follows the rover. The same
+daemon flies without a view, with `guidance view --live`, with that process stopped (SIGSTOP, so that it no longer
+reads), and after it was killed. The lateness and duration of the cycles are taken from the daemon's record.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""What would be set so that nothing is refused: as little as it takes, and judged again until nothing is left."""
+"""Proposed parameter changes that make preflight pass: as few as possible, and checked again until none remains."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""The autopilot's fence and loss parameters are read again before the game begins: somebody may have changed them."""
+"""The autopilot's fence and loss parameters are read again before the game begins, because they may have changed."""
 
 import logging
 

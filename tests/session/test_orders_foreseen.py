@@ -1,4 +1,4 @@
-"""What the status says of an order is what the order is answered, and who gave it is kept."""
+"""The status predicts the answer to every order, and log and record name the sender of an order."""
 
 import re
 
