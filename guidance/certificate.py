@@ -19,7 +19,7 @@ from guidance.game import Ball, Game, StateSolution, Winner, solve_state
 
 _NOWHERE: Final[Vector] = (math.nan, math.nan, math.nan)
 _TAKEN_FOR_GRANTED: Final = 0.8
-"""Share of the speed that the verdict uses before the vehicle has flown all of it."""
+"""Share of the speed that the verdict uses before the vehicle has flown its full speed."""
 
 _FASTER: Final = 1.05
 """Least speed that the verdict uses, over the evader's; a slower pursuer has no game."""
@@ -63,11 +63,11 @@ class Certificate(NamedTuple):
         time_needed_s: Promise of this vehicle: time to the meeting.
         assured_distance_m: Promise of this vehicle in TAD: the evader's final distance from its target, negative if
             the evader gets there.
-        reason: `guidance.game.Reason`. With TOO_OLD nothing is guaranteed. In TAD everything is computed for a disc
-            smaller by what the evader may have run since its last report.
+        reason: `guidance.game.Reason`. With TOO_OLD there is no guarantee. In TAD all values are computed for a disc
+            smaller by the distance that the evader may have run since its last report.
         battery_needed: Share of the charge needed to come home from here.
-        allowance: How much worse a promise may become before that counts as broken, in the unit of `value`: what
-            accelerating costs, once more.
+        allowance: How much worse a promise may become before it counts as broken, in the unit of `value`: the cost of
+            accelerating once more.
         vehicle_winner: TAD: the winner for this vehicle, see above; in PE the pursuer.
         vehicle_margin_s: TAD: how much sooner this vehicle can guard the target than the evader can be there.
         reachable_speed_m_s: The pursuer's speed over the ground in the game: the configured one, or less if the vehicle

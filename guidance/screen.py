@@ -26,7 +26,7 @@ def console(*, stderr: bool = False) -> Console:
 
 
 def redraws(target: Console) -> bool:
-    """Whether the console can redraw a line."""
+    """Return true if the console can redraw a line."""
     return target.is_terminal and not target.is_dumb_terminal
 
 
@@ -40,9 +40,9 @@ def sheet(
     """Return a table. In a narrow terminal, text columns with several words wrap; if there are none, names do.
 
     Args:
-        headings: Of the columns.
+        headings: Column headings.
         rows: One cell per heading.
-        left: Numbers of the text columns; the others are right-aligned numbers, which do not wrap.
+        left: Indices of the text columns; the others are right-aligned numbers, which do not wrap.
         title: Title above the table.
     """
     table, lines = Table(title=title, title_justify="left", box=None, pad_edge=False), list(rows)
@@ -69,7 +69,7 @@ class Wait:
     """A waiting line. An empty `what` shows nothing.
 
     Args:
-        what: What is awaited.
+        what: The event to wait for, in words.
         limit_s: Longest wait.
     """
 
@@ -79,7 +79,7 @@ class Wait:
         self._begun_s = time.monotonic()
 
     def anew(self, what: str, limit_s: float) -> None:
-        """Wait for something else from now on."""
+        """Restart the wait with another event and time limit."""
         self.what, self._limit_s, self._begun_s = what, limit_s, time.monotonic()
 
     def __rich__(self) -> Text:
@@ -95,7 +95,7 @@ def waiting(target: Console, what: str, limit_s: float) -> Iterator[Wait]:
 
     Args:
         target: The console; standard error, so that the output stays clean.
-        what: What is awaited.
+        what: The event to wait for, in words.
         limit_s: Longest wait.
     """
     wait = Wait(what, limit_s)

@@ -1,4 +1,4 @@
-"""Everything that must hold before a change lands: all steps in order, or those named. Ends at the first that fails."""
+"""Runs all checks that a change must pass, in order, or the named ones. Stops after the first group with a failure."""
 
 import argparse
 import json
@@ -18,7 +18,7 @@ PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
 QUICK = "not slow and not flight and not arrays"
 FAILED_IN = ".pytest_cache/real_time"
 TESTS_FAILED = 1
-"""What pytest ends with where tests were run, and some failed."""
+"""Exit code of pytest when tests ran and some failed."""
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,14 @@ class Step:
     """One step.
 
     Attributes:
-        what: It shows, for `--help`.
-        command: It runs.
-        marked: Only test files with tests of this mark are read: to collect all costs each worker some seconds.
-        environment: More of it.
-        arguments: It takes, said to it alone.
-        gives_way: To whatever runs beside it: it works without a pause, and they are held to real time.
-        again: Of how many that fail each is given a second chance, by itself, when all that ran beside the step has
-            ended: processors that were too busy for a flight in real time say nothing about the flight.
+        what: Description for `--help`.
+        command: Command to run.
+        marked: Only test files with this mark are collected; collecting all of them costs each worker some seconds.
+        environment: Additional environment variables.
+        arguments: Example arguments, if the step accepts arguments when it is run alone.
+        gives_way: Whether it runs at low priority beside other steps, which must keep real time.
+        again: If at most this many tests fail, they are run again alone after the parallel steps have ended, because
+            a busy machine can make real-time flights fail.
     """
 
     what: str
@@ -53,24 +53,24 @@ STEPS = {
     "docs": Step(
         "the documentation as a site, where any warning is an error",
         (BIN / "mkdocs", "build", "--strict", "--config-file", ".mkdocs.yml", "--site-dir", "site"),
-        environment=(("NO_MKDOCS_2_WARNING", "1"),),  # its theme says at every start where it is headed
+        environment=(("NO_MKDOCS_2_WARNING", "1"),),  # suppresses a notice that the theme prints at every start
     ),
     "arrays": Step(
         "the games on PyTorch and JAX, in an environment that has both",
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
         gives_way=True,
     ),
-    # Each worker would compile every file of tests for itself, at the same time as the others.
-    "collect": Step("that every file of tests can be read", (*PYTEST[:3], "-qq", "--collect-only"), gives_way=True),
-    # Some of it waits for sockets and processes: a third worker has the processors meanwhile.
-    "tests": Step("all that is quick", (*PYTEST, "-n", "3", "--dist", "loadfile", "-m", QUICK)),
+    # Compiles all test files once; otherwise each worker would compile them at the same time.
+    "collect": Step("every test file can be imported", (*PYTEST[:3], "-qq", "--collect-only"), gives_way=True),
+    # Some tests wait for sockets and processes; a third worker uses the processors meanwhile.
+    "tests": Step("the quick tests", (*PYTEST, "-n", "3", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
-        "whole flights in virtual time, and what works as long without a pause",
+        "whole flights in virtual time, and other long computations",
         (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow and not long"),
         marked="flight",
         gives_way=True,
     ),
-    # Real clients wait more than they work.
+    # Tests with real clients mostly wait.
     "real time": Step(
         "other people's clients",
         (*PYTEST, "-n", "3", "--dist", "worksteal", "-m", "slow", "--cache-clear", "-o", f"cache_dir={FAILED_IN}"),
@@ -78,12 +78,12 @@ STEPS = {
         again=3,
     ),
     "acceptance": Step(
-        "what is promised, on a mock over UDP, or on SITLs that run (docs/acceptance.md)",
+        "the service's promises, on a mock over UDP or on running SITLs (docs/acceptance.md)",
         (sys.executable, "-m", "tests.acceptance"),
         arguments="--px4 URL --arducopter URL",
     ),
     "faults": Step(
-        "flights in which things go wrong, held against the mock's truth (docs/faults.md)",
+        "flights with faults, checked against the mock's true state (docs/faults.md)",
         (sys.executable, "-m", "tests.faults", "--jobs", "1"),
         arguments="--flights 1000 --seed 7",
         gives_way=True,
@@ -98,7 +98,7 @@ TOGETHER = (
 """Which steps run at the same time."""
 
 _ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-"""Hundreds of processes import the same modules: they are compiled once."""
+"""The environment with bytecode caches, because hundreds of processes import the same modules."""
 
 ASKED_FOR = {
     "examples": Step(
@@ -108,11 +108,11 @@ ASKED_FOR = {
     ),
     "long": Step("flights of minutes in virtual time, too long for every change", (*PYTEST, "-m", "long")),
     "install": Step(
-        "the wheel in an empty environment of every Python that is found, and a flight there",
+        "the wheel in an empty environment of every installed Python, and a flight there",
         (sys.executable, "-m", "tests.install"),
     ),
     "coverage": Step(
-        "what the tests in virtual time reach, by line and branch, in three times the time",
+        "line and branch coverage of the tests in virtual time; takes three times as long",
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "not slow and not arrays", "--cov", "--cov-report=term"),
     ),
 }
@@ -159,7 +159,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(name: str, beside_another: bool) -> int:
-    """Run one step; what it prints comes at its end where another one runs beside it."""
+    """Run one step. If other steps run at the same time, its output is printed at its end."""
     step = (STEPS | ASKED_FOR)[name]
     command = [str(part) for part in step.command]
     shown = " ".join(command[1:] if command[0] == sys.executable else command)
@@ -184,12 +184,12 @@ def _run(name: str, beside_another: bool) -> int:
 
 
 def _by_themselves(name: str) -> int:
-    """Run the tests of a step that failed once more, one after another, if it has tests for which that says more."""
+    """Run a step's failed tests once more, one after another, if the step allows it (`Step.again`)."""
     most, listed = (STEPS | ASKED_FOR)[name].again, ROOT / FAILED_IN / "v/cache/lastfailed"
     failed = json.loads(listed.read_text(encoding="utf-8")) if most and listed.is_file() else ()
     if not 0 < len(failed) <= most:
         return TESTS_FAILED
-    print(f"── {name}: by themselves once more: {', '.join(failed)}", flush=True)
+    print(f"── {name}: run again alone: {', '.join(failed)}", flush=True)
     return subprocess.run([*map(str, PYTEST), *failed], cwd=ROOT, check=False, env=_ENVIRONMENT).returncode
 
 

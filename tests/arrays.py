@@ -1,9 +1,9 @@
 """The games on the arrays of PyTorch and JAX: `python -m tests arrays`, or `python -m tests.arrays` without a limit.
 
-Where both are installed beside the package, they are used. Otherwise an environment `arrays` within this one gets them
-(300 MB to load, 1 GB on disk), sees all packages of this one, and stays for the next time. PyTorch is named to the
-patch, because a pip that may choose takes the newest, which on Linux brings several GB for a graphics card; where this
-release, too, does that, install a build for the CPU beside the package first.
+If both are installed, this environment is used. Otherwise they are installed into a nested environment `arrays` (300 MB
+to download, 1 GB on disk), which also sees this environment's packages and is kept for the next run. The PyTorch
+version is pinned, because the newest release on Linux downloads several GB for a graphics card. If the pinned one does
+so too, install a CPU build of PyTorch in this environment first.
 """
 
 import argparse
@@ -23,10 +23,10 @@ def python(within_s: float | None) -> str:
     """Return an interpreter that has both.
 
     Args:
-        within_s: What has not arrived by then is not waited for.
+        within_s: Time limit of the installation; None for no limit.
 
     Raises:
-        SubprocessError: They cannot be had, or not by then.
+        SubprocessError: If the installation fails or exceeds the limit.
     """
     if find_spec("torch") and find_spec("jax"):
         return sys.executable
@@ -45,16 +45,16 @@ def python(within_s: float | None) -> str:
 
 
 def main() -> int:
-    """Run the tests; where a limit is given and they cannot be had by then, say so."""
+    """Run the tests. With a time limit, a failed installation only prints a notice."""
     parser = argparse.ArgumentParser(prog="python -m tests.arrays", description=__doc__)
-    parser.add_argument("--within", type=float, metavar="SECONDS", help="do without what takes longer")
+    parser.add_argument("--within", type=float, metavar="SECONDS", help="skip the tests if installing takes longer")
     given = parser.parse_args()
     try:
         found = python(given.within)
     except subprocess.SubprocessError:
         if given.within is None:
             raise
-        print(f"PyTorch and JAX are not to be had within {given.within:g} s: NO game was run on them", flush=True)
+        print(f"PyTorch and JAX not installed within {given.within:g} s: NO game was run on them", flush=True)
         return 0
     return subprocess.run([found, *MARKED], cwd=ROOT, check=False).returncode
 

@@ -1,8 +1,8 @@
-"""The package as a newcomer gets it: a wheel, installed into an environment where nothing else is.
+"""Installs the wheel into an empty environment, as a new user does, and flies a mocked flight there.
 
-`python -m tests install` does it with every Python that it finds, from 3.11 on; the tests with the one they run on.
-It says what the base weighs, package by package, what its four foundations weigh alone, and what is left of it once
-what nothing reads is gone (the page about Raspberry Pi and Jetson, whose commands are run here), and flies that, too.
+`python -m tests install` repeats this for every Python from 3.11 on that it finds; the tests use their own Python. It
+prints the size of the base installation by package and the size of its four foundations. Then it removes the unused
+files with the commands from the how-to page for Raspberry Pi and Jetson, prints the size again and repeats the flight.
 """
 
 import json
@@ -18,16 +18,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 LARGEST_MB = 235
-"""Of the base installation, without pip and without the bytecode that Python writes as it runs."""
+"""Size limit of the base installation, without pip and bytecode caches."""
 
 LARGEST_TRIMMED_MB = 150
-"""The same without what nothing reads."""
+"""Size limit after the unused files are removed."""
 
 TRIMMED_BY = ROOT / "docs" / "how-to" / "raspberry-pi-jetson.md"
-"""The page that says how."""
+"""The page with the commands that remove unused files."""
 
 FOUNDATIONS = ("numpy", "mavsdk", "pymavlink", "eclipse-zenoh")
-"""What the base stands on: games, both links, the mock's messages and the wires."""
+"""The large dependencies of the base: games, both links, the mock's messages and the wires."""
 
 _WEIGHED = """
 import json, pathlib, re
@@ -45,7 +45,7 @@ OF_EXTRAS = ("dask", "distributed", "matplotlib", "pandas", "pyarrow", "rerun", 
 
 
 def pythons() -> list[str]:
-    """Return the interpreters from 3.11 on, one a version, on the path and among pyenv's."""
+    """Return one interpreter per version from 3.11 on, from PATH and pyenv."""
     found: dict[tuple[int, ...], str] = {tuple(sys.version_info[:2]): sys.executable}
     for minor in range(11, 15):
         path = shutil.which(f"python3.{minor}")
@@ -59,7 +59,7 @@ def pythons() -> list[str]:
 
 
 def wheel(folder: Path) -> Path:
-    """Build the wheel into a folder, by the build backend that is installed here."""
+    """Build the wheel into a folder with the installed build backend."""
     pip = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation")
     quiet("pip", *pip, "-w", str(folder), str(ROOT))
     (built,) = folder.glob("*.whl")
@@ -77,13 +77,13 @@ class Installed:
         quiet("pip", *pip, "install", "-q", "--no-compile", str(built))
 
     def trim(self) -> None:
-        """Remove what nothing reads, as the page says."""
+        """Remove unused files with the commands of the page."""
         (packages,) = self.folder.glob("env/lib/python*/site-packages")
         for line in trimming():
             quiet("trimming", "sh", "-c", line, folder=packages)
 
     def run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """Run a command, without anything that the checkout's environment says."""
+        """Run a command without the Python variables of the checkout's environment."""
         plain = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
         command = [str(self.bin / program), *arguments]
         environment = plain | {"PYTHONDONTWRITEBYTECODE": "1"}
@@ -92,36 +92,36 @@ class Installed:
         )
 
     def present(self) -> list[str]:
-        """Return the packages of extras that came along all the same."""
+        """Return the packages of extras that were installed although they should not be."""
         code = f"import importlib.util as u; print(*[n for n in {OF_EXTRAS!r} if u.find_spec(n)])"
         return self.run("python", "-c", code).stdout.split()
 
     def weights(self) -> dict[str, tuple[float, list[str]]]:
-        """Return the packages by name: MB, and the names of those they need."""
+        """Return the size in MB and the dependencies of every package, by name."""
         weighed: dict[str, tuple[float, list[str]]] = json.loads(self.run("python", "-c", _WEIGHED).stdout)
         return weighed
 
     @property
     def megabytes(self) -> float:
-        """All of the environment."""
+        """Size of the environment."""
         return sum(path.lstat().st_size for path in (self.folder / "env").rglob("*") if not path.is_symlink()) / 1e6
 
 
 def trimming() -> list[str]:
-    """Return the commands that remove what nothing reads, in the folder of the packages."""
+    """Return the commands that remove unused files; they run in site-packages."""
     lines = TRIMMED_BY.read_text(encoding="utf-8").splitlines()
     return [line for line in lines if line.startswith("find ")]
 
 
 def quiet(what: str, *command: str, folder: Path = ROOT) -> None:
-    """Run a command that must work, and tell what it said where it does not."""
+    """Run a command; if it fails, raise with its output."""
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"{what} failed: {done.stdout}{done.stderr}")
 
 
 def foundations_mb(weights: Mapping[str, tuple[float, list[str]]]) -> float:
-    """Return what the foundations weigh with all that they need in turn."""
+    """Return the size of the foundations with all their dependencies."""
     held, wanted = set[str](), list(FOUNDATIONS)
     while wanted:
         name = wanted.pop().lower().replace("_", "-")
@@ -132,7 +132,7 @@ def foundations_mb(weights: Mapping[str, tuple[float, list[str]]]) -> float:
 
 
 def show(weights: Mapping[str, tuple[float, list[str]]]) -> None:
-    """Print what weighs more than a megabyte, and what cannot be less."""
+    """Print the packages of at least a megabyte, and the size of the foundations."""
     heavy = sorted(((mb, name) for name, (mb, _) in weights.items() if mb >= 1.0), reverse=True)
     light = [mb for mb, _ in weights.values() if mb < 1.0]
     for mb, name in (*heavy, (sum(light), f"{len(light)} more")):
@@ -141,7 +141,7 @@ def show(weights: Mapping[str, tuple[float, list[str]]]) -> None:
 
 
 def flies(base: Installed, most_mb: float) -> bool:
-    """Fly a mocked flight, and say in a line how large it is and how that went."""
+    """Fly a mocked flight; print the installed size and the flight's result in one line."""
     started, megabytes = time.perf_counter(), base.megabytes
     version = base.run("python", "--version").stdout.strip()
     flown = base.run("guidance", "fly", "--fast")
@@ -166,7 +166,7 @@ def main() -> int:
                 show(base.weights())
             if not flies(base, LARGEST_MB):
                 return 1
-        print("without what nothing reads:", flush=True)
+        print("without unused files:", flush=True)
         base.trim()
         show(base.weights())
         return 0 if flies(base, LARGEST_TRIMMED_MB) else 1

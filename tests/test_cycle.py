@@ -1,4 +1,4 @@
-"""What one guidance cycle hands from its last part, the limits, to the next cycle's servo."""
+"""Feedback of the limits, the last part of a guidance cycle, to the servo of the next cycle."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ EVADER = EvaderEstimate((60.0, 30.0, 0.0), (0.0, 3.0, 0.0), 3.0, 0.1)
 
 
 def drags_per_s(settings, place, velocity, *, cycles):
-    """What is learned of drag in some seconds at one place, and whether a limit acted meanwhile."""
+    """Return, for each cycle at one place, the learned drag and whether the limits held the vehicle back."""
     memory, held, learned = CycleMemory(), [], []
     here = Situation(place, velocity, evader_position_ned_m=EVADER.position_ned_m)
     walls = measure_walls(here, settings.envelope)

@@ -1,4 +1,4 @@
-"""The documentation says nothing that does not run: its commands, its files, its Python, its examples, its notebooks.
+"""The documentation's commands, files, Python code, examples and notebooks run as shown.
 
 In a page's ```console blocks a line `$ guidance …` is run in the page's own folder, and every line shown below it must
 be in what it prints, in this order; `…` stands for anything. A ```toml block whose first line is a comment with a
@@ -33,7 +33,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 EXAMPLES = DOCS / "examples"
 PAGES = sorted(DOCS.rglob("*.md"))
 RUN_ELSEWHERE = {"mock.md": "tests/sitl_mock/test_mock_page.py", "zenoh.md": "tests/links/test_zenoh_docs.py"}
-"""Pages that need more than a folder to run in, and the tests that run them."""
+"""Pages whose examples need more than an empty folder, and the tests that run them."""
 
 PROGRAMS = {"guidance": typer.main.get_command(guidance_app), "sitl-mock": typer.main.get_command(mock_app)}
 
@@ -59,7 +59,7 @@ def with_blocks(*kinds):
 
 
 def run_console(text):
-    """Run what is typed, and look for what is shown."""
+    """Run the commands of a console example, and look for the shown output."""
     for block in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
         typed, _, shown = block.partition("\n")
         program, *arguments = shlex.split(typed)
@@ -185,7 +185,7 @@ def test_every_page_and_example_is_in_the_contents():
 
 
 def links(text):
-    """The files and sections that links point to, without addresses."""
+    """Return the file and section of every relative link."""
     prose = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
     return [link.partition("#")[::2] for link in re.findall(r"\]\((?!\w+:)([^)]+)\)", prose)]
 

@@ -2,12 +2,12 @@
 
 Descriptions:
     PX4, ARDUCOPTER: each an `Autopilot`. ROVER: the protocol of ArduPilot's rover, which plays the evader.
-    AUTOPILOTS: all of them by name. `autopilot_named`, `autopilots_of`: look one up. AutopilotName: type of a key.
+    AUTOPILOTS: every autopilot by name. `autopilot_named`, `autopilots_of`: look one up. AutopilotName: type of a key.
     AutopilotProfile: protocol (modes, commands, streams). Handling: how the vehicle flies. Mode: a mode by its meaning.
     Bound: a parameter that bounds a key of a new vehicle file.
 
 Preflight:
-    Preflight, Wants: what the configuration demands. Finding: one row of the result, with a `Verdict`.
+    Preflight, Wants: requirements of the configuration. Finding: one row of the result, with a `Verdict`.
 """
 
 from importlib.metadata import entry_points
@@ -34,7 +34,7 @@ AUTOPILOTS: dict[str, Autopilot] = {}
 
 
 def register(autopilot: Autopilot) -> None:
-    """Add an autopilot. Vehicle files, scenarios, `init`, discovery and preflight know it from then on.
+    """Add an autopilot to those that vehicle files, scenarios, `init`, discovery and preflight know.
 
     A package can do this when it is imported, or name its description in the entry point group
     `pursuit_guidance.autopilots`, which is read when an unknown name is looked up.

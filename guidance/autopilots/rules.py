@@ -12,7 +12,7 @@ from guidance.control import Limits, Speeds
 
 
 class Verdict(StrEnum):
-    """What a finding means for the flight."""
+    """Consequence of a finding for the flight."""
 
     PASS = "pass"
     WARN = "warn"  # worth knowing; the flight may start
@@ -45,7 +45,7 @@ class Preflight(Section):
 
 
 class Wants(NamedTuple):
-    """What the configuration demands of the autopilot.
+    """Requirements of the configuration on the autopilot.
 
     Attributes:
         preflight: The `[preflight]` section.
@@ -167,7 +167,7 @@ def loss_time(why: str) -> Judge:
 
 
 def fence_verdict(wants: Wants) -> Verdict:
-    """Return the verdict on an autopilot's fence that does not stand behind ours."""
+    """Return the verdict on an autopilot's fence that does not enclose ours."""
     return Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
 
 

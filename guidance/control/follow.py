@@ -1,4 +1,4 @@
-"""From the velocity that the game asks for to the velocity commanded: drift, catching up, approach, servo.
+"""From the game's velocity to the commanded velocity: drift, catching up, approach, servo.
 
 **Drift.** Velocities over the ground are taken from positions. The velocity that an autopilot reports differs from the
 rate of its reported position: the velocity error wanders slowly (PX4: 0.2 to 0.4 m/s over many seconds, on all axes),
@@ -8,7 +8,7 @@ both poles at -1/settle estimates the difference. Commands are converted to the 
 
 **Catching up.** The game's pursuer is at full speed at once. A vehicle that starts from hover would stay some metres
 behind for the rest of the game. Its along-track deficit is integrated and worked off with the part of the speed limits
-above the game's speed; without such a part nothing is made up. The deficit is zero once the vehicle has flown as far as
+above the game's speed; if there is no such part, it stays. The deficit is zero once the vehicle has flown as far as
 the game's pursuer would have, so its mean speed over a game stays within the game's bound. A vehicle that flies faster
 than its limits without being asked to is commanded to fly slower: ArduCopter makes up for its own lag for seconds.
 
@@ -139,7 +139,7 @@ def catch_up(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approach:
-    """How one vehicle arrives at the disc.
+    """Parameters of a vehicle's arrival at the disc.
 
     Attributes:
         braking_m_s2: Planned deceleration over the ground.

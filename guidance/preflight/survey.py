@@ -18,7 +18,7 @@ COUNTED_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """What is known of a vehicle.
+    """Facts about one vehicle.
 
     Attributes:
         parameters: Parameters that were read.

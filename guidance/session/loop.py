@@ -63,7 +63,7 @@ class World(Protocol):
 
     @property
     def evaders(self) -> Mapping[str, Mapping[str, EvaderSource]]:
-        """What each vehicle hears: by its name, the reports of evaders by theirs."""
+        """Sources of evader reports: by the vehicle's name, then by the evader's name."""
 
     @property
     def players(self) -> Mapping[str, EvaderPlayer]:
@@ -140,7 +140,7 @@ class CycleHooks(Protocol):
 
     @property
     def finished(self) -> bool:
-        """Whether no further cycle is wanted."""
+        """Whether the loop is to end."""
 
     def before(self, now_s: float) -> None:
         """Prepare a cycle."""

@@ -132,7 +132,7 @@ class Mission:
 
     @property
     def finished(self) -> bool:
-        """Whether all mocks' flights are over. A vehicle's flight is ended by its daemon, which hands it over."""
+        """Whether all mocks' flights are over. A real vehicle's flight ends when its daemon hands it over."""
         return all(one.over for one in self._vehicles)
 
     def before(self, now_s: float) -> None:

@@ -31,18 +31,18 @@ class Outcome(NamedTuple):
         predicted_evader_to_target_m: TAD, pursuer predicted to win: the game's value at engagement, the distance of the
             evader from its target at the capture.
         predicted_short_m: TAD, evader predicted to win: by how much the pursuer is short of a capture.
-        time_needed_s: What the vehicle promised at engagement: time to the meeting, from its velocity and with its
+        time_needed_s: The vehicle's promise at engagement: time to the meeting, from its velocity and with its
             acceleration. In mathematics, where no pursuer accelerates, the game's own.
-        regret: What the pursuer lost against the value. PE: capture_time_s − predicted_capture_time_s, s. TAD:
+        regret: The pursuer's loss against the value. PE: capture_time_s − predicted_capture_time_s, s. TAD:
             predicted_evader_to_target_m − evader_to_target_m, m.
-        ratio: What was achieved over what was predicted, of the same two columns.
+        ratio: Achieved over predicted value, of the same two columns.
         reachable_speed_m_s: Smallest speed over the ground that the vehicle was seen to reach while asked for more; the
             configured speed if there was no such time. NaN in mathematics.
         min_standoff_m: Least horizontal distance of the players in the game.
         min_altitude_m: Least height of the pursuer above the site in the game.
         limits: Limits that changed a command in the game.
         alarms: Number of alarms of the monitor.
-        events: What happened from engagement on.
+        events: Events since engagement, in order.
         duration_s: Of the whole run.
         reason: Why the row is invalid or failed; otherwise empty.
     """
@@ -114,7 +114,7 @@ def outcome_of(
     events: Iterable[str] = (),
     **measured: Unpack[Measured],
 ) -> Outcome:
-    """Complete a row with what follows from the rest, the same for every kind of run.
+    """Return a complete row: compute the columns that follow from the others, the same for every kind of run.
 
     Args:
         scenario: Of the run.
@@ -122,7 +122,7 @@ def outcome_of(
         end: See `Outcome`; so are the others.
         game_time_s: From engagement to the end.
         evader_to_target_m: At the end.
-        predicted: The game's value at engagement, whoever is predicted to win.
+        predicted: The game's value at engagement, for either winner.
         predicted_winner: `pursuer`, `evader` or `none`.
         limits: Names of those that were active.
         events: What happened, in order.

@@ -1,8 +1,8 @@
-"""`python -m tests acceptance`: flights that show what the service does, on any SITL that runs or on the mock by UDP.
+"""`python -m tests acceptance`: acceptance flights of the service, on running SITLs or on mocks over UDP.
 
-With `--px4 URL` or `--arducopter URL` all flights are flown there, one after another, in real time; both autopilots at
-the same time. Without a URL each kind of flight is flown by a mock of its own over UDP, several at a time (`--all`
-flies all of them).
+With `--px4 URL` or `--arducopter URL` all flights are flown on that SITL in real time, one after another; both
+autopilots fly at the same time. Without a URL each flight gets its own mock over UDP, with the autopilots that its case
+lists; `--all` flies every case on both. Several mocks fly at a time.
 """
 
 import argparse
@@ -39,13 +39,13 @@ SET_UP = {
     "arducopter": {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 305.0,
                    "FENCE_ALT_MAX": 125.0},
 }  # fmt: skip
-"""What `guidance check --apply` sets, for mocks that fly one flight each."""
+"""The parameters that `guidance check --apply` sets; the mocks start with them."""
 
 Tell = Callable[[Line], None]
 
 
 def on_a_url(autopilot: str, url: str, folder: Path, tell: Tell, only: str) -> None:
-    """Set a vehicle up, then fly everything on it."""
+    """Set up the vehicle, then fly all cases on it."""
     with_relay = _Relays(url)
     try:
         relay = with_relay.fresh()
@@ -70,7 +70,7 @@ def on_a_url(autopilot: str, url: str, folder: Path, tell: Tell, only: str) -> N
 
 
 class _Relays:
-    """One after the other on one URL."""
+    """Successive relays on one URL."""
 
     def __init__(self, url: str) -> None:
         self._url = url
@@ -87,7 +87,7 @@ class _Relays:
 
 
 def _set_up(relay: Relay, folder: Path, tell: Tell) -> bool:
-    """Let `guidance check --apply` set the parameters; a vehicle that has just been started gets its time."""
+    """Set the parameters with `guidance check --apply`; repeat while the vehicle is starting."""
     name = relay.profile.name
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scenario.toml").write_text(toml(cases(name, height_m=SIM_HEIGHT_M)[2].scenario), encoding="utf-8")
@@ -128,7 +128,7 @@ def _slug(case: Case) -> str:
 
 
 def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
-    """Fly on mocks, several at a time. Processors that were too busy for one are given a second chance, by itself."""
+    """Fly on mocks, several at a time. A failed flight is repeated alone: the machine may have been too busy."""
     flights = [
         (autopilot, case)
         for autopilot in AUTOPILOTS

@@ -1,4 +1,4 @@
-"""The flights: what is flown over which link, what is done to it, and what has to come of it."""
+"""The acceptance flights: scenario, link, interference in flight, and the conditions on the result."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -9,7 +9,7 @@ Row = Mapping[str, Any]
 
 
 class Wanted(NamedTuple):
-    """One condition on a flight's outcome row: its words, how to read what came, and whether that will do."""
+    """One condition on a flight's outcome row: its description, how to read the value, and whether the value passes."""
 
     words: str
     got: Callable[[Row], Any]
@@ -59,9 +59,9 @@ HONEST = (KEEPS_OFF, SPEED_LIMIT, PROMISE, NOT_LATER)
 class Case:
     """One flight.
 
-    `meddling` is what is done to it in flight: "pilot", "kill", "refuse", "hold" or "interrupt". `fence_m` is what the
-    vehicle's distance from its home never exceeds. `prompt` also asks how soon after the order it was engaged.
-    `autopilots` are those that fly it in the stand-in without a URL.
+    `meddling` is the interference in flight: "pilot", "kill", "refuse", "hold" or "interrupt". `fence_m` limits the
+    vehicle's distance from home. `prompt` also limits the time from the order to engagement. `autopilots` lists the
+    mocks that fly the case when no URL is given.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Case:
 def scenario(
     title: str, *, height_m: float, u: float = 6.0, v: float = 3.0, away_m: float = 60.0, **sections: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """A hover `height_m` high, and an evader `away_m` to the north; R 3 m, h 5 m."""
+    """Return a scenario: hover at `height_m`, evader `away_m` to the north, R 3 m, h 5 m."""
     document: dict[str, Any] = {
         "title": title,
         "game": "pe",
@@ -98,11 +98,11 @@ def scenario(
 
 
 LOW_M = 7.0
-"""Where it is not the figure that counts the hover is low: take-off and landing take the longest."""
+"""Hover height of the cases that do not measure time; a low hover shortens take-off and landing."""
 
 
 def cases(autopilot: str, *, height_m: float) -> list[Case]:
-    """All flights of one autopilot; the chases begin in a hover of this height."""
+    """Return all flights of one autopilot; the measured chases begin in a hover at this height."""
     px4 = autopilot == "px4"
     slow, fast = (1.06, 1.16) if px4 else (1.07, 1.19)
 
@@ -116,7 +116,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
         for link, flown in (("mavsdk", ("px4",)), ("pymavlink", ("arducopter",)))
     ]
     going = made("goes on", away_m=80.0)
-    sudden = {"acceleration_m_s2": 10.0}  # at its speed within 0.5 s, where the rover otherwise takes 1.5 s and more
+    sudden = {"acceleration_m_s2": 10.0}  # reaches its speed within 0.5 s; by default the rover needs 1.5 s or more
     return [
         *both,
         Case(
@@ -222,7 +222,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
 
 
 def toml(document: Mapping[str, Any]) -> str:
-    """A scenario as a file's text: scalars first, then the sections."""
+    """Return a scenario as TOML: scalars first, then the sections."""
     plain = [f"{key} = {json.dumps(value)}" for key, value in document.items() if not isinstance(value, Mapping)]
     sections = [
         "\n".join([f"[{key}]", *(f"{name} = {json.dumps(part)}" for name, part in value.items())])

@@ -1,4 +1,4 @@
-"""One flight of the service as a person starts it, watched through the relay: what came, and what was wanted."""
+"""Flies one acceptance case: starts the service as a user does and checks the results that pass through the relay."""
 
 import json
 import math
@@ -35,7 +35,7 @@ LANDED_WITHIN_S = 120.0
 STOPPED_WITHIN_S = 8.0
 _STILL_M_S = 0.6
 _UNSAFE = {"px4": ("GF_MAX_VER_DIST", 0.0), "arducopter": ("GUID_TIMEOUT", 5.0)}
-"""A parameter that preflight refuses, and a value that it refuses it for."""
+"""A parameter and a value that preflight refuses, by autopilot."""
 
 
 class Line(NamedTuple):
@@ -51,7 +51,7 @@ class Line(NamedTuple):
 
 @dataclass
 class Flown:
-    """A flight's process, its words with their times, and in the end its outcome row."""
+    """A flight's process, its printed lines with their times, and its outcome row."""
 
     process: subprocess.Popen[str]
     folder: Path
@@ -60,13 +60,13 @@ class Flown:
     said: list[tuple[float, str]] = field(default_factory=list)
 
     def read(self) -> None:
-        """Keep what it says; on a thread of its own."""
+        """Store the printed lines; runs in its own thread."""
         if self.process.stdout is not None:
             for line in self.process.stdout:
                 self.said.append((time.monotonic(), line.rstrip()))
 
     def at_s(self, words: str) -> float | None:
-        """When a line first ended with these words, or with these and the reason for them."""
+        """Return the time of the first line that ends with these words, ignoring a reason after a colon."""
         return next((at_s for at_s, line in self.said if line.partition(": ")[0].endswith(words)), None)
 
     def order(self, word: str) -> bool:
@@ -81,25 +81,25 @@ class Flown:
         return done.returncode == 0
 
     def row(self) -> dict[str, object]:
-        """The outcome row, empty where there is none."""
+        """Return the outcome row; empty if there is none."""
         path = self.folder / "outcome.json"
         if not path.is_file():
             return {}
         return json.loads(path.read_text()) | promises(self.folder / "record.mcap", limit_m_s=self.limit_m_s)
 
     def last_words(self) -> str:
-        """What it said last."""
+        """Return the last printed lines."""
         return " ".join(line.strip() for _, line in self.said[-2:])[-160:]
 
 
 @contextmanager
 def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flown]:
-    """Start `guidance fly` on a case; it is ended with the block."""
+    """Start `guidance fly` on a case; kill it when the block ends."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "outcome.json").unlink(missing_ok=True)  # of an earlier run into the same folder
     (folder / "scenario.toml").write_text(toml(case.scenario), encoding="utf-8")
     command = [GUIDANCE, "fly", folder / "scenario.toml", "--vehicle", relay.client_url, "--link", case.link]
-    # Its own folder for the token and the socket: vehicles in other network namespaces have the same endpoint.
+    # Each flight has its own folder for token and socket: vehicles in other network namespaces use the same endpoint.
     (folder / "runtime").mkdir(exist_ok=True)
     runtime = {"XDG_RUNTIME_DIR": str(folder / "runtime")}
     environment = {**os.environ, **runtime, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"}
@@ -180,7 +180,7 @@ def _pilot(case, relay, flown, line):
 
 
 def _held(case, relay, flown, line):
-    """HOLD in the game, kept until LAND is ordered: neither the mission nor a time limit ends it."""
+    """Order HOLD during the game, then LAND. Neither the mission nor a time limit may end the hold."""
     accepted = flown.order("hold")
     at_s = time.monotonic()
     yield line("HOLD accepted", "accepted" if accepted else flown.last_words(), held=accepted)
@@ -198,7 +198,7 @@ def _held(case, relay, flown, line):
 
 
 def _interrupted(case, relay, flown, line):
-    """A person stands below: LAND and RETURN are given up for HOLD, and LAND for RETURN."""
+    """Interrupt LAND and RETURN with HOLD, and LAND with RETURN, as if a person stood below the vehicle."""
     for order, mode, kept_s in (
         ("land", Mode.LAND, 1.0),
         ("hold", Mode.HOLD, KEPT_S),
@@ -273,7 +273,7 @@ def _refused(case, relay, folder, line):
 
 
 def _farthest_m(relay: Relay, flown: Flown) -> float:
-    """How far the vehicle was from where it stood at first, horizontally, until the game was over."""
+    """Return the largest horizontal distance from the first position until the game was over, m."""
     begin = relay.seen.positions[0][1]
     over_s = next((at_s for at_s, text in flown.said if text.endswith(("returning", "landing"))), math.inf)
     return max(math.dist(place[:2], begin[:2]) for at_s, place, _ in relay.seen.positions if at_s < over_s)

@@ -1,7 +1,7 @@
-"""Between an autopilot and the client that flies it: passes every frame on, notes what matters, and can be the pilot.
+"""A relay between an autopilot and its client: forwards every frame, records some, and can act as the pilot.
 
-One vehicle and one URL are enough so: the service under test listens on a loopback port of the relay, and whoever
-watches sees both directions, also when the service is killed, and switches modes as a ground station does.
+The service under test listens on a loopback port, so one vehicle with one URL is enough. The relay sees both
+directions, even after the service is killed, and can switch modes as a ground station does.
 """
 
 import math
@@ -25,7 +25,7 @@ ARMED = 128
 
 @dataclass
 class Seen:
-    """What passed, by the relay's clock: modes as (time, custom_mode, armed), positions as (time, NED m, speed m/s)."""
+    """Recorded messages, by the relay's clock: (time, custom_mode, armed) and (time, NED position m, speed m/s)."""
 
     beats: list[tuple[float, int, bool]] = field(default_factory=list)
     setpoints_s: list[float] = field(default_factory=list)
@@ -34,10 +34,10 @@ class Seen:
 
 
 class Relay:
-    """One vehicle, found at a URL, and a loopback port on which a client hears it.
+    """A relay from the vehicle at a URL to a client on a loopback port.
 
     Raises:
-        GuidanceError: If there is no vehicle, or none that is flown.
+        GuidanceError: If there is no vehicle, or its autopilot is not supported.
     """
 
     def __init__(self, url: str, client_port: int, *, timeout_s: float = 20.0) -> None:
@@ -74,7 +74,7 @@ class Relay:
             self._client.send(bytes(frame.get_msgbuf()))
             if (frame.get_srcSystem(), frame.get_srcComponent()) == self.found[:2]:
                 self._note(now_s, frame)
-        # What is not in the dialect is passed on too, as far as datagrams keep it whole.
+        # Messages outside the dialect are forwarded too, if a datagram holds them completely.
 
     def _from_client(self, now_s: float, data: bytes) -> None:
         for frame in self._up.read(data, stream=False):
@@ -95,11 +95,11 @@ class Relay:
 
     @property
     def armed(self) -> bool:
-        """As the last HEARTBEAT has it."""
+        """Whether the last HEARTBEAT reports armed."""
         return bool(self.seen.beats) and self.seen.beats[-1][2]
 
     def mode(self) -> Mode | None:
-        """As the last HEARTBEAT has it."""
+        """Return the mode of the last HEARTBEAT; None before the first."""
         return self.profile.mode_of(self.seen.beats[-1][1]) if self.seen.beats else None
 
     def say(self, message: mavlink.MAVLink_message) -> None:
@@ -114,7 +114,7 @@ class Relay:
         self.say(mavlink.MAVLink_command_long_message(*self.found[:2], 176, 0, 1.0, main, sub, 0, 0, 0, 0))
 
     def set(self, name: str, value: float, *, within_s: float = 3.0) -> float | None:
-        """Set a parameter that is a float, or an integer of ArduPilot's; return what it was before."""
+        """Set a float parameter, or an integer of ArduPilot; return its previous value, or None without an answer."""
         self.say(mavlink.MAVLink_param_request_read_message(*self.found[:2], name.encode(), -1))
         if not wait(lambda: name in self.seen.parameters, within_s):
             return None
@@ -124,14 +124,14 @@ class Relay:
         return before
 
     def bring_down(self, *, within_s: float) -> bool:
-        """Send whatever still flies home, and wait until it is disarmed."""
+        """Switch a vehicle that is still armed to RETURN; wait until it is disarmed."""
         if wait(lambda: bool(self.seen.beats) and not self.armed, 2.0):
             return True
         self.switch(Mode.RETURN)
         return wait(lambda: not self.armed, within_s)
 
     def close(self) -> None:
-        """Let go of both sides."""
+        """Close both wires."""
         self._over.set()
         for one in self._passing:
             one.join()
@@ -140,7 +140,7 @@ class Relay:
 
 
 def wait(condition, within_s: float) -> bool:
-    """Look twenty times a second until it is so."""
+    """Check a condition every 0.05 s; return whether it held in time."""
     until_s = time.monotonic() + within_s
     while not condition():
         if time.monotonic() > until_s:

@@ -1,13 +1,14 @@
 """Capture from hover against an evader at full speed: `python -m tests.bench.bench_capture [--all] [--vary]`.
 
-What is wanted stands beside what came out, worst of the seeds, on station as the vehicle reports it; exit code 1 where
-something is missed. With `--all` every policy and servo beside the others, what is on station true, and with `--vary`
-on mocks that are not as measured.
+It prints each figure's limit and its worst result of all seeds; the exit code is 1 if a limit is exceeded. Distances on
+station are the reported ones. `--all` compares all policies and servos, with true distances. `--vary` repeats the
+chase on mocks with other parameters: drag, lag and estimator errors 30 % larger and smaller, and a mock that ignores
+the acceleration feed-forward.
 
-Flown time (until within 0.5 m of the stand-off disc, horizontally and vertically) over the value of the game, beside
-a plain loop (the game's velocity goes out as it is) and pure pursuit, in the same run. Virtual time, calibrated mock,
-estimator errors on. Overshoot is true: how far into the stand-off radius, and below the disc's height. With `--vary`
-the mock's drag, lag and estimator errors are 30 % more and less, and at last the fed acceleration is kept from it.
+The main figure is the flown time (until within 0.5 m of the stand-off disc, horizontally and vertically) divided by the
+value of the game. `--all` compares it with a plain loop (the game's velocity is sent unchanged) and with pure pursuit.
+Time is virtual, the mock is calibrated, and estimator errors are on. Overshoot is measured on the true motion: the
+depth inside the stand-off radius, and the depth below the disc's height.
 """
 
 import argparse
@@ -30,7 +31,7 @@ WANTED: Mapping[str, Mapping[tuple[float, float], float]] = {
     "px4": {(6.0, 3.0): 1.06, (8.0, 4.0): 1.16},
     "arducopter": {(6.0, 3.0): 1.07, (8.0, 4.0): 1.19},
 }
-"""Flown over value, by the speeds of both players."""
+"""Largest allowed flown time over value, by autopilot and the speeds of both players."""
 
 ABOVE_THE_BOUND = 1.03
 HEIGHT_M, STATION_M = 0.2, 0.5
@@ -50,12 +51,12 @@ VARIED: Mapping[str, Mapping[str, float]] = {
 
 
 def ours(settings: FlightSettings) -> FlightSettings:
-    """As it is flown."""
+    """Leave the settings unchanged."""
     return settings
 
 
 def strict(settings: FlightSettings) -> FlightSettings:
-    """As it is flown, with limits equal to the game's speeds: nothing is left to catch up with."""
+    """Set the speed limits to the game's speeds, so that the vehicle cannot recover a late start."""
     game = settings.cycle.speed_set
     limits = replace(
         settings.cycle.envelope, speed_m_s=game.horizontal_m_s, climb_m_s=game.climb_m_s, descent_m_s=game.descent_m_s
@@ -64,12 +65,12 @@ def strict(settings: FlightSettings) -> FlightSettings:
 
 
 def plain(settings: FlightSettings) -> FlightSettings:
-    """The game's velocity goes out as it is; only the limits see it."""
+    """Send the game's velocity unchanged except for the limits."""
     return settings.model_copy(update={"cycle": replace(settings.cycle, following=None)})
 
 
 def pure_pursuit(settings: FlightSettings) -> FlightSettings:
-    """The plain loop, pure pursuit for a strategy."""
+    """Use the plain loop with the pure pursuit strategy."""
     settings = plain(settings)
     return settings.model_copy(update={"cycle": replace(settings.cycle, strategy=Strategy("pure_pursuit"))})
 
@@ -83,12 +84,12 @@ FLOWN: Mapping[str, Change] = {
 
 
 def without_acceleration(setpoint: Setpoint) -> Setpoint:
-    """For an autopilot that does not take what is fed forward."""
+    """Remove the acceleration feed-forward."""
     return setpoint._replace(acceleration_ned_m_s2=None)
 
 
 def add(table: Table, name: str, seed: str, rows: list[Chased]) -> None:
-    """One row of the table: a chase, or the mean of several and the worst overshoot."""
+    """Add one row: one chase, or the mean of several with the worst overshoot."""
 
     def mean(values: list[float]) -> float:
         return statistics.fmean(values)
@@ -108,8 +109,8 @@ def add(table: Table, name: str, seed: str, rows: list[Chased]) -> None:
 
 
 def judge(console: Console, seeds: range) -> bool:
-    """What is wanted and what came out; return whether all of it holds."""
-    table = Table("autopilot", "u, v m/s", "what", "wanted at most", "got", "", title=f"worst of {len(seeds)} seeds")
+    """Print limits and results; return whether all limits hold."""
+    table = Table("autopilot", "u, v m/s", "what", "limit", "result", "", title=f"worst of {len(seeds)} seeds")
     held = True
     for autopilot, ratios in WANTED.items():
         for (u, v), ratio in ratios.items():
@@ -141,7 +142,7 @@ def _figures(autopilot: str, u: float, v: float, ratio: float, seeds: range) -> 
 
 
 def compare(console: Console, autopilot: str, seeds: range) -> None:
-    """Every policy and servo beside the others."""
+    """Compare all policies and servos."""
     table = Table("policy / servo", *COLUMNS, title=f"{autopilot}, 6 m/s after 3 m/s")
     for name, change in FLOWN.items():
         rows = [chase(hover_chase(autopilot, seed=seed), change=change) for seed in seeds]
@@ -153,13 +154,13 @@ def compare(console: Console, autopilot: str, seeds: range) -> None:
 
 
 def vary(console: Console, autopilot: str, seeds: range) -> None:
-    """The same flown on mocks that are not as measured."""
+    """Repeat the chase on mocks with other parameters."""
     table = Table("mock", *COLUMNS, title=f"{autopilot}, optimal / servo: mean and worst of {len(seeds)} seeds")
     for name, factors in VARIED.items():
         rows = [chase(hover_chase(autopilot, seed=seed), alter=altered(**factors)) for seed in seeds]
         add(table, name, "", rows)
     rows = [chase(hover_chase(autopilot, seed=seed), send=without_acceleration) for seed in seeds]
-    add(table, "deaf to acceleration", "", rows)
+    add(table, "ignores acceleration", "", rows)
     console.print(table)
 
 
@@ -167,8 +168,8 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--all", action="store_true", help="every policy and servo beside the others")
-    parser.add_argument("--vary", action="store_true", help="on mocks that are not as measured")
+    parser.add_argument("--all", action="store_true", help="compare all policies and servos")
+    parser.add_argument("--vary", action="store_true", help="repeat on mocks with other parameters")
     arguments = parser.parse_args()
     console, seeds = Console(width=130), range(arguments.seeds)
     held = judge(console, seeds)

@@ -2,15 +2,14 @@
 
     python tests/bench/bench_daemon.py [--seconds 20] [--only mavsdk/zenoh] [--busy] [--flood frames]
 
-A mock PX4, stepped in real time in a process of its own, is flown by `guidance run` through each link and wire, after a
-evader that goes round in circles; the vehicle's end takes the time from each LOCAL_POSITION_NED to the first setpoint
-after it, and between setpoints. Beside it, on the same vehicle, the minimal MAVSDK script of `bench_links.py`, which
-forwards a constant velocity from a callback; the daemon's cycles are on its own clock's 20 ms grid, which it moves so
-that a position is 2 ms old when a cycle begins: so much waiting is in its latency by design. How late its cycles began,
-and what the longest took of the processor, comes from within the daemon. The measuring end is
-given the processor first wherever that is permitted, so that the jitter is not its own. `--busy` keeps another process
-spinning meanwhile; `--flood` has one more send to the daemon's UDP port (see `FLOODS`). The full measure of the jitter
-is `--seconds 600 --busy --only mavsdk/zenoh`.
+`guidance run` flies a mock PX4, stepped in real time in its own process, through each link and wire, against an evader
+that runs in circles. The vehicle's side measures the time from each LOCAL_POSITION_NED to the first setpoint after it,
+and the time between setpoints. For comparison the minimal MAVSDK script of `bench_links.py` flies the same vehicle; it
+forwards a constant velocity from a callback. The daemon shifts its 20 ms grid of cycles so that a position is 2 ms old
+when a cycle begins; this wait is part of its latency by design. The daemon itself reports the lateness of
+its cycles and the longest processor time. The measuring process gets a higher priority if permitted, so that it adds no
+jitter. `--busy` runs another process that keeps a processor busy; `--flood` sends a flood to the daemon's UDP port (see
+`FLOODS`). The full measurement of the jitter is `--seconds 600 --busy --only mavsdk/zenoh`.
 """
 
 import argparse
@@ -52,7 +51,7 @@ FLOODS = {
     "impostors": (20_000, 12, lambda: foreign_heartbeat(1)),
     "bytes": (20_000, 12, lambda: b"\xfd"),
 }
-"""What a stranger sends: datagrams a second, from how many ports, and the datagram."""
+"""Floods by name: datagrams per second, number of source ports, and a function that makes the datagram."""
 LASTING_MAH = 1e6
 """A charge that lasts for days: how long it flies is not the battery's to say."""
 
@@ -93,7 +92,7 @@ class Watch(Stopwatch):
         super().on_frame(data)
 
     def obey(self, order: str) -> None:
-        """`measure` begins anew, `report` prints what came since."""
+        """Restart the measurement on `measure`; print its result on `report`."""
         if order == "measure":
             self.restart()
         elif order == "report":
@@ -237,7 +236,7 @@ def daemon(
 
 
 class Cycle(NamedTuple):
-    """When a cycle began, how late; what it took in all, and of the processor: the loop's thread, the whole process."""
+    """One cycle: start, lateness, duration, and processor time of the loop's thread and of the whole process."""
 
     at_s: float
     late_s: float

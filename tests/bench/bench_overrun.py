@@ -1,11 +1,11 @@
-"""An evader that stops dead, or turns on its pursuer, just before the disc: `python -m tests.bench.bench_overrun`.
+"""An evader that stops or turns on its pursuer just before the disc: `python -m tests.bench.bench_overrun`.
 
-To be captured, an evader that flees is followed at its own speed to the very rim of the disc; when it stops dead there,
-no braking keeps the vehicle outside. So the height has to: the vehicle flies past over the evader, at the height of the
-disc, and the table shows how low it came. Below that height nothing is over the evader, and the limits keep the
-distance that the vehicle needs to stop in; the second table begins a chase from there. Distances are of the true
-motion on the calibrated mocks, in metres; `over` is how far within the rim it flew past at height, and `below` the
-least distance to the rim while more than half a metre below the disc: negative must not be, unless the evader came.
+The vehicle follows a fleeing evader to the rim of the disc at the evader's speed. If the evader then stops, braking
+cannot keep the vehicle outside the rim, so only the height separates the two: the vehicle passes over the evader at the
+disc's height. The first table shows the lowest height. Below the disc's height the limits keep the stopping distance to
+the rim; the second table starts chases from there. Distances are in metres, of the true motion on calibrated mocks.
+`over` is the depth inside the rim when passing over the evader. `below` is the least distance to the rim while more
+than half a metre below the disc; it must not be negative, except if the evader approached.
 """
 
 import argparse
@@ -24,12 +24,12 @@ AUTOPILOTS = ("px4", "arducopter")
 
 
 def from_above(scenario: Scenario) -> Scenario:
-    """As it is measured for the time of capture."""
+    """Return the scenario unchanged, as in `bench_capture`."""
     return scenario
 
 
 def from_below(scenario: Scenario) -> Scenario:
-    """The vehicle 6 m up and the disc 15 m above an evader near by: the rim is reached long before the height."""
+    """Start at 6 m with the disc at 15 m and the evader near, so that the vehicle reaches the rim before the height."""
     pursuer = scenario.pursuer.model_copy(update={"position_m": (0.0, 0.0, 6.0), "takeoff_height_m": 6.0})
     return scenario.model_copy(
         update={
@@ -41,7 +41,7 @@ def from_below(scenario: Scenario) -> Scenario:
 
 
 def overrun(console: Console, title: str, change: Callable[[Scenario], Scenario], seeds: range) -> None:
-    """One table: every autopilot, every turn, every gap at which it turns; the worst of the seeds."""
+    """Print one table: the worst of all seeds for each autopilot, turn and gap."""
     table = Table("autopilot", "evader", "at a gap of", "over", "lowest", "below", title=title)
     for autopilot in AUTOPILOTS:
         for turn, turned in TURNS.items():

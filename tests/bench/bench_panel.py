@@ -1,12 +1,13 @@
-"""What the operator's page costs, and how late it is: `python -m tests.bench.bench_panel [--seconds 12] [--minutes 0]`.
+"""Cost and latency of the operator's page: `python -m tests.bench.bench_panel [--seconds 12] [--minutes 0]`.
 
-A mock PX4 and a rover in a process of their own, `guidance run` engaged and in the shadow of the rover, over Zenoh. The
-same daemon is flown without a panel, with one that no page is open on, with one page in Chromium, with nineteen sockets
-more, with the panel stopped (SIGSTOP) and after it was killed. Printed of each: how late its cycles began and how long
-they worked, of its own record; processor time of the daemon and of the panel; and from a cycle's beginning to the frame
-after the one it was drawn in. The whole record is replayed in the end: every setpoint, bit for bit.
+A mock PX4 and a rover run in their own process; `guidance run` over Zenoh is engaged and follows the rover. The same
+daemon flies without a panel, with a panel but no page, with one page in Chromium, with nineteen more sockets, with the
+panel stopped (SIGSTOP), and after the panel was killed. For each phase the script prints the lateness and duration of
+the cycles, taken from the daemon's record; the processor time of the daemon and the panel; and the latency from the
+start of a cycle to the display frame after its drawing. At the end the whole record is replayed, and every setpoint is
+compared bit for bit.
 
-`--minutes 10` leaves the page open for so long, and prints the memory of the page and of the panel every minute.
+`--minutes 10` keeps the page open for ten minutes and prints the memory of the page and the panel every minute.
 """
 
 import argparse
@@ -42,7 +43,7 @@ SOCKETS = 19
 
 
 class Phase(NamedTuple):
-    """What was measured in one phase: its cycles, processor shares (1 is one processor), and latencies, s."""
+    """Measurements of one phase: time span, processor shares (1 is one processor), and latencies, s."""
 
     name: str
     first_s: float
@@ -53,13 +54,13 @@ class Phase(NamedTuple):
 
 
 def used_s(pid: int) -> float:
-    """Processor time of a process so far."""
+    """Return the processor time of a process so far, s."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 class Bench:
-    """One daemon, and what is measured of it."""
+    """One daemon and its measurements."""
 
     def __init__(self, seconds: float, pid: int, control: str) -> None:
         self.seconds, self.pid = seconds, pid
@@ -67,7 +68,7 @@ class Bench:
         self.phases: list[Phase] = []
 
     def phase(self, name: str, panel: int | None = None, page: Page | None = None) -> None:
-        """Measure for a while."""
+        """Measure one phase of `seconds`."""
         pids = [self.pid] if panel is None else [self.pid, panel]
         begun_s, before = time.time(), [used_s(pid) for pid in pids]
         if page is not None:
@@ -84,7 +85,7 @@ class Bench:
 
 
 def zero_s(control: str) -> float:
-    """Find when the daemon's clock was at zero (Unix s): a cycle is published at its own time at the earliest."""
+    """Return the Unix time of the daemon clock's zero, s: the smallest difference of arrival time and cycle time."""
     seen: list[float] = []
 
     def hear(sample: Any) -> None:
@@ -111,7 +112,7 @@ def panel_of(control: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 @contextlib.contextmanager
 def sockets(url: str) -> Iterator[None]:
-    """Keep nineteen more sockets open that take everything and draw nothing."""
+    """Keep nineteen more sockets open that receive everything and draw nothing."""
     ended = threading.Event()
 
     async def one(session: aiohttp.ClientSession, page: yarl.URL) -> None:
@@ -156,7 +157,7 @@ def measure(bench: Bench, control: str, minutes: float) -> None:
 
 
 def stay(page: Page, pid: int, minutes: float) -> None:
-    """Leave the page open, and print what it and its panel hold."""
+    """Keep the page open; print the memory of the page and the panel every minute."""
     session = page.context.new_cdp_session(page)
     session.send("Performance.enable")
     print("minute   page's heap MB   its elements   panel's memory MB", flush=True)
@@ -169,7 +170,7 @@ def stay(page: Page, pid: int, minutes: float) -> None:
 
 
 def show(record: Path, phases: list[Phase]) -> None:
-    """Print what was measured, beside the first phase."""
+    """Print the measurements of each phase, and its ratio to the first."""
     timings = [(row.now_s, row.timing) for row in cycles_of(record) if row.timing is not None]
     print("                     cycle began late, ms    worked, ms            processor, %     cycle to pixel, ms")
     print("                      p50    p99    most     p50   p99  (× first)  daemon  panel    p50    p95    most")

@@ -1,16 +1,16 @@
-"""One table: load held, faults survived, bad inputs tried; beside it what PX4 and ArduPilot promise for the same.
+"""Prints one table: results under load, with faults and with bad inputs, and what PX4 and ArduPilot promise for each.
 
     python tests/bench/bench_promises.py [--seconds 20] [--flights 60] [--inputs 20000] [--only load faults inputs]
 
-Load: the whole daemon in flight, MAVSDK over UDP, under each of the floods of `bench_daemon.py`, 20,000 datagrams a
-second: setpoints that did not come and cycles that began more than 10 ms late count as lost. What the longest cycle
-took of the processor is said as well, since a busy machine changes that less. Then telemetry and reports of the evader
-as fast as they can be read, and pages of metrics. Faults: flights of `python -m tests faults`, held against the mock's
-truth. Bad inputs: frames, reports, vehicle files and records, cut, flipped and spliced by a seed; each is taken or
-refused in one clear way, and anything else is an error. Ends with 1 if anything was lost.
+Load: the whole daemon flies with MAVSDK over UDP under each flood of `bench_daemon.py`, 20,000 datagrams per second.
+Missing setpoints and cycles that begin more than 10 ms late count as lost. The table also gives the processor time of
+the longest cycle, because a busy machine affects it less. Telemetry and evader reports are then read as fast as
+possible, and the metrics page is requested repeatedly. Faults: flights of `python -m tests faults`, checked against the
+mock's true state. Bad inputs: frames, reports, vehicle files and records, cut, flipped and spliced at random. Each must
+be accepted or refused with a defined error; other exceptions count as lost. The exit code is 1 if anything was lost.
 
-What the autopilots promise is by their defaults: PX4 v1.17 (commander_params, failsafe, offboardCheck, TargetEstimator)
-and ArduCopter 4.5 (mode_guided, AP_Follow), with what was measured on their simulators where it says measured.
+The promises of the autopilots assume default parameters: PX4 v1.17 (commander_params, failsafe, offboardCheck,
+TargetEstimator) and ArduCopter 4.5 (mode_guided, AP_Follow). "(measured)" marks measurements on their simulators.
 """
 
 import argparse
@@ -59,7 +59,7 @@ FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
 
 
 class Row(NamedTuple):
-    """What was tried, what came, what was lost of it, and what the autopilots promise."""
+    """One trial: its size, the result, the number of losses, and the autopilots' promises."""
 
     what: str
     tried: str
@@ -175,7 +175,7 @@ def faults(flights: int, seed: int) -> Iterator[Row]:
 
 
 def spoiled(data: bytes, draw: random.Random) -> bytes:
-    """Cut, flip, repeat or splice."""
+    """Return the data with one to four random changes: a byte replaced, or bytes removed, repeated or inserted."""
     changed = bytearray(data)
     for _ in range(draw.randint(1, 4)):
         at = draw.randrange(len(changed) or 1)
@@ -192,7 +192,7 @@ def spoiled(data: bytes, draw: random.Random) -> bytes:
 
 
 def tried(give: Callable[[bytes], object], good: list[bytes], count: int) -> tuple[int, int, list[str]]:
-    """Give spoiled inputs; return how many were taken, how many refused, and what else came out."""
+    """Pass spoiled inputs to a reader; return how many it accepted and refused, and its other exceptions."""
     draw, taken, refused, errors = random.Random(1), 0, 0, []
     for number in range(count):
         data = spoiled(good[number % len(good)], draw)
@@ -215,7 +215,7 @@ def inputs(count: int) -> Iterator[Row]:
     def hear(data: bytes) -> None:
         theirs.send(data)
         if not link.receive():
-            raise Refused("dropped")  # and counted by its reason
+            raise Refused("dropped")  # the link has counted the reason
 
     record = (ROOT / "tests" / "data" / "short_chase.mcap").read_bytes()
     shipped = (ROOT / "config" / "vehicles" / "px4.toml").read_bytes()
@@ -232,7 +232,7 @@ def inputs(count: int) -> Iterator[Row]:
                 survey_of(path)
 
         kinds = {
-            "frames": (hear, frames, count, "checksums; NaN is an axis left out, an unknown frame is refused in words"),
+            "frames": (hear, frames, count, "checksums; NaN leaves an axis out; unknown frames: refused with a text"),
             "reports as JSON": (
                 lambda data: read_json(data, 0.0, frame=FRAME, source="evader"), [REPORT], count, "-",
             ),
@@ -243,7 +243,7 @@ def inputs(count: int) -> Iterator[Row]:
             taken, refused, errors = tried(give, good, times)
             for error in errors[:5]:
                 print(f"{name}: {error}", file=sys.stderr)
-            how = "of no message that is used, dropped and counted" if name == "frames" else "refused in words"
+            how = "dropped and counted, or not a message we use" if name == "frames" else "refused with a message"
             held = f"{taken} read, {refused} {how}"
             yield Row(
                 f"bad {name}", f"{times} spoiled", held, len(errors), px4, "checksums" if name == "frames" else "-"
@@ -252,14 +252,14 @@ def inputs(count: int) -> Iterator[Row]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=20.0, help="of the flood")
+    parser.add_argument("--seconds", type=float, default=20.0, help="duration of each flood")
     parser.add_argument("--flights", type=int, default=60)
-    parser.add_argument("--seed", type=int, default=1, help="of the faults")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the flights with faults")
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--only", nargs="+", choices=("load", "faults", "inputs"), default=("load", "faults", "inputs"))
     given = parser.parse_args()
     table = Table(show_lines=True)
-    for heading in ("what", "tried", "held", "lost", "PX4 promises", "ArduCopter promises"):
+    for heading in ("trial", "size", "result", "lost", "PX4 promises", "ArduCopter promises"):
         table.add_column(heading, justify="right" if heading == "lost" else "left", overflow="fold")
     lost = 0
     for part, rows in (

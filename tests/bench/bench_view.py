@@ -1,9 +1,8 @@
-"""What an onlooker costs the daemon: `python -m tests.bench.bench_view [--seconds 12]`.
+"""The cost of a live view for the daemon: `python -m tests.bench.bench_view [--seconds 12]`.
 
-A mock PX4 and a rover in a process of their own, `guidance run` engaged and in the shadow of the rover, over Zenoh.
-The same daemon is flown with nobody looking on, with `guidance view --live`, with that process stopped (SIGSTOP: it
-reads nothing any more), and after it was killed. How late its cycles began and how long they worked is read from its
-own record.
+A mock PX4 and a rover run in their own process; `guidance run` over Zenoh is engaged and follows the rover. The same
+daemon flies without a view, with `guidance view --live`, with that process stopped (SIGSTOP, so that it no longer
+reads), and after it was killed. The lateness and duration of the cycles are taken from the daemon's record.
 """
 
 import argparse
@@ -93,7 +92,7 @@ def phases(seconds: float, pid: int, control: str) -> Iterator[tuple[str, float,
 
 
 def show(record: Path, taken: list[tuple[str, float, float, float]]) -> None:
-    """Print what the record says of each phase, beside the first."""
+    """Print the cycle times of each phase from the record, and their ratio to the first."""
     began_s = datetime.fromisoformat(survey_of(record).metadata["started_utc"]).timestamp()
     timings = [(began_s + row.now_s, row.json["timing"]) for row in cycles_of(record) if "timing" in row.json]
     print("                        cycle began late, ms      worked, ms")

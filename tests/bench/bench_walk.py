@@ -2,11 +2,11 @@
 
 With `--named` it counts the three walks of docs/architecture.md instead: hops, files and lines of the functions named.
 
-A mock is flown in virtual time, by a daemon on a UDP socket, until the game is on. Then one cycle receives one
-LOCAL_POSITION_NED and nothing else, and every call of a function of `guidance` is counted, from `Daemon.step` to the
-setpoint's datagram. It prints calls, functions, their lines of code, files, and changes of file between calls, with and
-without the game's closed form (`guidance.game`); with `--list` the calls in order, indented by depth. Comprehensions do
-not count, since newer Pythons inline them; nor do generators that continue.
+A daemon on a UDP socket flies a mock in virtual time until the game runs. Then one cycle receives a single
+LOCAL_POSITION_NED, and all calls of functions in `guidance` are counted, from `Daemon.step` to the setpoint's datagram.
+It prints the numbers of calls, functions, lines of code, files, and changes of file between calls, with and without the
+game's closed form (`guidance.game`). `--list` prints the calls in order, indented by depth. Comprehensions do not
+count, because newer Pythons inline them; resumed generators do not count either.
 """
 
 import argparse
@@ -40,7 +40,7 @@ INLINED = {"<listcomp>", "<setcomp>", "<dictcomp>", "<genexpr>"}
 
 
 class Call(NamedTuple):
-    """One call: how deep it lies, and which function of which file."""
+    """One call: depth, file, function and its number of lines."""
 
     depth: int
     file: str
@@ -49,7 +49,7 @@ class Call(NamedTuple):
 
 
 class Walk:
-    """Every call within `guidance`, while the profile is set and until `arrived`."""
+    """Records all calls within `guidance` while it is the profile function, until `arrived`."""
 
     def __init__(self) -> None:
         self.calls: list[Call] = []
@@ -73,7 +73,7 @@ class Walk:
 
 
 def summary(calls: list[Call]) -> str:
-    """Say how long a walk is."""
+    """Return the size of a walk in words."""
     changes = sum(one.file != other.file for one, other in itertools.pairwise(calls))
     functions, files = {call[1:] for call in calls}, {call.file for call in calls}
     lines = sum(lines for *_, lines in functions)
@@ -100,7 +100,7 @@ def named_walks(page: str) -> list[Named]:
 
 
 def lines_of(file: str, function: str, root: str = ROOT) -> int:
-    """Return how many lines a function has, its docstring among them; 0 where there is none of that name."""
+    """Return the number of lines of a function with its docstring; 0 if it does not exist."""
     body: list[ast.stmt] = ast.parse((Path(root) / file).read_text(encoding="utf-8")).body
     for name in function.split("."):
         kinds = ast.FunctionDef | ast.ClassDef
@@ -112,14 +112,14 @@ def lines_of(file: str, function: str, root: str = ROOT) -> int:
 
 
 def describe(walk: Named, root: str = ROOT) -> str:
-    """Say how long a walk that is named is."""
+    """Return the size of a named walk in words."""
     files = {file for file, _ in walk.hops}
     lines = sum(lines_of(*hop, root) for hop in dict.fromkeys(walk.hops))
     return f"{walk.title}: {len(walk.hops)} hops, {len(files)} files, {lines} lines"
 
 
 class WatchedWire(UdpWire):
-    """A socket that notes on a walk when something was sent. Its reader thread leaves all reading to the loop."""
+    """A socket that ends a walk when it sends. Its reader thread leaves all reading to the loop."""
 
     walk: Walk | None = None
     _awaited = True
@@ -132,7 +132,7 @@ class WatchedWire(UdpWire):
 
 
 def walk(autopilot: str) -> Walk:
-    """Fly until the game has been on for a while, and count one cycle."""
+    """Fly until `ENGAGED_S` after engagement, then record one cycle."""
     scenario, clock, walked = hover_chase(autopilot, seed=1), VirtualClock(), Walk()
     plan = plan_of(scenario=scenario)
     vehicle = MockVehicle(autopilot, seed=1, ready_after_s=1.0)

@@ -1,4 +1,4 @@
-"""A constraint alone: what it takes away, what it leaves, and how far a vehicle goes on that gathers speed."""
+"""A single constraint: the removed and kept parts of a velocity, and the surge of an accelerating vehicle."""
 
 import math
 from dataclasses import replace

@@ -67,7 +67,7 @@ def height_m(situation, envelope):
 
 
 def rest_point(situation, velocity, envelope):
-    """Where a vehicle comes to rest that keeps the velocity for the reaction time and then brakes against it."""
+    """Return the stopping point of a vehicle that keeps its velocity for the reaction time and then brakes."""
     point = list(situation.position_ned_m)
     ground = math.hypot(*velocity[:2])
     for axis, speed, braking in (

@@ -1,4 +1,4 @@
-"""Limits in closed loop: a vehicle that lags and brakes stays inside, and comes to rest without swinging."""
+"""Limits in closed loop: a vehicle with lag and limited braking stays inside and stops without oscillation."""
 
 import math
 import random
@@ -19,7 +19,7 @@ SQUARE = Polygon(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)))
 
 @dataclass
 class Vehicle:
-    """First-order lag and a bound on acceleration, as multicopters answer a velocity setpoint."""
+    """A multicopter's response to a velocity setpoint: first-order lag and bounded acceleration."""
 
     position: list[float] = field(default_factory=lambda: [0.0, 0.0, -20.0])
     velocity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
@@ -51,7 +51,7 @@ def fly(command, envelope, *, vehicle=None, seconds=40.0, evader=None, evader_ve
 
 
 def turnings(values, least=0.02):
-    """How often a sequence changes its direction by more than a little."""
+    """Count the changes of direction of a sequence that are larger than `least`."""
     count, direction, extreme = 0, 0, values[0]
     for value in values:
         if direction * (value - extreme) < -least or (direction == 0 and abs(value - extreme) > least):
@@ -136,7 +136,7 @@ def test_heights_are_above_home_and_not_above_the_origin():
 
 @pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0, 30.0])
 def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
-    # Its velocity is believed to be what it was: an estimate needs a moment, and here it never comes to know.
+    # The estimated evader velocity keeps its old value after the stop, the worst case of a slow estimate.
     envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (8.0, 0.0, 0.0),

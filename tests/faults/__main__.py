@@ -1,7 +1,7 @@
-"""`python -m tests faults`: flights in which things go wrong, in virtual time, held against the mock's truth.
+"""`python -m tests faults`: flights with faults in virtual time, checked against the mock's true state.
 
-Geometry, autopilot, game, wind and faults are drawn from the seed and the flight's number, so that one number flies
-again what it flew. Exit code 1 where anything did not hold. What is held and what is allowed: docs/faults.md.
+Geometry, autopilot, game, wind and faults are drawn from the seed and the flight's number, so that the same numbers
+repeat a flight. The exit code is 1 if an invariant was violated. docs/faults.md lists the invariants and tolerances.
 """
 
 import argparse

@@ -1,6 +1,6 @@
-"""What is flown: geometry, autopilot, game, wind and what goes wrong, drawn from a seed and a number, and nothing else.
+"""Draws each flight from a seed and a number: geometry, autopilot, game, wind and faults.
 
-Every flight is short: low, near its start, and left in the autopilot's hold when the game is over.
+Every flight is short: it is low and near its start, and it ends in the autopilot's hold mode when the game is over.
 """
 
 import math
@@ -16,7 +16,7 @@ Keys = dict[str, Any]
 
 GAME_S = 9.0
 SHARED = 5
-"""So many flights have one game: their way to its start is flown once."""
+"""Number of flights with the same game; the flight to its start is flown once and copied."""
 
 AUTOPILOTS = ("px4", "arducopter")
 PILOT_MODES = {"px4": ("POSCTL", "ALTCTL", "STABILIZED"), "arducopter": ("LOITER", "ALT_HOLD", "STABILIZE")}
@@ -27,7 +27,7 @@ SAID = (*MOTION, "HOME_POSITION", "GPS_GLOBAL_ORIGIN", "SYS_STATUS", "HEARTBEAT"
 
 @dataclass(frozen=True)
 class Stall:
-    """The loop stands still: `for_s` long, `at_s` after engagement."""
+    """The loop stops for `for_s`, `at_s` after engagement."""
 
     at_s: float
     for_s: float
@@ -38,11 +38,11 @@ class Case:
     """One flight.
 
     Attributes:
-        seed: Of the run.
-        number: Of the flight in it.
-        scenario: What is flown, with the faults of its vehicles.
-        corners_m: A polygon fence about home, north and east.
-        stalls: Of the loop.
+        seed: Seed of the run.
+        number: Number of the flight in the run.
+        scenario: The scenario, with the faults of its vehicles.
+        corners_m: Corners of a polygon fence, (north, east) from home.
+        stalls: Stalls of the loop.
     """
 
     seed: int
@@ -53,19 +53,19 @@ class Case:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What goes wrong, by name; an evader's link is told from the pursuer's."""
+        """Names of the faults; those of the evader's link have a prefix."""
         stalled = ("loop_stall",) if self.stalls else ()
         return (*(_named(fault.kind, fault.vehicle) for fault in self.scenario.fault), *stalled)
 
     @property
     def game(self) -> Scenario:
-        """The scenario until it is engaged: without the faults that count from there."""
+        """The scenario up to engagement: without the faults whose times count from engagement."""
         early = [fault for fault in self.scenario.fault if fault.after != "engaged"]
         return self.scenario.model_copy(update={"fault": early})
 
     @property
     def again(self) -> str:
-        """The command that flies it again."""
+        """The command that repeats this flight."""
         return f"python -m tests faults --seed {self.seed} --only {self.number}"
 
 
@@ -75,7 +75,7 @@ def _named(kind: str, vehicle: str) -> str:
 
 @dataclass
 class Draw:
-    """Random numbers with the words of this file."""
+    """Random draws for the fault tables below."""
 
     random: Random
     autopilot: str
@@ -91,7 +91,7 @@ class Draw:
         return self.random.choice(of)
 
     def vector(self, low: float, high: float, *, down: float = 0.0) -> Keys:
-        """A horizontal vector of a size between, and a vertical part up to a share of it either way."""
+        """Draw a horizontal vector of size `low` to `high`, and a vertical part of at most `down` times that size."""
         size, bearing = self.between(low, high), self.random.uniform(-math.pi, math.pi)
         vertical = size * self.random.uniform(-down, down)
         parts = (size * math.cos(bearing), size * math.sin(bearing), vertical)
@@ -188,7 +188,7 @@ PURSUER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
     "barometer_drift": lambda draw: {"down_m_s": draw.between(-0.3, 0.3), "for_s": draw.between(3.0, 15.0)},
     "thrust_loss": lambda draw: {"share": draw.between(0.4, 0.95), "for_s": draw.between(0.3, 4.0)},
 }  # fmt: skip
-"""Faults of the vehicle and its link, with what is drawn of their keys. Times count from engagement."""
+"""Faults of the vehicle and its link, each with the draw of its keys. Times count from engagement."""
 
 EVADER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
     "evader_slow": lambda draw: {"period_s": draw.between(0.1, 1.4)},
@@ -214,16 +214,16 @@ EVADER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
     "latlon_zero": _for(0.2, 5.0),
     "time_reset": _nothing,
 }
-"""Likewise of the evader."""
+"""The same for the evader."""
 
 LOOP_STALL = "loop_stall"
 KINDS = (*PURSUER_FAULTS, *(_named(kind, "evader") for kind in EVADER_FAULTS), LOOP_STALL)
 
 
 def draw_case(seed: int, number: int) -> Case:
-    """Draw flight `number` of the run `seed`. The kinds of faults come round in turn, so that none is left out.
+    """Draw flight `number` of the run `seed`. The first fault and the autopilot cycle through all kinds.
 
-    So do the autopilots, and about `SHARED` flights of each have one geometry, one game and one wind.
+    About `SHARED` flights of each autopilot have the same geometry, game and wind.
     """
     turn, place = divmod(number, len(KINDS))
     autopilot, played = AUTOPILOTS[(turn + place) % len(AUTOPILOTS)], number // (len(AUTOPILOTS) * SHARED)
@@ -297,7 +297,7 @@ def _game(draw: Draw, autopilot: str) -> Keys:
 
 
 def _corners(draw: Draw, document: Keys) -> tuple[tuple[float, float], ...]:
-    """A rectangle about home, turned, that holds the start with room to brake."""
+    """Draw a rotated rectangle around home that contains the start, with room to brake."""
     turned = draw.random.uniform(0.0, math.pi)
     sides = [draw.between(9.0, document["limits"]["fence_radius_m"]) for _ in range(4)]
     points = ((sides[0], sides[1]), (sides[0], -sides[2]), (-sides[3], -sides[2]), (-sides[3], sides[1]))

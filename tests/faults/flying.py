@@ -1,6 +1,6 @@
-"""One flight of the suite: flown in virtual time by the session's own loop, and watched.
+"""Flies one flight of the fault suite in virtual time, with the session's own loop and a watch that checks it.
 
-Those of one game have the way to its start in common: it is flown once, and they go on from copies of it.
+The flight to the start of a game is flown once; all flights of that game continue from copies.
 """
 
 import tempfile
@@ -33,7 +33,7 @@ from tests.harness.copies import copied
 from tests.harness.pinned_wire import PinnedWire, evader_wire
 
 LEFT_S = 3.5
-"""So long a flight is watched after it has been handed over or has ended."""
+"""Time that a flight is watched after it was handed over or has ended."""
 
 LONGEST_S = 120.0
 _TO_THE_VEHICLE = f"{PURSUER}/mavlink_raw/in"
@@ -41,7 +41,7 @@ HOLD_AT_THE_END = MissionPolicy(engage=True, end_with=Event.HOLD)
 
 
 class Row(NamedTuple):
-    """One flight: what came of it, how far beyond each wall it was, and what did not hold."""
+    """Result of one flight: its end, the largest breach of each wall, and the violations."""
 
     case: Case
     end: str
@@ -52,11 +52,11 @@ class Row(NamedTuple):
 
 
 class Sortie:
-    """The mission, with the watch looking on, the loop's stalls, and an end that needs no landing.
+    """A mission with a watch and the stalls of the loop; it ends without a landing.
 
     Args:
-        case: What is flown.
-        record: Where it is recorded; None keeps nothing.
+        case: The case to fly.
+        record: Recorder of the flight; None for no record.
     """
 
     def __init__(self, case: Case, record: Recorder | None = None) -> None:
@@ -83,23 +83,23 @@ class Sortie:
 
     @property
     def state(self) -> State:
-        """Where the flight stands."""
+        """State of the flight."""
         return self._daemon.flight.state
 
     @property
     def finished(self) -> bool:
-        """Whether no further cycle is wanted: it is over, or where others go on from a copy."""
+        """Whether to stop: the flight is over, or it is in STANDING_BY and can be copied."""
         over = self._over_s is not None and self.clock.now_s() - self._over_s >= LEFT_S
         waiting = self._standing_by and not self._under_way
         return waiting or over or self.clock.now_s() > LONGEST_S or self.mission.finished
 
     def stand_by(self) -> Self:
-        """Fly to where the game begins, or to the end of what does not come so far."""
+        """Fly until STANDING_BY at the start of the game, or until the end of a flight that fails earlier."""
         self._run()
         return self
 
     def fly(self, case: Case) -> None:
-        """Go on from there to the end, with what goes wrong in this case."""
+        """Continue to the end with the faults of this case."""
         self._case = self.watch.case = case
         self._stalls, self._under_way = list(case.stalls), True
         self.clock.sleep_until(self.clock.now_s() + PERIOD_S)
@@ -109,7 +109,7 @@ class Sortie:
     def _run(self) -> None:
         try:
             run(self.mission.daemons, self._world, self.clock, mission=self)  # no replay needs the raw frames
-        except Exception as error:  # nothing may come out of the loop
+        except Exception as error:  # the loop must not raise
             self.watch.wrong("nothing ends the loop", self.clock.now_s(), 1.0, f"{type(error).__name__}: {error}")
 
     def before(self, now_s: float) -> None:
@@ -117,7 +117,7 @@ class Sortie:
         self.mission.before(now_s)
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
-        """Look at what a cycle did."""
+        """Check a cycle."""
         self.mission.after(now_s, late_s)
         outputs, flight = self._daemon.outputs, self._daemon.flight
         ours = [one.frame for one in self._world.drain() if one.topic == _TO_THE_VEHICLE]
@@ -143,12 +143,12 @@ class Sortie:
             self.clock.sleep_until(self.clock.now_s() + one.for_s)
 
     def close(self) -> None:
-        """Let go of the wires."""
+        """Close the wires."""
         self._world.close()
 
 
 def plan(case: Case) -> FlightPlan:
-    """The scenario's own plan, with the polygon that a scenario file cannot say."""
+    """Return the scenario's plan with the polygon fence, which scenario files do not support."""
     planned = plan_of(scenario=case.scenario)
     if case.corners_m is None:
         return planned
@@ -158,14 +158,14 @@ def plan(case: Case) -> FlightPlan:
 
 
 class Tape(Recorder):
-    """A flight's record; a copy of the flight has none."""
+    """Recorder of a flight; copies of the flight are not recorded."""
 
     def __deepcopy__(self, _memo: object) -> "NoRecord":
         return NoRecord()
 
 
 class NoRecord(NullRecorder):
-    """A record that keeps nothing, and never fails."""
+    """A recorder that discards everything and never fails."""
 
     def __init__(self) -> None:
         super().__init__("")
@@ -173,7 +173,7 @@ class NoRecord(NullRecorder):
 
 
 class Starts:
-    """Where the last games begin: what stands by there, and flights go on from copies of."""
+    """Sorties in STANDING_BY at the start of the latest games; flights continue from copies."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[object, Sortie]] = deque(maxlen=len(AUTOPILOTS))
@@ -183,7 +183,7 @@ class Starts:
         self._kept.append((_start_of(case), copied(sortie)))
 
     def copy(self, case: Case) -> Sortie | None:
-        """Return one that has the same behind it as this case; None where there is none."""
+        """Return a copy of the sortie with this case's game and fence; None if there is none."""
         wanted = _start_of(case)
         return next((copied(sortie) for start, sortie in self._kept if start == wanted), None)
 
@@ -193,13 +193,13 @@ def _start_of(case: Case) -> object:
 
 
 def fly(case: Case, folder: Path | None = None, starts: Starts | None = None) -> Row:
-    """Fly one.
+    """Fly one case.
 
     Args:
-        case: What is flown.
-        folder: Its record stays there.
-        starts: Others of its game may have been flown to its start, and more will be. Without, it is flown from the
-            ground, as is the first of each game: what is flown from the ground is recorded, and replayed.
+        case: The case to fly.
+        folder: Folder that keeps the record.
+        starts: Sorties at the start of their games. If one matches, the flight continues from a copy. Otherwise it
+            starts on the ground; flights from the ground are recorded and replayed.
     """
     begun_s = time.process_time()
     sortie = None if starts is None or folder is not None else starts.copy(case)
@@ -217,7 +217,7 @@ def fly(case: Case, folder: Path | None = None, starts: Starts | None = None) ->
 
 
 def _from_the_ground(case: Case, folder: Path | None, starts: Starts | None) -> Sortie:
-    """Fly one whole, record and replay it."""
+    """Fly one case from the ground, record it and replay the record."""
     with tempfile.TemporaryDirectory() as scratch:
         path = (Path(scratch) if folder is None else folder) / f"{case.seed}-{case.number}.mcap"
         record = Tape(path, flight_metadata(case.scenario, None, None))

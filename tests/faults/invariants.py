@@ -1,10 +1,10 @@
-"""What must hold in every flight, whatever goes wrong, judged by the mock's truth and by the bytes on its wire.
+"""Invariants of every flight with faults, checked against the mock's true state and the bytes on its wire.
 
-A wall is a fence, the floor, the ceiling or the stand-off's (R - 1, h - 1). It binds while the vehicle flies by our
-setpoints, and for a moment after, while it brakes in the hold that it was handed to. A breach is judged after what
-nobody who flies by what he is told could avoid was taken off, and 0.3 m: the true error of the estimate, what a vehicle
-flies that hears no setpoints any more, and the way of an evader that comes nearer. Of a vehicle that restarts in
-flight, or that obeys another program, no wall is asked; that the other program is noticed is.
+The walls are the fence, the floor, the ceiling and the stand-off (R - 1, h - 1). They are checked while the vehicle
+flies our setpoints and for `BRAKING_S` afterwards, while it brakes in its hold mode. A breach is a violation if it is
+more than 0.3 m larger than the unavoidable error: the true error of the estimate, the distance flown while no setpoints
+arrived, and the distance that an approaching evader covered. Walls are not checked after the vehicle restarts in flight
+or while it obeys another program. The service must notice the other program.
 """
 
 import math
@@ -44,7 +44,7 @@ ENDS = frozenset({State.LANDED, State.YIELDED, State.FAILED, State.HOLDING, Stat
 
 
 class Violation(NamedTuple):
-    """What did not hold, when (after engagement, s), and by how much (m, or what it is counted in)."""
+    """A violated invariant, its time after engagement (s) and its amount (m, or the unit of the invariant)."""
 
     invariant: str
     at_s: float
@@ -53,7 +53,7 @@ class Violation(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """One moment by the mock's truth, in the pursuer's local frame, and what the service believes."""
+    """True positions at one time, in the pursuer's local frame, and the errors of the service's estimates."""
 
     now_s: float
     pursuer_m: Vector
@@ -64,13 +64,13 @@ class Sight(NamedTuple):
 
 
 class Recently:
-    """The largest of what was met in the last seconds: what a later one exceeds is forgotten."""
+    """Running maximum over the last `REMEMBERED_S` seconds."""
 
     def __init__(self) -> None:
         self._met: deque[tuple[float, float]] = deque()
 
     def take(self, now_s: float, value: float) -> float:
-        """Take one in, and return the largest."""
+        """Add a value and return the maximum."""
         met = self._met
         while met and met[-1][1] <= value:
             met.pop()
@@ -81,7 +81,7 @@ class Recently:
 
 
 class Heard:
-    """When setpoints come through to a vehicle and are taken, faults of its link included: before its `step_links`."""
+    """Measures gaps between the setpoints that the vehicle receives and accepts, after the faults of its link."""
 
     def __init__(self, vehicle: MockVehicle) -> None:
         self._vehicle, self._step_links = vehicle, vehicle.step_links
@@ -95,17 +95,17 @@ class Heard:
         return self._step_links(now_s, frames_in)
 
     def longest_gap_s(self, now_s: float) -> float:
-        """Return for how long it had none, at the worst, since the last call."""
+        """Return the longest time without a setpoint since the last call."""
         since_s = now_s - self._last_s if self._vehicle.mode in GUIDED else 0.0
         gap_s, self._gap_s = max(self._gap_s, since_s), 0.0
         return gap_s
 
 
 class Watch:
-    """Looks at every cycle of one flight.
+    """Checks every cycle of one flight.
 
     Attributes:
-        case: What is flown; of a flight that goes on from a copy, its own from there on.
+        case: The flight's case; replaced when a copied flight continues with another case.
     """
 
     def __init__(self, case: Case, world: SteppedWorld) -> None:
@@ -131,13 +131,13 @@ class Watch:
         self._sunk_m = self._risen_m = 0.0
 
     def wrong(self, invariant: str, now_s: float, amount: float, said: str = "") -> None:
-        """Keep the worst of each kind."""
+        """Record a violation; only the largest of each invariant is kept."""
         at_s = math.nan if self._engaged_s is None else now_s - self._engaged_s
         if invariant not in self.worst or amount > self.worst[invariant].amount:
             self.worst[invariant] = Violation(invariant, at_s, amount, said)
 
     def sent(self, now_s: float, passed: list[bytes], outputs: Outputs, flight: Any) -> None:
-        """Judge what went out in one cycle."""
+        """Check the frames sent in one cycle."""
         setpoints = [frame for frame in passed if _is_setpoint(frame)]
         if len(setpoints) > 1:
             self.wrong("one setpoint a cycle", now_s, len(setpoints))
@@ -161,7 +161,7 @@ class Watch:
             self.wrong("speed limits", now_s, over)
 
     def _inwards(self, now_s: float, flight: Any) -> None:
-        """Below the floor, as far as the service knows, nothing is asked to go down, above the ceiling nothing up."""
+        """Check that no setpoint descends below the floor or climbs above the ceiling, by the service's own height."""
         local, home_m = flight.vehicle.last(LocalPosition), flight.tracking.home_ned_m
         if local is None or home_m is None:
             return
@@ -181,7 +181,7 @@ class Watch:
             self.wrong("silence rather than old", now_s, age_s)
 
     def followed(self, now_s: float, outputs: Outputs, flight: Any) -> None:
-        """Judge what the state machine did."""
+        """Check the transitions of the state machine."""
         if self._engaged_s is None and outputs.state is State.ENGAGED:
             self._engaged_s = now_s
             self._home_off_m = self._home_off(flight.tracking.home_ned_m)
@@ -202,7 +202,7 @@ class Watch:
         self._notice_another(now_s, outputs.state)
 
     def _home_off(self, told_ned_m: Vector | None) -> tuple[float, float]:
-        """How far from home the vehicle was told that home is, before it flew; in flight home stays where it was."""
+        """Return the error of the reported home before takeoff (horizontal, vertical); the flight keeps that home."""
         return (0.0, 0.0) if told_ned_m is None or self._home_m is None else _apart(told_ned_m, self._home_m)
 
     def _accuse_rightly(self, now_s: float, outputs: Outputs, flight: Any) -> None:
@@ -211,7 +211,7 @@ class Watch:
             self.wrong("no second evader where there is one", now_s, 1.0, flight.tracking.rival(now_s))
 
     def _follow_pilot(self, now_s: float) -> None:
-        """A pilot who took the vehicle keeps it."""
+        """Check that the vehicle does not return to the guided mode after a pilot's switch."""
         wanted = {fault.keys().get("mode") for fault in self.case.scenario.fault if fault.kind == "pilot_mode"}
         mode = self._pursuer.mode
         if self._pilots is None and self._engaged_s is not None and mode in wanted:
@@ -220,7 +220,7 @@ class Watch:
             self.wrong("a pilot is not fought", now_s, 1.0, mode)
 
     def see(self, now_s: float, flight: Any) -> None:
-        """Judge where the vehicle is, from engagement on."""
+        """Check the vehicle's position; called from engagement on."""
         mode = self._pursuer.mode
         if self._pursuer.autopilot.boots > 1 or self._obeys_another(now_s):
             self._ours = False
@@ -244,14 +244,14 @@ class Watch:
         return min((fault.at_s for fault in self.case.scenario.fault if fault.kind == kind), default=math.inf)
 
     def _notice_another(self, now_s: float, state: State) -> None:
-        """Another program is noticed within two seconds, where nothing else goes wrong."""
+        """Check that another program is noticed within two seconds if it is the only fault."""
         if self.case.kinds == ("second_source",) and self._engaged_s is not None and state in SETPOINT_STATES:
             since_s = now_s - self._engaged_s - self._begun_s("second_source")
             if since_s > NOTICED_S:
                 self.wrong("another program is noticed", now_s, since_s)
 
     def _allowed(self, sight: Sight) -> tuple[float, float, float]:
-        """Return the largest error of late, horizontally and of the height, with what is flown blind; the evader's."""
+        """Return the largest recent errors: horizontal and vertical, both with the blind distance, and the evader's."""
         blind_m = self._blind.take(sight.now_s, sight.blind_m)
         level_m, height_m = sight.error_m
         evader_m = self._evaders.take(sight.now_s, math.hypot(*sight.evader_error_m))
@@ -273,7 +273,7 @@ class Watch:
         self._breach("stand-off", sight, self._into(sight), math.hypot(level_m, height_m) + evader_m)
 
     def _weakened(self, sight: Sight) -> None:
-        """Count what a vehicle whose rotors give less than is asked sinks against its setpoint, or rises after it."""
+        """Integrate how far a vehicle with a loss of thrust sinks or rises relative to its setpoint."""
         begun_s = math.inf if self._engaged_s is None else self._engaged_s
         spans = [
             (begun_s + fault.at_s, begun_s + fault.at_s + (fault.for_s or math.inf) + BRAKING_S)
@@ -289,7 +289,7 @@ class Watch:
         self._risen_m += max(0.0, -off_m)
 
     def _into(self, sight: Sight) -> float:
-        """How far the vehicle has itself gone into the space about the evader, the evader's own way not counted."""
+        """Return how far the vehicle's own motion took it into the stand-off; the evader's motion is not counted."""
         gap_m = self._gap(sight.pursuer_m, sight.evader_m)
         if self._before is None or gap_m >= 0.0:
             self._entered_m = 0.0
@@ -307,7 +307,7 @@ class Watch:
     def _breach(self, wall: str, sight: Sight, breach_m: float, allowed_m: float) -> None:
         if breach_m > self.breaches_m.get(wall, 0.0):
             self.breaches_m[wall] = breach_m
-        # What could not be helped as it went beyond cannot until it is back.
+        # The allowance at the time of the breach applies until the vehicle is back inside.
         allowed_m = max(allowed_m, self._granted_m.get(wall, 0.0))
         self._granted_m[wall] = allowed_m if breach_m > 0.0 else 0.0
         if breach_m > allowed_m + SPARE_M:
@@ -334,13 +334,13 @@ class Watch:
         return Sight(now_s, here, there, (level_m, height_m), evader_error, blind_m)
 
     def ended(self, now_s: float, state: State) -> None:
-        """Judge how the flight came out."""
+        """Check the final state."""
         if state not in ENDS:
             self.wrong("an end", now_s, 1.0, str(state))
 
 
 def _is_setpoint(frame: bytes) -> bool:
-    """Whether a frame of MAVLink 2 is a velocity setpoint, and whole."""
+    """Return whether a MAVLink 2 frame is a complete velocity setpoint."""
     return frame[7:10] == _SETPOINT_BYTES and frames.message_id(frame) == SETPOINT
 
 

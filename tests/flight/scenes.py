@@ -1,4 +1,4 @@
-"""A flight by hand: settings, messages of a vehicle that is well, and the context that events are read from."""
+"""Inputs for tests of the flight: settings, messages of a healthy vehicle, and the context for detection of events."""
 
 from dataclasses import replace
 
@@ -87,7 +87,7 @@ def status(at_s=NOW_S, battery=0.9, *, present=PREARM, healthy=PREARM):
 
 
 def well(*changes, at_s=NOW_S):
-    """All that a vehicle which is well has said, and then the changes."""
+    """Return the state of a healthy vehicle after its messages and then the changes."""
     said = [
         heartbeat(at_s),
         local(at_s - 0.01),
@@ -124,7 +124,7 @@ STAGE = {"since_s": NOW_S - 0.1, "chase_began_s": NOW_S, "operator_s": NOW_S}
 
 
 def context(state, *, settings=SETTINGS, vehicle=None, **changes):
-    """A moment in which nothing happens but what the changes say."""
+    """Return a context without events except for the changes."""
     heard = Heard(settings)
     heard.vehicle = well() if vehicle is None else vehicle
     heartbeat = heard.vehicle.last(Heartbeat)

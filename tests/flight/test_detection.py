@@ -1,4 +1,4 @@
-"""What an event is read from: each question alone, on both sides of its edge, and the order in which they are asked."""
+"""Detection of events: each condition alone, on both sides of its threshold, and the order of the conditions."""
 
 import math
 from dataclasses import replace

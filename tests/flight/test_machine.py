@@ -1,4 +1,4 @@
-"""The flight's step, fed by hand: what is asked and when, and what orders come to."""
+"""The flight's step with inputs from the test: its requests and their times, and the effects of orders."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Nothing that comes over a wire ends a flight, and an error of our own ends it in the autopilot's hold."""
+"""No data from a wire ends a flight with an exception; an error in our code ends it in the autopilot's hold."""
 
 import math
 from typing import get_args, get_type_hints
@@ -172,7 +172,7 @@ def yielded(autopilot, how):
 @pytest.mark.parametrize("how", sorted(LOST))
 def test_an_arducopter_waiting_in_guided_after_a_loss_is_switched_to_hold(how):
     flown, lost = yielded(ARDUCOPTER, how)
-    assert commands([lost]) == []  # what was heard meanwhile is from before
+    assert commands([lost]) == []  # the HEARTBEAT received so far is older than the loss
     (asked,) = [flown.cycle(beat=True)]
     assert asked.requests == (ARDUCOPTER.set_mode(Mode.HOLD),)
     assert commands([*flown.cycles(0.5), flown.cycle(beat=True)]) == []

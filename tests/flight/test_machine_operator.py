@@ -1,4 +1,4 @@
-"""A person's sign of life, where it is asked for: without one the vehicle holds, and later it returns."""
+"""The operator's sign of life, if required: without it the vehicle holds, and later it returns."""
 
 import pytest
 
@@ -12,7 +12,7 @@ CYCLE_S = 0.1
 
 
 class Held:
-    """A flight that stands by or holds, heard well, whose clock is moved by hand."""
+    """A flight in STANDING_BY or HOLDING with a good link; the test advances its clock."""
 
     def __init__(self, state, **changes):
         self.flight = Flight(settings_of(**changes))

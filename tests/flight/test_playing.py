@@ -1,4 +1,4 @@
-"""The flight's step, fed by hand: what is sent while the game is on, what ends it, and when there is silence."""
+"""The flight's step during the game, with inputs from the test: setpoints sent, reasons to end, and silence."""
 
 from dataclasses import replace
 from itertools import pairwise

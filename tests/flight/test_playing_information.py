@@ -1,4 +1,4 @@
-"""A cycle on old information, and one about a target that moves: what is played, and what the certificate says."""
+"""Cycles with old information and with a moving target: the game that is played, and its certificate."""
 
 import math
 from dataclasses import replace
@@ -47,7 +47,7 @@ def test_information_older_than_the_guarantee_is_said_and_taken_for_new():
 
 
 def test_in_tad_the_disc_is_smaller_by_what_the_evader_may_have_run():
-    """Against 3 m/s the disc of 3 m is a point from a second on."""
+    """Against 3 m/s a disc of 3 m shrinks to a point in one second."""
     settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0))
     P, E, T = in_game(PURSUER_NED), in_game(EVADER_NED), np.array([40.0, 10.0, 0.0])
     for age_s, reason, radius_m in ((0.0, Reason.SOLVED, 3.0), (0.4, Reason.SOLVED, 1.8), (1.4, Reason.TOO_OLD, 0.0)):

@@ -1,4 +1,4 @@
-"""Where the evader is, in whichever frame the vehicle has now, and where the game is played in it."""
+"""The evader's position in the vehicle's current frame, and the position of the game frame in it."""
 
 import math
 from dataclasses import replace
@@ -102,7 +102,7 @@ def seen_at(ned, at_s, *, received_s=None):
 
 
 def believed(by_m, *said):
-    """The frame that is believed once the origin is told to be elsewhere, of all that the vehicle has said before."""
+    """Return the local frame used after a report of a moved origin, given the vehicle's earlier messages."""
     tracking = Tracking(SETTINGS.cycle, PX4)
     vehicle = observe(VehicleState(), [home(0.0), origin(ZERO), *said])
     tracking.observe(vehicle, [])

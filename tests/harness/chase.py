@@ -1,6 +1,6 @@
-"""One chase in virtual time: the daemon's own cycle, a mock autopilot, and an evader that is at full speed at once.
+"""One chase in virtual time: the daemon's own cycle, a mock autopilot, and an evader that has full speed at once.
 
-The evader is a point mass whose reports reach the cycle without a wire, so that nothing but the pursuer costs time.
+The evader is a point mass, and its reports need no wire; this saves processor time.
 """
 
 import math
@@ -34,7 +34,7 @@ SETTLED_S = 2.0
 LONGEST_S = 90.0
 
 HOVER_S = 6.0
-"""Between the climb and the chase, as a person takes: PX4's belief of the thrust that hovers is high after a climb."""
+"""Time between the climb and the chase, as with an operator; PX4 overestimates the hover thrust after a climb."""
 ORDERS = {State.READY: (Event.START,), State.STANDING_BY: (Event.ENGAGE,)}
 
 
@@ -45,7 +45,7 @@ def hover_chase(
     speeds_m_s: tuple[float, float] = (6.0, 3.0),
     target_m: tuple[float, float] | None = None,
 ) -> Scenario:
-    """The scenario that is measured, on one autopilot: the pursuer's speed and the evader's, and in TAD its target."""
+    """Return the measured scenario for an autopilot, the speeds of pursuer and evader, and the target in TAD."""
     scenario = load_scenario("hover_chase")[1]
     pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot, "speed_m_s": speeds_m_s[0]})
     evader = scenario.evader.model_copy(update={"speed_m_s": speeds_m_s[1]})
@@ -54,15 +54,15 @@ def hover_chase(
 
 
 class Runner:
-    """The evader: stands until told, then runs at full speed at once; an `EvaderSource`.
+    """The evader, an `EvaderSource`: stands still until it runs, then has full speed at once.
 
-    It runs from the pursuer, or to `goal_m` once that is set.
+    It runs away from the pursuer, or to `goal_m` once that is set.
 
     Args:
-        scenario: Whose place, speed and noise it has.
-        settings: Of the pursuer's flight; its stand-off disc is what the gap is to.
-        turn_at_m: Once the pursuer is nearer than this to the disc, it does something else:
-        turned: share of its speed from then on, away from the pursuer: 0 stands at once, -1 comes towards it.
+        scenario: Gives the evader's place, speed and noise.
+        settings: Settings of the pursuer's flight, with the stand-off disc.
+        turn_at_m: Distance of the pursuer from the disc at which the evader changes its motion to `turned`.
+        turned: Speed away from the pursuer after that, as a share of the full speed: 0 stops, -1 approaches.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Runner:
         self._random.seed(seed)
 
     def advance(self, now_s: float, pursuer_m: tuple[float, float], *, running: bool) -> None:
-        """Run on to now."""
+        """Move to the present time and report."""
         away = [mine - his for mine, his in zip(self.place_m, pursuer_m, strict=True)]
         self._has_turned |= running and math.hypot(*away) < self._turn_at_m
         if self.goal_m is not None:
@@ -142,7 +142,7 @@ class Runner:
 
 
 class Altering:
-    """A link whose setpoints are altered on their way; everything else is the link's own."""
+    """A link that alters setpoints before it sends them."""
 
     def __init__(self, link: PymavlinkLink, send: Callable[[Setpoint], Setpoint]) -> None:
         self._link, self._send = link, send
@@ -156,22 +156,22 @@ class Altering:
 
 @dataclass(slots=True)
 class Chased:
-    """What a chase came to. Lengths and speeds are of the true motion; `flown_s` is what the certificate said.
+    """Results of a chase. Lengths and speeds are of the true motion; `flown_s` is from the certificate.
 
     Attributes:
         value_s: The game's value at engagement.
-        flown_s: From engagement until within the tolerance of the disc; NaN if it never came to that.
+        flown_s: Time from engagement until within the tolerance of the disc; NaN if never.
         nearest_m: Least horizontal distance to the rim of the disc: negative is inside.
         lowest_m: Least height above the disc: negative is below.
         nearest_below_m: Least horizontal distance to the rim while more than half a metre below the disc: negative is
-            within the space that is never to be entered.
+            inside the forbidden space.
         fastest_m_s: Largest speed over the ground.
-        station_m: From two seconds after the capture on: every distance to the rim of the disc,
-        slip_m_s: every speed over the ground relative to the evader,
-        reported_m: every distance to the rim, as the vehicle reports it,
-        height_m: and every height above the disc.
+        station_m: All distances to the rim of the disc, from two seconds after the capture.
+        slip_m_s: All ground speeds relative to the evader, from the same time.
+        reported_m: All distances to the rim as the vehicle reports them, from the same time.
+        height_m: All reported heights above the disc, from the same time.
         commands: Every setpoint's velocity and acceleration, NED.
-        needed_s: The time that this vehicle needs, as the first certificate has it.
+        needed_s: `time_needed_s` of the first certificate.
         alarms: Every alarm and its time since engagement.
     """
 
@@ -211,7 +211,7 @@ class Chased:
 
     @property
     def largest_command_m_s(self) -> float:
-        """Over the ground."""
+        """Largest commanded ground speed."""
         return max(math.hypot(*command[:2]) for command in self.commands)
 
     @property
@@ -220,7 +220,7 @@ class Chased:
         return math.sqrt(sum(slip * slip for slip in self.slip_m_s) / max(1, len(self.slip_m_s)))
 
     def note(self, since_s: float, certificate: Certificate, gap_m: float, height_m: float, slip_m_s: float) -> None:
-        """Take down one cycle of the game."""
+        """Record one cycle of the game."""
         if math.isnan(self.value_s):
             self.value_s, self.needed_s = certificate.value, certificate.time_needed_s
         if math.isnan(self.flown_s) and certificate.captured:
@@ -236,15 +236,15 @@ class Chased:
 
 
 class Chase(Sortie):
-    """A chase that is under way; the pursuer keeps station after the capture, the evader still running.
+    """A running chase. After the capture the pursuer keeps station while the evader runs on.
 
-    In TAD the evader goes for the game's meeting point, as it stands at each moment.
+    In TAD the evader runs to the current meeting point of the game.
 
     Args:
-        scenario: What is flown; its evader's policy is not asked.
-        change: Of the flight's settings.
-        alter: Of the mock, before it begins.
-        send: Of every setpoint on its way to the wire.
+        scenario: The scenario to fly; its evader policy is ignored.
+        change: Changes the flight's settings.
+        alter: Changes the mock before the start.
+        send: Changes every setpoint before it is sent.
         turn_at_m: See `Runner`.
         turned: See `Runner`.
     """
@@ -273,11 +273,11 @@ class Chase(Sortie):
 
     @property
     def since_s(self) -> float:
-        """Since engagement; NaN before."""
+        """Time since engagement; NaN before."""
         return self.now_s - self._engaged_s
 
     def fly(self, *, station_s: float = 8.0, longest_s: float = LONGEST_S) -> Chased:
-        """Fly on until `station_s` after the capture, and no longer than `longest_s` after engagement."""
+        """Fly until `station_s` after the capture, but at most `longest_s` after engagement."""
         self.run(LONGEST_S, lambda: self.since_s + PERIOD_S > min(longest_s, self.chased.flown_s + station_s))
         return self.chased
 
@@ -289,7 +289,7 @@ class Chase(Sortie):
         self.runner.advance(self.now_s, (north, east), running=self.since_s > 0.0)
 
     def act(self, _orders: Sequence[Event]) -> Outputs:
-        """Run one cycle, and take down what came of it."""
+        """Run one cycle and record its results."""
         before = self.state
         hovers = before is State.STANDING_BY and self.now_s - self._changed_s < HOVER_S
         outputs: Outputs = self.pilot.run(self.now_s, () if hovers else ORDERS.get(before, ()))
@@ -335,7 +335,7 @@ def _vehicle(scenario: Scenario) -> MockVehicle:
 
 
 def _truth(vehicle: MockVehicle, scenario: Scenario) -> tuple[tuple[float, float, float], tuple[float, float]]:
-    """True place about the site's point and true speed over the ground; the mock's frame begins at its start."""
+    """Return true position relative to the site's point and true ground velocity; the mock's origin is its start."""
     body = vehicle.truth
     east, north, _ = scenario.pursuer.position_m
     place = body.position_ned_m
@@ -343,7 +343,7 @@ def _truth(vehicle: MockVehicle, scenario: Scenario) -> tuple[tuple[float, float
 
 
 def altered(*, drag: float = 1.0, lag: float = 1.0, noise: float = 1.0) -> Callable[[MockVehicle], None]:
-    """Return what multiplies the drag, the lags (dead time, attitude, rotors) and the estimator's errors of a mock."""
+    """Return a function that scales a mock's drag, lags (dead time, attitude, rotors) and estimator errors."""
 
     def alter(vehicle: MockVehicle) -> None:
         autopilot = vehicle.autopilot

@@ -1,4 +1,4 @@
-"""A stepped flight: one mock vehicle, one client, and a clock that is moved by hand."""
+"""A stepped flight: one mock vehicle, one client, and a clock that the test advances."""
 
 import math
 
@@ -13,7 +13,7 @@ GUIDED = {"px4": (1, 6), "arducopter": (1, 4), "rover": (1, 15)}
 
 
 class Flight:
-    """One vehicle and what a client 1/195 has heard from it."""
+    """One vehicle, and the frames that client 1/195 received from it."""
 
     def __init__(self, flavour, *, dt_s=STEP_S, source=(1, 195), **settings):
         settings.setdefault("ready_after_s", 0.5)
@@ -36,20 +36,20 @@ class Flight:
         self._messages += [None] * len(frames)
 
     def _message(self, index):
-        """Most of what a vehicle says nobody asks for: a frame is read when somebody does."""
+        """Return a message; frames are decoded on first use, because tests read only a few."""
         if self._messages[index] is None:
             (self._messages[index],) = self.decoder.feed(self.frames[index], whole=True)
         return self._messages[index]
 
     def _of(self, name):
-        """Where the messages of a name stand, the latest first."""
+        """Yield the indices of the messages of a name, the latest first."""
         number = spec_of(name).id_bytes
         frames = self.frames
         return (index for index in reversed(range(len(frames))) if frames[index][7:10] == number)
 
     @property
     def heard(self):
-        """Every message, with the time it came at."""
+        """Every message with its time of arrival."""
         return [(self._times[index], self._message(index)) for index in range(len(self.frames))]
 
     def send(self, *message):
@@ -57,7 +57,7 @@ class Flight:
         self._hear(self.vehicle.step(self.now_s, [self.encoder.pack(*message)]))
 
     def run(self, seconds, stream=None, every_s=None):
-        """Move the clock, sending what `stream` gives every `every_s` (at each step if not given)."""
+        """Advance the clock and send the message `stream` every `every_s` (at each step if None)."""
         steps = round(seconds / self.dt_s)
         period = 1 if every_s is None else round(every_s / self.dt_s)
         for index in range(steps):
@@ -68,7 +68,7 @@ class Flight:
         return self
 
     def until(self, condition, within_s, stream=None):
-        """Move the clock until a condition holds; the seconds it took."""
+        """Advance the clock until a condition holds; return the time it took, s."""
         start_s = self.now_s
         while not condition():
             assert self.now_s - start_s < within_s, f"not within {within_s} s; mode {self.vehicle.mode}"
@@ -76,7 +76,7 @@ class Flight:
         return self.now_s - start_s
 
     def command(self, number, *params, wait_s=0.1, target=(1, 1)):
-        """Send a COMMAND_LONG; the results of all its ACKs."""
+        """Send a COMMAND_LONG; return the results of all its ACKs."""
         before = len(self.frames)
         fill = [UNUSED[self.flavour]] * (7 - len(params))
         self.send("COMMAND_LONG", *target, number, 0, *params, *fill)
@@ -84,7 +84,7 @@ class Flight:
         return self._results(before, number)
 
     def command_int(self, number, frame, *params, x=0, y=0, z=0.0):
-        """Send a COMMAND_INT; the results of all its ACKs."""
+        """Send a COMMAND_INT; return the results of all its ACKs."""
         before = len(self.frames)
         fill = [UNUSED[self.flavour]] * (4 - len(params))
         self.send("COMMAND_INT", 1, 1, frame, number, 0, 0, *params, *fill, x, y, z)
@@ -92,7 +92,7 @@ class Flight:
         return self._results(before, number)
 
     def _results(self, before, number):
-        """What ACKs of a command said, since so many frames."""
+        """Return the results of a command's ACKs after the first `before` frames."""
         acks = [self._message(index) for index in self._of("COMMAND_ACK") if index >= before]
         return [ack.result for ack in reversed(acks) if ack.command == number]
 
@@ -101,12 +101,12 @@ class Flight:
         return next((self._message(index) for index in self._of(name)), None)
 
     def all(self, name, since_s=0.0):
-        """All messages of a name since a time, with the time they came at."""
+        """Return all messages of a name since a time, with their times of arrival."""
         came = [(self._times[index], self._message(index)) for index in self._of(name) if self._times[index] >= since_s]
         return came[::-1]
 
     def texts(self):
-        """All STATUSTEXTs, chunks put together."""
+        """Return all STATUSTEXTs, with chunks joined."""
         whole = []
         for _, message in self.all("STATUSTEXT"):
             if message.chunk_seq:
@@ -162,9 +162,9 @@ def velocity(north, east, down, *, mask=2503, frame=1, target=(1, 1), yaw=0.0):
 
 
 class Fly:
-    """``fly("px4", ...)`` switches a vehicle on; ``fly.airborne("px4", height=10.0, ...)`` has one in the air.
+    """``fly("px4", ...)`` starts a vehicle; ``fly.airborne("px4", height=10.0, ...)`` returns one in the air.
 
-    How a vehicle comes into the air is flown once; those who ask for it fly on in copies.
+    Each take-off is flown once; tests continue from copies.
     """
 
     def __init__(self):

@@ -1,6 +1,6 @@
-"""`guidance` as a person types it, in this process: what it prints, what it says beside it, and its exit code.
+"""Runs a `guidance` command in this process and returns its standard output, standard error and exit code.
 
-A process of its own takes a second to start: one where that is what is tested, and not to read a message.
+A separate process takes a second to start; only tests of the process itself need one.
 """
 
 import io
@@ -15,7 +15,7 @@ from guidance.cli import main
 
 
 class Done(NamedTuple):
-    """What became of a command, by the names of `subprocess.CompletedProcess`."""
+    """Result of a command, with the field names of `subprocess.CompletedProcess`."""
 
     returncode: int
     stdout: str
@@ -23,7 +23,7 @@ class Done(NamedTuple):
 
 
 class Kept(io.BytesIO):
-    """What was written stays, whoever closes it: the stream that the command puts in front of it does, as it goes."""
+    """A buffer that stays readable after close; the command's text stream closes it when it is deleted."""
 
     def close(self) -> None:
         """Stay open."""
@@ -33,8 +33,8 @@ def guidance(*arguments: object, said: str = "") -> Done:
     """Run the command to its end.
 
     Args:
-        arguments: Of the command.
-        said: What the person types when asked, line by line.
+        arguments: Arguments of the command.
+        said: Standard input, one line per prompt.
     """
     ends = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     out, err = (io.TextIOWrapper(Kept(), encoding="utf-8") for _ in range(2))

@@ -1,4 +1,4 @@
-"""A world in virtual time, copied: what is flown once goes on from any number of copies, each bit for bit the first."""
+"""Copies worlds in virtual time: a flight flown once continues from any number of copies, bit for bit the same."""
 
 import copy
 import copyreg
@@ -18,12 +18,12 @@ from sitl_mock.protocols import Parameter
 
 World = TypeVar("World")
 UNCHANGING = (Struct, itemgetter, Parameter, MessageSpec, Mode, Transition, Rule, Finding)
-"""Nobody can change one of these, and a vehicle's tables hold a thousand."""
+"""Immutable types, shared between copies: a vehicle's tables hold about a thousand of them."""
 
 
 @contextmanager
 def _copyable() -> Iterator[None]:
-    """A copied world has locks of its own, tables that nobody changes, and the very rows of the original's."""
+    """Make copies get their own locks and read-only tables, and share the immutable rows of those tables."""
     table = copyreg.dispatch_table
     before = dict(table)
     table[type(threading.Lock())] = lambda _lock: (threading.Lock, ())
@@ -37,13 +37,13 @@ def _copyable() -> Iterator[None]:
 
 
 def copied(world: World, same: Iterable[object] = ()) -> World:
-    """Return a copy that shares nothing with its original but what is `same`: what nobody changes, and is much."""
+    """Return a deep copy. It shares only the objects in `same`: large ones that are never modified."""
     with _copyable():
         return copy.deepcopy(world, {id(one): one for one in same})
 
 
 def shared_by_functions(world: object) -> set[str]:
-    """Name the functions that would go on with the original's parts in a copy: a closure is not copied."""
+    """Return the functions that would use the original's objects in a copy, because closures are not copied."""
     memo: dict[int, Any] = {}
     with _copyable():
         copy.deepcopy(world, memo)
@@ -64,7 +64,7 @@ def shared_by_functions(world: object) -> set[str]:
 
 
 class Flown:
-    """Worlds flown to some state, kept by how they were begun and how far they were flown."""
+    """Worlds flown to a state, stored by their settings and that state."""
 
     def __init__(self) -> None:
         self._kept: dict[Hashable, Any] = {}
@@ -75,9 +75,9 @@ class Flown:
         """Return a copy of the world of this key.
 
         Args:
-            key: Of what is flown, and how far.
-            fly: Flies it, where it has not been flown yet.
-            same: What of it nobody changes: its history.
+            key: Settings of the world, and the state to reach.
+            fly: Flies the world; called once per key.
+            same: Returns objects to share between copies, for example the history.
         """
         if key not in self._kept:
             self._kept[key] = fly()

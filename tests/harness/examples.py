@@ -1,4 +1,4 @@
-"""How many examples hypothesis draws for a property: a quarter by default, all of them in a search.
+"""The number of examples that hypothesis draws for a property: a quarter by default, all of them in a search.
 
 `python -m tests examples` draws all of them, the same in every run; `HYPOTHESIS_PROFILE=search` draws new ones.
 """

@@ -23,7 +23,7 @@ def flown(
     """Fly a scenario to its end.
 
     Args:
-        scenario: What is flown.
+        scenario: The scenario to fly.
         path: Of its record; None keeps none.
         watch: Is told of every cycle.
     """

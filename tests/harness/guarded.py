@@ -1,4 +1,4 @@
-"""Random TAD games flown in virtual time, from hover: the evader is at full speed at once, wind blows, both may win.
+"""Random TAD games in virtual time, from hover, with wind. The evader has full speed at once; both players can win.
 
 The flight to each start is flown once and copied for every game.
 """
@@ -21,11 +21,11 @@ from tests.harness.copies import Flown
 LONGEST_S = 60.0
 SETTLED_S = 6.0
 HEARD_S = 2.0
-"""From the evader's first report to the order to engage."""
+"""Time from the evader's first report to the order to engage."""
 
 
 class Setup(NamedTuple):
-    """What all games from one start share. The target is at the zero of the game frame."""
+    """Settings shared by all games from one start. The target is at the origin of the game frame."""
 
     autopilot: str
     speeds_m_s: tuple[float, float]
@@ -50,11 +50,11 @@ class Drawn(NamedTuple):
     """One game.
 
     Attributes:
-        number: Of the game; seeds its noise.
-        setup: Where the pursuer starts.
-        evader_m: Where the evader starts, x and y.
-        course_m: Places through which it runs, the target last; empty if it plays the game's optimal strategy.
-        wind_m_s: Towards north and east.
+        number: Number of the game; seeds its noise.
+        setup: Autopilot, speeds and start of the pursuer.
+        evader_m: Start of the evader, x and y.
+        course_m: Waypoints of the evader, the target last; empty if it plays the game's optimal strategy.
+        wind_m_s: Wind velocity, north and east.
     """
 
     number: int
@@ -65,14 +65,14 @@ class Drawn(NamedTuple):
 
 
 class Guarded(NamedTuple):
-    """How one game ended, and what was claimed meanwhile.
+    """End of one game, and the vehicle's verdicts during it.
 
     Attributes:
-        end: "captured", "arrived", or what else ended it; "undecided" after `LONGEST_S`.
-        end_s: When, since engagement.
+        end: "captured", "arrived" or another event; "undecided" after `LONGEST_S`.
+        end_s: Time of the end since engagement.
         margin_s: The ideal game's margin at engagement.
-        claimed_s: When the vehicle's verdict had been "pursuer" for `LASTING_S` for the first time; NaN if never.
-        reported_s: When the event said so; NaN if never.
+        claimed_s: Time when the verdict "pursuer" first lasted `LASTING_S`; NaN if never.
+        reported_s: Time of the event that reports this verdict; NaN if never.
     """
 
     end: str

@@ -1,4 +1,4 @@
-"""A sortie: a pursuer in virtual time, whoever flies it and in whichever world. Every flight of the tests is one."""
+"""A sortie: one pursuer flown in virtual time. All flights of the tests use it, each with its own pilot and world."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 
 
 class Sent:
-    """One frame that we put on the pursuer's wire."""
+    """One frame sent to the pursuer."""
 
     def __init__(self, now_s, frame):
         self.now_s = now_s
@@ -36,17 +36,17 @@ class Sent:
 
 
 class Sortie:
-    """The clock, the world, and who flies: a cycle moves them in this order.
+    """A clock, a world and a pilot. Each cycle advances the clock, then the world, then the pilot.
 
     Args:
-        clock: The world's; who waits for it moves it.
-        pilot: What flies: a flight with its links, or a daemon.
-        world: What is stepped to the clock's present, and closed.
+        clock: Virtual clock; `sleep_until` advances it.
+        pilot: Runs the cycles: a flight with its links, or a daemon.
+        world: Simulated vehicles, stepped to the clock's time in each cycle.
 
     Attributes:
-        sent: What was put on the pursuer's wire.
-        outputs: What each cycle decided.
-        frozen: Nobody flies meanwhile: the world goes on without us.
+        sent: Frames sent to the pursuer.
+        outputs: Outputs of each cycle.
+        frozen: If true, the pilot runs no cycles while the world continues.
     """
 
     LIMIT_S = 60.0
@@ -70,7 +70,7 @@ class Sortie:
 
     @property
     def finished(self):
-        """Whether there is nothing more to be flown."""
+        """Whether the flight is over."""
         return False
 
     @property
@@ -86,15 +86,15 @@ class Sortie:
         return [sent for sent in self.sent if sent.name == "SET_POSITION_TARGET_LOCAL_NED"]
 
     def advance(self):
-        """Step the world to the clock's present."""
+        """Step the world to the clock's time."""
         self.world.advance()
 
     def act(self, orders):
-        """Let who flies run one cycle."""
+        """Run one cycle of the pilot."""
         return self.pilot.run(self.now_s, orders)
 
     def passed(self):
-        """What passed on the pursuer's wire since the last cycle."""
+        """Return the frames on the pursuer's wire since the last cycle."""
         return ()
 
     def cycle(self, *orders):
@@ -105,7 +105,7 @@ class Sortie:
         self.sent += [Sent(one.now_s, one.frame) for one in self.passed() if one.topic.endswith("/in")]
 
     def run(self, seconds=300.0, until=lambda: False):
-        """Go on for so long, or until what is waited for, or there is nothing more to be flown."""
+        """Run cycles for a time, or until the condition holds or the flight is over."""
         for _ in range(round(seconds / PERIOD_S)):
             if self.finished or until():
                 break
@@ -113,7 +113,7 @@ class Sortie:
         return self
 
     def until(self, *states, limit_s=None):
-        """Go on until the flight is in one of these states; fail when that takes too long."""
+        """Run until the flight is in one of these states; fail after the time limit."""
         limit_s = limit_s or self.LIMIT_S
         self.run(limit_s, lambda: self.state in states)
         if self.state not in states:
@@ -121,7 +121,7 @@ class Sortie:
         return self
 
     def history(self):
-        """What has been said and done, which nobody changes."""
+        """Return the frames and outputs so far; they are immutable, so copies of the sortie share them."""
         return [*self.sent, *self.outputs]
 
     def close(self):
@@ -129,7 +129,7 @@ class Sortie:
 
 
 class Stepped(Sortie):
-    """The flight core in the world of `scenario run`, its orders by hand, with every switch that a complaint needs."""
+    """The flight core in the world of `scenario run`, with orders given by the test."""
 
     LIMIT_S = 120.0
 
@@ -178,7 +178,7 @@ class Stepped(Sortie):
 
 
 class Sorties:
-    """Makes sorties of a kind. What many begin with is flown once: they go on from copies of it."""
+    """Makes sorties of one class. A common beginning is flown once; later sorties continue from copies."""
 
     def __init__(self, kind):
         self.kind = kind
@@ -189,7 +189,7 @@ class Sorties:
         return self._kept(self.kind(*which, **more))
 
     def after(self, fly, *which, **more):
-        """A sortie that has flown so far as `fly` flies it."""
+        """Return a copy of a sortie that `fly` has flown."""
         key = (fly, repr((which, sorted(more.items()))))
         return self._kept(self.flown(key, lambda: fly(self.kind(*which, **more)), self.kind.history))
 

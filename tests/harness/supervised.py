@@ -22,10 +22,10 @@ class Supervised(Sortie):
     Args:
         clock: Of the world; waiting for it moves it.
         world: Where it flies.
-        plan: What is flown.
-        scenario: What the mission plays.
-        policy: What the mission orders.
-        more: Of the mission.
+        plan: Plan of the flight.
+        scenario: Scenario of the mission.
+        policy: Orders of the mission.
+        more: Other arguments of the mission.
     """
 
     def __init__(

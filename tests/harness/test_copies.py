@@ -1,4 +1,4 @@
-"""What the other tests rely on: a copy of a world flies on as the world itself does, and neither disturbs the other."""
+"""A copy of a world flies exactly as the original, and neither affects the other. Many tests rely on this."""
 
 import threading
 

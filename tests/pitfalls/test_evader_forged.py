@@ -1,7 +1,7 @@
-"""Somebody else reports as the evader, ten times as often: whole flights, by every carrier there is.
+"""Whole flights in which a forger sends reports as the evader, at ten times the rate, over every carrier.
 
-The forger begins in the middle of the chase and draws the evader's place away. The vehicle is to be handed to its hold
-soon, and is not to have believed in more than the evader can do.
+The forger begins in the middle of the chase and moves the reported position away. The flight must hand the vehicle to
+its hold mode soon, and the believed position must stay within the evader's possible motion.
 """
 
 import json
@@ -47,7 +47,7 @@ def chase(*faults):
 
 
 class Around:
-    """The mission, ended once the vehicle holds or the forger has had his time; notes how wrong the belief was."""
+    """The mission; it ends when the vehicle holds or the forger's time is over. Records the largest position error."""
 
     def __init__(self, mission, daemon, world):
         self._mission, self._daemon, self._world = mission, daemon, world
@@ -74,7 +74,7 @@ class Around:
 
 
 def flown(scenario, source=None, *, hold=True):
-    """Fly it; `source` makes the source of reports of the mock's own, and of the time since engagement."""
+    """Fly a scenario; `source` wraps the mock's evader source and gets the time of engagement and the clock."""
     clock = VirtualClock()
     world = SteppedWorld(scenario, clock)
     if source is not None:
@@ -91,10 +91,10 @@ def flown(scenario, source=None, *, hold=True):
 
 
 def held_as_it_should(flight):
-    # Before two sources are told from each other, a place that runs away may be more than the game allows.
+    # The position may leave the game's limits before the second source is detected.
     assert flight.told[-1] in {Event.RIVAL, Event.NO_GAME}
     assert FORGED_AT_S < flight.held_s <= FORGED_AT_S + 2.0
-    # What a jump may be, and the way at our own speed until it is noticed.
+    # The largest accepted jump, and the distance at our own speed until the forger is noticed.
     assert flight.worst_m < 6.0 + OWN_M_S * (flight.held_s - FORGED_AT_S + 3.0)
 
 
@@ -109,7 +109,7 @@ def test_a_forger_with_the_evaders_system_id(clock_s, away_m_s):
 
 
 class Relayed:
-    """The evader's reports, told again by another carrier; from `FORGED_AT_S` on ten more beside each."""
+    """Repeats the evader's reports over another carrier; from `FORGED_AT_S` it adds ten forged ones to each."""
 
     def __init__(self, source, engaged_s, clock, *, rate_hz, tell):
         self._source, self._engaged_s, self._clock = source, engaged_s, clock
@@ -166,7 +166,7 @@ def over_zenoh(kind):
 
 
 def over_mavlink(carrier, message):
-    """Through `MavlinkEvader`, two senders with one system id, each with a count of his own."""
+    """Use `MavlinkEvader` with two senders that have one system id and separate sequence numbers."""
     ours, theirs = MemoryWire.pair(lambda: 0.0)
     source = MavlinkEvader(ours, carrier, system_id=9)
     senders = [mavlink.MAVLink(None, 9, 1), mavlink.MAVLink(None, 9, 1)]

@@ -1,4 +1,4 @@
-"""Pitfalls 5, 6, 9, 24, 29: what the autopilot is set to, who starts the game, and who else is talking."""
+"""Pitfalls 5, 6, 9, 24, 29: the autopilot's parameters, the start of the game, and other senders."""
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink

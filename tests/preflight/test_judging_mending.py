@@ -1,4 +1,4 @@
-"""What would be set so that nothing is refused: as little as it takes, and judged again until nothing is left."""
+"""Proposed parameter changes that make preflight pass: as few as possible, and checked again until none remains."""
 
 import pytest
 from hypothesis import given
@@ -49,7 +49,7 @@ def test_with_them_nothing_is_refused_and_where_advice_is_taken_nothing_is_warne
 
 
 def test_what_one_change_makes_wrong_is_changed_too():
-    # PX4's Return climbs to 70 m: nothing is said of it while there is no fence, and it is too high under one of 65 m.
+    # PX4's Return climbs to 70 m. Without a fence that is no finding; under a fence of 65 m it is too high.
     parameters = defaults("px4") | {"RTL_RETURN_ALT": 70.0}
     wanted = {one.name: one for one in changes(Facts(parameters=parameters), PX4, WANTS, advised=True)}
     assert wanted["RTL_RETURN_ALT"].then == "60 m"

@@ -33,12 +33,12 @@ UNIX_S = 1_800_000_000.0
 
 @pytest.fixture(scope="session")
 def vehicle_document():
-    """How to make a configuration."""
+    """Return a function that makes a configuration."""
     return document
 
 
 class KeptLog:
-    """A log that keeps what is said, for tests to read."""
+    """A log that stores its lines for tests."""
 
     dropped = 0
 
@@ -107,7 +107,7 @@ class Ordered(Sortie):
         super().__init__(clock, self.daemon)
 
     def report(self, frame):
-        """Somebody says a frame where the evader is heard."""
+        """Send a frame on the evader's wire."""
         self._prey_end.send(frame)
 
     def advance(self):
@@ -180,6 +180,6 @@ def base(bases):
 
 @pytest.fixture
 def text_log():
-    """A stream to log to, and how to read it back as JSON rows."""
+    """Return a stream for the log, and a function that reads it as JSON rows."""
     stream = io.StringIO()
     return stream, lambda: [json.loads(line) for line in stream.getvalue().splitlines()]

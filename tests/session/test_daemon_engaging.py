@@ -1,4 +1,4 @@
-"""The autopilot's fence and loss parameters are read again before the game begins: somebody may have changed them."""
+"""The autopilot's fence and loss parameters are read again before the game begins, because they may have changed."""
 
 import logging
 
@@ -23,7 +23,7 @@ def standing_by(base, autopilot):
 
 
 def change(one, name, value):
-    """Somebody sets it, and nobody is told: an announcement need not arrive."""
+    """Set a parameter without an announcement, because an announcement can be lost."""
     one.vehicle.autopilot.parameters.set(name, value)
 
 
@@ -137,7 +137,7 @@ def test_a_pilots_switch_engages_only_what_still_passes(base):
         fields for level, message, fields in one.log.lines if level >= logging.WARNING and message == "not engaged"
     ]
     assert "GF_ACTION is 0 (none)" in refused["reason"]
-    change(one, "GF_ACTION", 2.0)  # what stands behind us is read at each switch
+    change(one, "GF_ACTION", 2.0)  # fence and loss parameters are read at each switch
     by_pilot(one, "POSCTL")
     one.run(1.2)
     by_pilot(one, "OFFBOARD")

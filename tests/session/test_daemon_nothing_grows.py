@@ -22,7 +22,7 @@ from tests.harness.flights import NEAR
 
 
 def left():
-    """Count what is there, once all that nobody holds is gone: objects, and open descriptors."""
+    """Return the numbers of objects and of open descriptors after a garbage collection."""
     gc.collect()
     return len(gc.get_objects()), len(list(Path("/proc/self/fd").iterdir()))
 

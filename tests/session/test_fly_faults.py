@@ -1,4 +1,4 @@
-"""Scenarios in which something goes wrong, or the wind blows: flown in virtual time, and refused before anything."""
+"""Scenarios with faults or wind: flown in virtual time, or refused before the start."""
 
 import math
 import tomllib
@@ -87,7 +87,7 @@ def test_wind_blows_on_the_pursuer_for_the_whole_flight_and_is_captured_against(
     ]
     _, outcome = flown(wind=wind)
     assert outcome.end == "captured"
-    # The autopilot holds the speed over ground: what is promised is what is promised in still air.
+    # The autopilot holds the speed over ground, so the promise is the same as in still air.
     assert outcome.predicted == pytest.approx(play([scenario()])[0].predicted, abs=0.3)
 
 

@@ -81,7 +81,7 @@ class World(VirtualClock):
         return wait_until_placed(self.link, self.profile, self, self.shown.append, **limits)
 
     def by_hand(self, *requests, until, limit_s=40.0):
-        """Somebody else orders, with a link of their own, until it is so."""
+        """Send requests from another sender with its own link, and wait until the condition holds."""
         ours, end = MemoryWire.pair(self.now_s)
         self.mock.join(end)
         other = PymavlinkLink(ours, self.now_s, system_id=1, own_system_id=255, own_component_id=190)
@@ -94,7 +94,7 @@ class World(VirtualClock):
         assert until()
 
     def ordered(self):
-        """What was said to the vehicle by us that is more than a question."""
+        """Return our messages to the vehicle that change something, without heartbeats and queries."""
         frames = [one.frame for one in self.mock.wire.drain() if one.topic.endswith("/in")]
         messages = [mavlink.MAVLink(None).decode(bytearray(frame)) for frame in frames]
         return [

@@ -31,7 +31,7 @@ def test_console_lines_are_for_people(text_log):
 
 
 class StandingStill:
-    """A terminal that takes nothing until it is told to."""
+    """A terminal that blocks writes until `go` is set."""
 
     def __init__(self):
         self.go = threading.Event()

@@ -1,4 +1,4 @@
-"""The loop: its grid and the positions' arrival, signals, what is kept for the gaps, and the processor."""
+"""The loop: its time grid and the arrival of positions, signals, work left for idle time, and processor time."""
 
 import errno
 import gc
@@ -34,7 +34,7 @@ def test_the_next_cycle_is_on_the_grid_still_to_come_and_no_more_than_a_period_a
 
 
 class ScriptedDaemon:
-    """Runs a number of cycles, each as long as it is told, and keeps what it was asked."""
+    """Runs a number of cycles of given durations, and records its orders."""
 
     name = "uav1"
 
@@ -65,7 +65,7 @@ class ScriptedDaemon:
 
 
 class ScriptedWorld:
-    """A vehicle of which nothing but frames is wanted."""
+    """A world with one vehicle that only provides frames."""
 
     real_time = True
 
@@ -190,7 +190,7 @@ def test_signals_are_acted_on_by_the_loop(clock):
     signals = signals_of()
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
     with signals.installed():
-        with pytest.raises(SystemExit) as ended:  # while the vehicle is waited for, there is nothing to hand over
+        with pytest.raises(SystemExit) as ended:  # before the vehicle is found, there is nothing to hand over
             os.kill(os.getpid(), signal.SIGTERM)
         assert ended.value.code == 0
         signals.begin()
@@ -198,7 +198,7 @@ def test_signals_are_acted_on_by_the_loop(clock):
             os.kill(os.getpid(), number)
         daemon, _ = looped(clock, [0.001] * 3, signals)
     assert daemon.asked == [Event.LAND, Event.LAND, "again"]
-    # What stays open after a flight, a page or a view, ends by them as if there had been none.
+    # A page or view that stays open after the flight ends by signals in the default way.
     assert {number: signal.getsignal(number) for number in before} == before
 
 

@@ -1,4 +1,4 @@
-"""A scenario on a vehicle that is not ours: what two files may say together, who gives the orders, and one flight."""
+"""A scenario with a vehicle file: allowed combinations of the two files, authority to order, and one flight."""
 
 import json
 import math
@@ -203,7 +203,7 @@ request_rate_hz = 20.0
     assert done.returncode == 0, done.stdout + done.stderr
     row = json.loads((tmp_path / "row.json").read_text())
     assert (row["run"], row["end"]) == ("vehicle", "captured")
-    assert row["evader_policy"] == "reported"  # the file's is nobody's here
+    assert row["evader_policy"] == "reported"  # the policy of the scenario file is not used here
     assert row["min_standoff_m"] > 7.0
     assert math.isfinite(row["predicted_capture_time_s"])
     record = tmp_path / "record.mcap"

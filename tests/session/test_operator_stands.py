@@ -1,4 +1,4 @@
-"""What an operator orders stands, on every runner: against the mission, its limits and its end."""
+"""An operator's order has priority over the mission, its limits and its end, on every runner."""
 
 import pytest
 
@@ -29,7 +29,7 @@ NEXT = {
 
 
 class Operator:
-    """Gives each order once, when the flight has been in a state for a while; `said` is what was shown then."""
+    """Gives each order once, after the flight has been in a state for a while; `shown` stores all progress shown."""
 
     def __init__(self, *orders):
         self.mailbox = Mailbox()

@@ -1,4 +1,4 @@
-"""What the status says of an order is what the order is answered, and who gave it is kept."""
+"""The status predicts the answer to every order, and log and record name the sender of an order."""
 
 import re
 
@@ -35,7 +35,7 @@ def refused_are_refused_for_that_reason(base):
             continue
         answer = base.order(order)
         assert not answer["accepted"]
-        # What is waited for arrives meanwhile, and ages go on: the rest is word for word.
+        # Missing inputs may arrive meanwhile and ages grow; the rest of the text must be equal.
         assert re.split(r"[:\d]", answer["reason"])[0] == re.split(r"[:\d]", reason)[0]
     return accepted
 

@@ -1,4 +1,4 @@
-"""What systemd is told, and that nothing depends on it."""
+"""Notifications to systemd, and operation without systemd."""
 
 import socket
 
@@ -9,7 +9,7 @@ from guidance.session.process import Notifier
 
 @pytest.fixture
 def systemd(tmp_path):
-    """What systemd would read."""
+    """Return a socket that receives the notifications to systemd."""
     path = str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind(path)

@@ -1,4 +1,4 @@
-"""Vehicle files: what is refused, with which words, and what becomes of what is not."""
+"""Vehicle files: refused files and their messages, and the result of accepted files."""
 
 import json
 import math

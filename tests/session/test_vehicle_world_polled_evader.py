@@ -9,7 +9,7 @@ from sitl_mock import Home, MockVehicle
 
 
 class Rover:
-    """A rover that says nothing but HEARTBEAT until it is asked, and the source that asks it."""
+    """A rover that sends only HEARTBEAT until reports are requested, and the source that requests them."""
 
     def __init__(self):
         self.clock = VirtualClock()
