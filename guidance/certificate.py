@@ -10,12 +10,13 @@ time left to react and to brake to the evader's velocity. The verdict is "evader
 """
 
 import math
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 from guidance.control import Acceleration, Envelope, Gaps, late_start
 from guidance.frames import Vector, difference
-from guidance.game import Ball, Game, StateSolution, Winner, solve_state
+from guidance.game import Game, StateSolution, Winner, solve_state
+from guidance.game.arrays import FLOATS
+from guidance.game.pe import escape, take_apart
 
 _NOWHERE: Final[Vector] = (math.nan, math.nan, math.nan)
 _TAKEN_FOR_GRANTED: Final = 0.8
@@ -120,7 +121,9 @@ def certify(
     evader_age_s: float,
     tolerance_m: float,
 ) -> tuple[StateSolution, Certificate]:
-    """Solve the game from here, and from where a pursuer would start that does as well as this vehicle.
+    """Solve the game from here, and find its value from where a pursuer starts that does as well as this vehicle.
+
+    In PE that value is a capture time. In TAD it is another game, with the speed that the vehicle has shown.
 
     Args:
         game: What is played, at the speed that the vehicle reaches.
@@ -138,8 +141,6 @@ def certify(
     here = solve_state(game, P, E, T, evader_velocity_m_s=seen)
     optimal_m_s = here.pursuer_velocity_m_s if before_m_s is None else before_m_s
     late = late_start(P, optimal_m_s, players.pursuer_m_s, vehicle.acceleration)
-    demonstrated = game if T is None else _demonstrated(game, vehicle.shown_m_s)
-    there = solve_state(demonstrated, late, E, T, evader_velocity_m_s=seen)
     farthest_m = max(gaps.ground_m, abs(gaps.height_m))
     certificate = without_game(players, gaps, evader_age_s)._replace(
         winner=here.winner,
@@ -150,21 +151,22 @@ def certify(
         speed_ratio=game.pursuer.horizontal_m_s / game.evader_speed_m_s,
         captured=farthest_m <= tolerance_m,
         strayed=farthest_m > 3.0 * tolerance_m,
-        time_needed_s=there.meeting_time_s,
         reason=here.reason,
-        allowance=there.value - here.value,
         vehicle_winner=int(Winner.PURSUER),
         reachable_speed_m_s=game.pursuer.horizontal_m_s,
         no_game=False,
     )
     if T is None:
-        return here, certificate
+        time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late, E, None))
+        return here, certificate._replace(time_needed_s=time_s, allowance=time_s - here.value)
+    there = solve_state(_demonstrated(game, vehicle.shown_m_s), late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
     margin_s = there.margin_s - _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     return here, certificate._replace(
         evader_arrived=not certificate.captured and game.target_extent.distance_m(T, E) <= tolerance_m,
+        time_needed_s=there.meeting_time_s,
         assured_distance_m=assured_m,
         allowance=here.value - assured_m,
         vehicle_winner=int(Winner.PURSUER if certificate.captured else verdict),
@@ -196,19 +198,13 @@ def without_game(players: Players, gaps: Gaps, evader_age_s: float) -> Certifica
     )
 
 
-def at_speed(game: Game, ground_m_s: float) -> Game:
-    """Return the same game with another speed of the pursuer over the ground."""
-    pursuer = game.pursuer
-    return replace(
-        game, pursuer=Ball(ground_m_s) if isinstance(pursuer, Ball) else replace(pursuer, horizontal_m_s=ground_m_s)
-    )
-
-
 def _demonstrated(game: Game, shown_m_s: float) -> Game:
     """Return the game with the speed over the ground that the vehicle has shown, or is trusted with before."""
     full_m_s = game.pursuer.horizontal_m_s
     trusted_m_s = max(shown_m_s, _TAKEN_FOR_GRANTED * full_m_s, _FASTER * game.evader_speed_m_s)
-    return game if trusted_m_s >= full_m_s else at_speed(game, trusted_m_s)
+    if trusted_m_s >= full_m_s:
+        return game
+    return game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
 
 
 def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.certificate import Certificate, Players, Vehicle, at_speed, certify, without_game
+from guidance.certificate import Certificate, Players, Vehicle, certify, without_game
 from guidance.control import (
     Acceleration,
     AltitudeHold,
@@ -226,17 +226,15 @@ def game_played(
         ConfigError: If the evader is too fast for this vehicle.
     """
     age_s = min(max(evader_age_s, 0.0), settings.evader_timeout_s)
-    whole = settings.game
-    if speed_share < 1.0:
-        whole = at_speed(whole, max(speed_share, 1e-3) * settings.ground_speed_m_s)
-    game = whole.against(evader_speed_m_s, age_s)
+    reached_m_s = max(speed_share, 1e-3) * settings.ground_speed_m_s
+    game = settings.game.against(evader_speed_m_s, age_s, reached_m_s)
     too_old = age_s > guaranteed_age_s(game)
     if settings.target_game_m is not None:
         # With age the value can be beaten in TAD. Of the laws that tests/bench/bench_game_age.py sets against a worst
         # evader, this one loses least: a pursuer that keeps to the disc about an old place lets the evader out of it.
         game = game.within_spread()
     elif too_old:
-        game = whole.against(evader_speed_m_s, 0.0)
+        game = settings.game.against(evader_speed_m_s, 0.0, reached_m_s)
     return game, too_old
 
 

@@ -126,7 +126,12 @@ class OriginEstimate:
 
     def observe(self, vehicle: VehicleState) -> LocalFrame | None:
         """Update with one cycle; return None until the vehicle has reported its origin."""
-        told = self._told(vehicle)
+        telling = vehicle.latest.get(Home), vehicle.latest.get(Origin)
+        if telling != self._telling:  # only a new report is computed
+            self._telling, told = telling, local_frame(vehicle, self._projection)
+            # Heights above home may change; the frame is the same.
+            self._told_frame = None if told is None else replace(told, home=None)
+        told = self._told_frame
         if told is None:
             return self._frame
         if vehicle.jumped_ned_m != self._jumped:
@@ -138,15 +143,6 @@ class OriginEstimate:
         if told != self._frame or self.held_back_ned_m != NOWHERE:
             self._frame = self._judged(self._frame, told, vehicle)
         return self._frame
-
-    def _told(self, vehicle: VehicleState) -> LocalFrame | None:
-        """Return the reported frame, recomputed only when the report changes."""
-        telling = vehicle.latest.get(Home), vehicle.latest.get(Origin)
-        if telling != self._telling:
-            self._telling, told = telling, local_frame(vehicle, self._projection)
-            # Heights above home may change; the frame is the same.
-            self._told_frame = None if told is None else replace(told, home=None)
-        return self._told_frame
 
     def _note_jump(self, vehicle: VehicleState) -> None:
         rows = zip(self.held_back_ned_m, vehicle.jumped_ned_m, self._jumped, strict=True)

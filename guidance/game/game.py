@@ -25,7 +25,7 @@ from guidance.game.records import (
 
 STILL = (0.0, 0.0)
 
-Record = TypeVar("Record", "StandOff", "Game")
+Record = TypeVar("Record", "StandOff", "Game", "Ball | Cylinder")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,10 +210,11 @@ class Game:
         self._require_speeds()
         self._require_space()
 
-    def against(self, evader_speed_m_s: float, information_age_s: float) -> "Game":
+    def against(self, evader_speed_m_s: float, information_age_s: float, horizontal_m_s: float | None = None) -> "Game":
         """Return the same game against an evader of this speed, seen this long ago; only these numbers are checked.
 
-        A flight uses it every cycle: only these numbers and `within_spread` change.
+        A flight uses it every cycle: only these numbers and `within_spread` change. `horizontal_m_s` is another
+        horizontal speed of the pursuer, positive; None keeps it.
 
         Raises:
             ConfigError: a number is not finite or out of range, or the evader is too fast.
@@ -221,7 +222,12 @@ class Game:
         if not (0.0 < evader_speed_m_s < math.inf and 0.0 <= information_age_s < math.inf):
             require("evader_speed_m_s", evader_speed_m_s)
             require("information_age_s", information_age_s, zero_allowed=True)
-        other = _exchanged(self, evader_speed_m_s=float(evader_speed_m_s), information_age_s=float(information_age_s))
+        pursuer = self.pursuer
+        if horizontal_m_s is not None:
+            name = "speed_m_s" if isinstance(pursuer, Ball) else "horizontal_m_s"
+            pursuer = _exchanged(pursuer, **{name: horizontal_m_s})
+        speed_m_s, age_s = float(evader_speed_m_s), float(information_age_s)
+        other = _exchanged(self, pursuer=pursuer, evader_speed_m_s=speed_m_s, information_age_s=age_s)
         Game._require_speeds(other)
         return other
 

@@ -275,13 +275,8 @@ def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Pla
 def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     """Play PE; see `solve` for the meaning of the answer."""
     v, age = game.evader_speed_m_s, game.information_age_s
-    lead = v * age - game.standoff.radius_m
-    gap = state.distance + lead
-    if game.calm:
-        distance, direction = state.distance, unit2(xp, state.to_evader, state.distance)
-        t = cover_time(xp, game, gap, game.pursuer.horizontal_m_s - v, state.z)
-    else:
-        t, direction, distance = _up_the_wind(xp, game, state, lead)
+    gap = state.distance + (v * age - game.standoff.radius_m)
+    t, direction, distance = escape(xp, game, state)
     free = distance <= 0
     if free is not False and state.seen is not None:
         direction = select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction)
@@ -306,8 +301,13 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     )
 
 
-def _up_the_wind(xp: Library, game: Game, state: Geometry, lead: Real) -> tuple[Real, Plane, Real]:
-    """Return the capture time, the evader's heading, and its distance from the drifting pursuer then."""
+def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]:
+    """Return the capture time, the evader's best heading, and its distance then from a pursuer that drifts."""
+    v = game.evader_speed_m_s
+    lead = v * game.information_age_s - game.standoff.radius_m
+    if game.calm:
+        t = cover_time(xp, game, state.distance + lead, game.pursuer.horizontal_m_s - v, state.z)
+        return t, unit2(xp, state.to_evader, state.distance), state.distance
     wind, least = game.wind_m_s, speed_in_hand(game)
 
     def cover(n: Plane) -> Real:

@@ -10,7 +10,7 @@ import socket
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -69,16 +69,14 @@ class AddressPins:
         self._systems = None if systems is None else frozenset(systems)
         self._checks = checks or {}
         self._pins: dict[int, _Pin] = {}
+        self.addresses: tuple[Address, ...] = ()
+        """Every pinned address once."""
         self._reader = FrameReader()
         self._second = -1
         self._budget: Counter[int] = Counter()
         self.refused = Counter(garbage=0, impostor=0, stranger=0, unsigned=0)
         self.impostors: deque[bytes] = deque(maxlen=256)
         """Datagrams with a pinned system's id from another address, at most `IMPOSTORS_PER_S` per message id."""
-
-    def __iter__(self) -> Iterator[Address]:
-        """Yield every pinned address once."""
-        return iter(dict.fromkeys(pin.address for pin in tuple(self._pins.values())))
 
     def admit(self, now_s: float, address: Address, data: bytes) -> bytes:
         """Return the accepted part of a datagram: the whole, its first frame (unexpected system), or empty bytes."""
@@ -91,7 +89,7 @@ class AddressPins:
             if address not in (pin.address, pin.first) and now_s - pin.heard_s < SILENT_S:
                 return self._impostor(now_s, header[1], data)
         if header is None or not self._is_expected(header[0], now_s):
-            return data if address in self else self._stranger(now_s, data)
+            return data if address in self.addresses else self._stranger(now_s, data)
         reason = self._pin(now_s, address, data)
         if reason is not None and (pin is None or pin.address != address):
             return self._refuse(reason)
@@ -110,8 +108,9 @@ class AddressPins:
         if system_id not in pins and self._systems is None and len(pins) >= MAX_SYSTEMS:
             del pins[self._silent_longest()]
         first = pins[system_id].first if system_id in pins else address
-        # Another thread may be iterating: the dictionary is replaced, never changed in place.
-        self._pins = {**pins, system_id: _Pin(address, now_s, first)}
+        pins[system_id] = _Pin(address, now_s, first)
+        # Another thread may be iterating: these are replaced, never changed in place.
+        self._pins, self.addresses = pins, tuple({pin.address: None for pin in pins.values()})
         return None
 
     def _is_expected(self, system_id: int, now_s: float) -> bool:
@@ -265,7 +264,7 @@ class UdpWire(QueuedWire):
         """Send one datagram to each pinned address; without any, the frame is not sent."""
         if self._pins is None:
             return _is_sent(self._socket.send, frame)
-        sent = [_is_sent(self._socket.sendto, frame, address) for address in self._pins]
+        sent = [_is_sent(self._socket.sendto, frame, address) for address in self._pins.addresses]
         return bool(sent) and all(sent)
 
     def counters(self) -> Mapping[str, int]:

@@ -88,6 +88,8 @@ class Daemon:
 
     def _begin(self, plan: FlightPlan) -> None:
         self._plan = plan
+        self.judged = plan.wants is not None
+        """True if preflight judges the vehicle before it flies."""
         self.flight = Flight(plan.flight)
         self._survey = PreflightMemory(parameter_names(plan.flight.autopilot))
         self._engaging = Engaging(self.flight, self._survey, plan.wants)
@@ -126,18 +128,14 @@ class Daemon:
         return self.flight.state not in FINAL | ON_GROUND
 
     @property
-    def judged(self) -> bool:
-        """True if preflight judges the vehicle before it flies."""
-        return self._plan.wants is not None
-
-    @property
     def leaving(self) -> Authority | None:
         """The one who asked the daemon to end, a person or a mission; None before that."""
         return None if self._leaving is None else self._leaving.authority
 
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
         """Run one cycle; `timing` is how the loop kept time."""
-        queries, orders = self.mailbox.queries(), self._orders(now_s)
+        asked, queries = self.mailbox.take()
+        orders = self._orders(asked, now_s)
         inputs = self._inputs = self._read(now_s, queries, orders)
         outputs = self.outputs = self.flight.step(inputs)
         self._write(outputs, timing)
@@ -147,9 +145,9 @@ class Daemon:
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
 
-    def _orders(self, now_s: float) -> Sequence[Question]:
+    def _orders(self, asked: Sequence[Question], now_s: float) -> Sequence[Question]:
         """Return the orders for this cycle's flight, people's first; all others are answered here."""
-        orders = [question for question in self.mailbox.orders() if self._is_for_the_flight(question, now_s)]
+        orders = [question for question in asked if self._is_for_the_flight(question, now_s)]
         orders += self._due(now_s)
         if self._leaving is not None:
             orders += self._leaving.orders(self.flight)
@@ -182,12 +180,13 @@ class Daemon:
 
     def _due(self, now_s: float) -> tuple[Question, ...]:
         """Return the engage orders that waited for parameters, once these were read again or did not answer."""
-        read, due = self._engaging.reading, self._engaging.due(now_s)
-        if read and not self._engaging.reading:
-            fresh = {row.name: row for row in self._engaging.rows}
-            self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
-            if refusals(self._engaging.rows) and not due:
-                self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
+        due = self._engaging.due(now_s)
+        if due is None:
+            return ()
+        fresh = {row.name: row for row in self._engaging.rows}
+        self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
+        if refusals(self._engaging.rows) and not due:
+            self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
         return due
 
     def _read(self, now_s: float, queries: Sequence[Question], orders: Sequence[Question]) -> Inputs:

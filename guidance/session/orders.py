@@ -102,20 +102,14 @@ class Mailbox:
         question.answer({"accepted": False, "order": order, "reason": "too many wait already; does the loop run?"})
         return question
 
-    def orders(self) -> Sequence[Question]:
-        """Take all orders that wait, oldest first."""
-        return self._taken(self._orders)
-
-    def queries(self) -> Sequence[Question]:
-        """Take all queries that wait, oldest first."""
-        return self._taken(self._queries)
-
-    def _taken(self, queue: deque[Question]) -> Sequence[Question]:
-        if not queue:
-            return ()
+    def take(self) -> tuple[Sequence[Question], Sequence[Question]]:
+        """Take all orders and all queries that wait, each oldest first."""
+        if not (self._orders or self._queries):
+            return (), ()
         with self._lock:
-            taken = list(queue)
-            queue.clear()
+            taken = list(self._orders), list(self._queries)
+            self._orders.clear()
+            self._queries.clear()
         return taken
 
 
@@ -168,6 +162,7 @@ class Engaging:
         self._waiting: list[Question] = []
         self._asked_s: float | None = None
         self._to_pilot: tuple[str, ...] | None = None
+        self._for_a_pilot = False
         self.rows: tuple[Finding, ...] = ()
 
     @property
@@ -185,15 +180,17 @@ class Engaging:
         waiting, self._waiting = tuple(self._waiting), []
         return waiting
 
-    def due(self, now_s: float) -> tuple[Question, ...]:
-        """Judge the parameters once all were read or the time is up; return the orders that are due then."""
+    def due(self, now_s: float) -> tuple[Question, ...] | None:
+        """Judge the parameters once all were read or the time is up; return the orders due then, None before that."""
+        on_mode = self._wants is not None and self._flight.settings.engage_on is EngageOn.PILOT_MODE
+        self._for_a_pilot = on_mode and self._flight.state is State.STANDING_BY
         piloted = self._for_a_pilot and self._flight.mode_name == Mode.GUIDED
         if not piloted:
             self._to_pilot = None
         elif self._to_pilot is None:
             self._read(now_s)
         if self._asked_s is None or not (self._survey.complete or now_s - self._asked_s >= READ_WITHIN_S):
-            return ()
+            return None
         self._asked_s = None
         if self._wants is not None:
             facts = self._survey.facts(self._flight.vehicle, now_s)
@@ -208,12 +205,6 @@ class Engaging:
         if not self._for_a_pilot:
             return ()
         return _BEING_READ if self._to_pilot is None else self._to_pilot
-
-    @property
-    def _for_a_pilot(self) -> bool:
-        flight = self._flight
-        piloted = flight.settings.engage_on is EngageOn.PILOT_MODE and flight.state is State.STANDING_BY
-        return self._wants is not None and piloted
 
     def _read(self, now_s: float) -> None:
         if self._asked_s is None:

@@ -1,6 +1,7 @@
 """Orders, answers and ownership over a real Zenoh session on loopback."""
 
 import contextlib
+import itertools
 import json
 import socket
 import threading
@@ -36,7 +37,7 @@ class AnsweringLoop:
 
     def _run(self, mailbox, name):
         while not self._stop.wait(0.005):
-            for question in (*mailbox.orders(), *mailbox.queries()):
+            for question in itertools.chain(*mailbox.take()):
                 answer = {"accepted": question.order != "engage", "order": question.order, "name": name}
                 question.answer(answer)
 

@@ -8,8 +8,8 @@ from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, Mailbox
 def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
     mailbox = Mailbox()
     question = mailbox.ask("hold")
-    (taken,) = mailbox.orders()
-    assert list(mailbox.orders()) == []
+    (taken,), _ = mailbox.take()
+    assert mailbox.take() == ((), ())
     assert question.wait(0.0) is None
     taken.answer({"accepted": True})
     assert question.wait(0.0) == {"accepted": True}
@@ -26,10 +26,10 @@ def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
     assert not engage["accepted"]
     assert engage["reason"].endswith("at udp://, 2.5 s so far")
     assert mailbox.ask("jump").wait(0.0)["reason"].startswith("order = 'jump': allowed are abort, ")
-    assert list(mailbox.orders()) == list(mailbox.queries()) == []
+    assert mailbox.take() == ((), ())
     mailbox.meanwhile(None)
     mailbox.ask("status")
-    assert [question.order for question in mailbox.queries()] == ["status"]
+    assert [question.order for question in mailbox.take()[1]] == ["status"]
 
 
 def test_a_loop_that_hangs_is_not_buried_in_orders():
@@ -38,7 +38,7 @@ def test_a_loop_that_hangs_is_not_buried_in_orders():
     answer = mailbox.ask("hold").wait(0.0)
     assert not answer["accepted"]
     assert "does the loop run?" in answer["reason"]
-    assert list(mailbox.orders()) == kept
+    assert mailbox.take() == (kept, [])
 
 
 def test_queries_that_fill_their_queue_keep_no_order_out():
@@ -46,5 +46,6 @@ def test_queries_that_fill_their_queue_keep_no_order_out():
     queries = [mailbox.ask(word) for word in ("status", "alive") * MOST_QUERIES]
     assert sum(query.wait(0.0) is None for query in queries) == MOST_QUERIES
     hold = mailbox.ask("hold")
-    assert list(mailbox.orders()) == [hold]
-    assert len(mailbox.queries()) == MOST_QUERIES
+    orders, kept = mailbox.take()
+    assert orders == [hold]
+    assert len(kept) == MOST_QUERIES
