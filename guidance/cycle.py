@@ -186,7 +186,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         held_back=at_wall,
     )
     unslowed = followed.unslowed and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
-    flown = less_drift(here.velocity_ned_m_s, followed.memory.drift)
+    flown = followed.flown_ned_m_s
     speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, confirmed=guided, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)

@@ -146,13 +146,18 @@ def watch(
 def _watch_promise(
     memory: MonitorMemory, now_s: float, certificate: Certificate, slack_s: float, *, with_target: bool
 ) -> tuple[MonitorMemory, Alarm | None]:
+    """Watch the cost that must not rise, PE: the time of capture, s; TAD: L with its sign changed, m."""
     if certificate.meeting_time_s < ARRIVAL_S:
         return memory._replace(since_s=None), None
-    cost, slack = _cost(now_s, certificate, slack_s, with_target=with_target)
+    evader_m_s = certificate.reachable_speed_m_s / certificate.speed_ratio
+    scatter_m = SCATTER_M + SCATTER_M_S * certificate.meeting_time_s
+    slack = slack_s + scatter_m / (certificate.reachable_speed_m_s - evader_m_s)
+    cost, violation = certificate.time_needed_s + certificate.allowance + now_s, Violation.CAPTURE_LATER
+    if with_target:  # a second of slack is the evader's way in it
+        cost, violation = certificate.allowance - certificate.assured_distance_m, Violation.EVADER_CLOSER
+        slack *= evader_m_s
     memory, lost = _compare(memory, now_s, cost, slack)
-    if lost is None:
-        return memory, None
-    return memory, Alarm(Violation.EVADER_CLOSER if with_target else Violation.CAPTURE_LATER, lost)
+    return memory, None if lost is None else Alarm(violation, lost)
 
 
 def _reach(memory: MonitorMemory, certificate: Certificate, speed_m_s: float) -> tuple[MonitorMemory, Alarm | None]:
@@ -194,16 +199,3 @@ def _since(memory: MonitorMemory, now_s: float) -> MonitorMemory:
 
 def _lasts(memory: MonitorMemory, now_s: float) -> bool:
     return memory.since_s is not None and now_s - memory.since_s >= LASTING_S
-
-
-def _cost(now_s: float, certificate: Certificate, slack_s: float, *, with_target: bool) -> tuple[float, float]:
-    """Return the cost that must not rise, including the allowance, and the slack.
-
-    PE: the time of capture, s. TAD: L with its sign changed, m; a second of slack is the evader's way in it.
-    """
-    evader_m_s = certificate.reachable_speed_m_s / certificate.speed_ratio
-    scatter_m = SCATTER_M + SCATTER_M_S * certificate.meeting_time_s
-    slack_s += scatter_m / (certificate.reachable_speed_m_s - evader_m_s)
-    if with_target:
-        return certificate.allowance - certificate.assured_distance_m, slack_s * evader_m_s
-    return certificate.time_needed_s + certificate.allowance + now_s, slack_s

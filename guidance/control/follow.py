@@ -251,13 +251,14 @@ class FollowMemory(NamedTuple):
 class Followed(NamedTuple):
     """Command before the limits, velocity desired after the approach, and memory for the next call.
 
-    `unslowed`: the approach does not reduce the speed.
+    `flown_ned_m_s`: the vehicle's velocity over the ground. `unslowed`: the approach does not reduce the speed.
     """
 
     velocity_ned_m_s: Vector
     acceleration_ned_m_s2: Vector | None
     desired_ned_m_s: Vector
     memory: FollowMemory
+    flown_ned_m_s: Vector
     unslowed: bool = False
 
 
@@ -285,7 +286,8 @@ def follow(
         held_back: Whether a limit reduced the last command; the servo learns nothing then.
     """
     if following is None:
-        return Followed(desired_ned_m_s, None, desired_ned_m_s, memory)
+        flown = less_drift(here.velocity_ned_m_s, memory.drift)
+        return Followed(desired_ned_m_s, None, desired_ned_m_s, memory, flown)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
     flown = less_drift(here.velocity_ned_m_s, drift)
     wanted, deficit_m = catch_up(
@@ -304,5 +306,6 @@ def follow(
         served.acceleration_ned_m_s2,
         desired,
         FollowMemory(served.memory, deficit_m, drift),
+        flown,
         not braking,
     )

@@ -44,8 +44,8 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstima
     mean, covariance = combine(moved.modes)
     north, east, north_rate, east_rate, _ = mean.tolist()
     spread = covariance[2:4, 2:4].tolist()
-    worst_sd = _worst_sd(spread)
-    bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * _sd_along(north_rate, east_rate, spread, worst_sd)
+    sd, worst_sd = _speed_sds(north_rate, east_rate, spread)
+    bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * sd
     known = worst_sd <= settings.known_velocity_sd_m_s
     return EvaderEstimate(
         (north, east, moved.height.down_m),
@@ -55,21 +55,19 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstima
     )
 
 
-def _sd_along(north_rate: float, east_rate: float, spread: list[list[float]], worst_sd: float) -> float:
-    """Return σ of the speed: along the velocity, or in the worst direction while the velocity is below its spread."""
+def _speed_sds(north_rate: float, east_rate: float, spread: list[list[float]]) -> tuple[float, float]:
+    """Return σ of the speed along the velocity, and in the worst direction; while the speed is below that, it twice.
+
+    The worst σ is the square root of the covariance's larger eigenvalue.
+    """
+    (one, shared), (_, other) = spread
+    worst_sd = math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
     speed = math.hypot(north_rate, east_rate)
     if speed <= worst_sd:
-        return worst_sd
+        return worst_sd, worst_sd
     north, east = north_rate / speed, east_rate / speed
-    (one, shared), (_, other) = spread
     variance = north * north * one + 2.0 * north * east * shared + east * east * other
-    return math.sqrt(max(0.0, variance))
-
-
-def _worst_sd(spread: list[list[float]]) -> float:
-    """Return the square root of the larger eigenvalue of a symmetric 2 × 2 matrix."""
-    (one, shared), (_, other) = spread
-    return math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
+    return math.sqrt(max(0.0, variance)), worst_sd
 
 
 _NOISE_SIGMAS: Final = 3.0

@@ -180,14 +180,15 @@ def _place(now: Moment) -> Iterator[Event]:
 
 def _trust(now: Moment) -> Iterator[Event]:
     """Check rival sources, the operator and the battery."""
-    settings, silence_s = now.settings, now.stage.operator_silence_s(now.now_s)
+    settings, timeout_s = now.settings, now.settings.operator_timeout_s
     if settings.hold_on_rival and now.rival:
         yield Event.RIVAL
-    timeout_s = math.inf if settings.operator_timeout_s is None else settings.operator_timeout_s
-    if silence_s > timeout_s:
-        yield Event.OPERATOR_LOST
-    if silence_s > timeout_s + settings.operator_return_s:
-        yield Event.OPERATOR_GONE
+    if timeout_s is not None:
+        silence_s = now.stage.operator_silence_s(now.now_s)
+        if silence_s > timeout_s:
+            yield Event.OPERATOR_LOST
+        if silence_s > timeout_s + settings.operator_return_s:
+            yield Event.OPERATOR_GONE
     status = now.heard.vehicle.last(SystemStatus)
     if not now.stage.battery_was_low and battery_low(status, now.battery_needed):
         yield Event.BATTERY_LOW

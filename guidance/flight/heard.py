@@ -99,10 +99,10 @@ class Heard:
         self._view = None
         self.vehicle_says(inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
-        strange = self.echo.foreign
+        strange = bool(self.beats) and self.echo.foreign
         self.echo.hear(inputs.messages, guided=self.mode is Mode.GUIDED)
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
-        self.foreign = strange and self.echo.foreign and bool(self.beats)
+        self.foreign = strange and self.echo.foreign
         self._place()
 
     def _place(self) -> None:

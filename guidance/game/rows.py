@@ -1,4 +1,4 @@
-"""Rows of a batch: their shape, the game of some rows, and which rows have an answer."""
+"""Rows of a batch: their shape, the game of some rows, and which rows are refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, Truth, components, is_array, select
+from guidance.game.arrays import Array, Library, Real, components, is_array, select
 from guidance.game.game import Game, Reason, parameters, speed_in_hand
-from guidance.game.pe import Play
 from guidance.game.records import rows_of
 
 SIGNED = ("wind_x_m_s", "wind_y_m_s")
@@ -83,25 +82,6 @@ def refused_rows(xp: Library, game: Game, fault: Real) -> Real:
             allowed = allowed & (value >= 0 if name in ZERO_ALLOWED else value > 0)
         fault = select(xp, allowed, fault, int(Reason.OUT_OF_RANGE))
     return fault
-
-
-def is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Truth:
-    """Return whether an answer is finite, and no square inside the kernels can have been infinite.
-
-    Args:
-        game: the game.
-        play: the answer.
-        squares: sum of the squares of all positions and velocities, or more.
-        contested: whether it is TAD; in PE the margin is infinite.
-    """
-    answered: Real = sum((play.value, play.time, *play.meeting, *play.pursuer, *play.evader))
-    if contested:
-        answered = answered + play.margin
-    standoff, u = game.standoff, game.pursuer.horizontal_m_s
-    length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
-    square = u * u
-    total = answered + (squares + length * length) * square * square
-    return total - total == 0
 
 
 def squares(given: dict[str, Array]) -> Real:

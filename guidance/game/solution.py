@@ -37,7 +37,7 @@ from guidance.game.arrays import (
 from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
 from guidance.game.pe import Play, pursuit, take_apart
 from guidance.game.records import is_finite
-from guidance.game.rows import for_rows, is_sound, leading_shape, most_squares, refused_rows, simplified, squares
+from guidance.game.rows import for_rows, leading_shape, most_squares, refused_rows, simplified, squares
 from guidance.game.tad import defence
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def solve_state(
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero
         return _row_of_one(game, known)
     contested = target is not None
-    if not is_sound(game, play, squares, contested=contested) or (contested and _has_no_region(game, play)):
+    if not _is_sound(game, play, squares, contested=contested) or (contested and _has_no_region(game, play)):
         return _row_of_one(game, known)
     (x, y, z), (px, py, pz), (ex, ey, ez) = play.meeting, play.pursuer, play.evader
     return StateSolution(
@@ -250,16 +250,35 @@ def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Sp
 def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real:
     """Return 0, or the reason why a row can have no answer."""
     contested = "target" in given
-    sound = is_sound(game, play, most_squares(given) if xp is np else squares(given), contested=contested)
+    sound = _is_sound(game, play, most_squares(given) if xp is np else squares(given), contested=contested)
     fault: Real = int(Reason.SOLVED)
     lost = contested and _has_no_region(game, play)
     if lost is not False:
         fault = select(xp, lost, int(Reason.NO_REGION), fault)
     if xp is not np or not np.all(sound):
-        sound = is_sound(game, play, squares(given), contested=contested)
+        sound = _is_sound(game, play, squares(given), contested=contested)
         zero = sum(0.0 * part for array in given.values() for part in components(array))
         fault = select(xp, sound, fault, select(xp, zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     return refused_rows(xp, game, fault) if game.varies else fault
+
+
+def _is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Truth:
+    """Return whether an answer is finite, and no square inside the kernels can have been infinite.
+
+    Args:
+        game: the game.
+        play: the answer.
+        squares: sum of the squares of all positions and velocities, or more.
+        contested: whether it is TAD; in PE the margin is infinite.
+    """
+    answered: Real = sum((play.value, play.time, *play.meeting, *play.pursuer, *play.evader))
+    if contested:
+        answered = answered + play.margin
+    standoff, u = game.standoff, game.pursuer.horizontal_m_s
+    length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
+    square = u * u
+    total = answered + (squares + length * length) * square * square
+    return total - total == 0
 
 
 def _has_no_region(game: Game, play: Play) -> Truth:

@@ -16,6 +16,7 @@ import itertools
 import re
 import socket
 import sys
+import time
 from collections import Counter
 from pathlib import Path
 from types import FrameType
@@ -25,7 +26,7 @@ import guidance
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.udp import UdpWire
+from guidance.links.udp import YIELD_S, UdpWire
 from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
@@ -122,7 +123,9 @@ class WatchedWire(UdpWire):
     """A socket that ends a walk when it sends. Its reader thread leaves all reading to the loop."""
 
     walk: Walk | None = None
-    _awaited = True
+
+    def _watch(self) -> None:
+        time.sleep(YIELD_S)
 
     def send(self, frame: bytes) -> None:
         """See `Wire`."""
