@@ -223,7 +223,7 @@ class Game:
             require("evader_speed_m_s", evader_speed_m_s)
             require("information_age_s", information_age_s, zero_allowed=True)
         pursuer = self.pursuer
-        if horizontal_m_s is not None:
+        if horizontal_m_s not in (None, pursuer.horizontal_m_s):
             name = "speed_m_s" if isinstance(pursuer, Ball) else "horizontal_m_s"
             pursuer = _exchanged(pursuer, **{name: horizontal_m_s})
         speed_m_s, age_s = float(evader_speed_m_s), float(information_age_s)

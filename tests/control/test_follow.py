@@ -21,7 +21,7 @@ STILL = (0.0, 0.0, 0.0)
 
 def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():
     followed = follow(WANTED, Situation(STILL, STILL), FAR, None, FollowMemory(), max_speed_ratio=1.1, dt_s=0.02)
-    assert followed == (WANTED, None, WANTED, FollowMemory(), False)
+    assert followed == (WANTED, None, WANTED, FollowMemory(), STILL, False)
 
 
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
