@@ -56,9 +56,8 @@ RECOVERY_PER_S = 0.5
 """Speed added per metre of along-track deficit."""
 LARGEST_DEFICIT_M = 15.0
 """So that a vehicle that cannot keep up does not race for long afterwards."""
-OVER, EASE = 0.01, 1.5
-"""A vehicle that exceeds the speed limit by more than the share `OVER`, about the estimation error, is slowed down by
-`EASE` times the rest."""
+EASE = 1.5
+"""A vehicle that exceeds the speed limit is slowed down by this many times the excess."""
 
 
 class Drift(NamedTuple):
@@ -131,7 +130,7 @@ def catch_up(
         return desired_ned_m_s, deficit_m
     along = (desired_ned_m_s[0] * flown_ned_m_s[0] + desired_ned_m_s[1] * flown_ned_m_s[1]) / speed
     deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * dt_s))
-    over = max(0.0, along / speed - (1.0 + OVER) * max_speed_ratio)
+    over = max(0.0, along / speed - max_speed_ratio)
     scale = max(0.0, min(max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over)
     north, east, down = desired_ned_m_s
     return (scale * north, scale * east, scale * down), deficit_m

@@ -138,7 +138,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             "at full speed at once, u 8 v 4",
             "mavsdk",
             made("at once, u 8 v 4", u=8.0, v=4.0, height_m=height_m, evader=sudden),
-            (ends("captured"), ratio(1.20 if px4 else 1.09), *HONEST),
+            (ends("captured"), ratio(1.20 if px4 else 1.12), *HONEST),
             prompt=True,
             autopilots=("arducopter",),
         ),
