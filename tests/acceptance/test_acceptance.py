@@ -42,8 +42,8 @@ def test_between_point_masses_every_flight_ends_as_it_is_wanted_to(autopilot, he
 
 def test_every_kind_of_flight_is_flown_by_a_stand_in_and_the_service_killed_on_both():
     flown = [(name, case) for name in ("px4", "arducopter") for case in cases(name, height_m=8.0)]
-    by_stand_ins = {case.name for name, case in flown if name in case.autopilots}
-    assert by_stand_ins == {case.name for _, case in flown}
+    by_stand_ins = {case.name.partition(", u")[0] for name, case in flown if name in case.autopilots}
+    assert by_stand_ins == {case.name.partition(", u")[0] for _, case in flown}  # the speeds may differ
     assert all(len(case.autopilots) == 2 for _, case in flown if case.meddling == "kill")  # each has its own failsafe
     assert {case.link for name, case in flown if name in case.autopilots} == {"mavsdk", "pymavlink"}
 
