@@ -66,7 +66,7 @@ STEPS = {
     "tests": Step("the quick tests", (*PYTEST, "-n", "3", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
-        (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow and not long"),
+        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow and not long"),
         marked="flight",
         gives_way=True,
     ),
