@@ -154,7 +154,8 @@ def _constraint(wall: Wall, asked: Vector, flown: Vector, surge_ned_m: Vector, e
     speed = math.hypot(asked[0] - moving[0], asked[1] - moving[1])
     ground_s = reaction_s + speed / (2.0 * envelope.braking_m_s2)
     vertical_s = reaction_s + abs(asked[2] - moving[2]) / (2.0 * envelope.vertical_braking_m_s2)
-    rows = zip(flown, moving, surge_ned_m, strict=True)
+    # The approach to the evader brakes by itself, so an acceleration that it is about to end is not counted.
+    rows = zip(flown, moving, STILL if wall.approached else surge_ned_m, strict=True)
     north_m, east_m, down_m = ((mine - its) * reaction_s + more for mine, its, more in rows)
     if math.isinf(wall.radius_m):
         drift_m = max(0.0, normal[0] * north_m + normal[1] * east_m) + max(0.0, normal[2] * down_m)
