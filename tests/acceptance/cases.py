@@ -41,11 +41,21 @@ SPEED_LIMIT = Wanted("≤ 1.03 of limits.speed_m_s", column("overspeed"), lambda
 PROMISE = Wanted("promised time kept within 10 %", column("kept"), lambda got: got is not None and got <= 1.1)
 NOT_LATER = Wanted("no later alarm of the time", column("later"), lambda got: got == 0)
 REFUSED = "evader too fast"
+AT_FULL_SPEED = "it reached the game's speed"
 AT_ITS_SPEED = Wanted(
-    "captured with the speed reported, or refused by name",
-    lambda row: f"{row.get('end')}; {row.get('reported') or row.get('reason')}",
-    lambda got: got.startswith("captured; this vehicle reaches") or REFUSED in got,
+    "captured at the game's speed or with the speed reported, or refused by name",
+    lambda row: f"{row.get('end')}; {_speed_told(row)}",
+    lambda got: got.startswith(("captured; this vehicle reaches", f"captured; {AT_FULL_SPEED}")) or REFUSED in got,
 )
+
+
+def _speed_told(row: Row) -> str:
+    """What the flight reported of its speed. A vehicle that reaches the game's speed has nothing to report."""
+    if row.get("reported"):
+        return str(row["reported"])
+    return AT_FULL_SPEED if row.get("reached", 0.0) >= 1.0 else str(row.get("reason"))
+
+
 LOST_AS_SOLVED = Wanted("predicted: evader", column("predicted_winner"), lambda got: got == "evader")
 WON_AS_SOLVED = Wanted("predicted: pursuer", column("predicted_winner"), lambda got: got == "pursuer")
 WON_BY_VEHICLE = Wanted("the vehicle's verdict: pursuer", column("vehicle_winner"), lambda got: got == "pursuer")

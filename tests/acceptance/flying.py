@@ -56,7 +56,7 @@ class Flown:
     process: subprocess.Popen[str]
     folder: Path
     environment: dict[str, str]
-    limit_m_s: float
+    speed_m_s: float
     said: list[tuple[float, str]] = field(default_factory=list)
 
     def read(self) -> None:
@@ -85,7 +85,9 @@ class Flown:
         path = self.folder / "outcome.json"
         if not path.is_file():
             return {}
-        return json.loads(path.read_text()) | promises(self.folder / "record.mcap", limit_m_s=self.limit_m_s)
+        return json.loads(path.read_text()) | promises(
+            self.folder / "record.mcap", speed_m_s=self.speed_m_s, limit_m_s=CATCH_UP_RATIO * self.speed_m_s
+        )
 
     def last_words(self) -> str:
         """Return the last printed lines."""
@@ -110,7 +112,7 @@ def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flo
         text=True,
         env=environment,
     )
-    flown = Flown(process, folder, environment, CATCH_UP_RATIO * case.scenario["pursuer"]["speed_m_s"])
+    flown = Flown(process, folder, environment, case.scenario["pursuer"]["speed_m_s"])
     reader = threading.Thread(target=flown.read, daemon=True)
     reader.start()
     try:

@@ -11,7 +11,7 @@ from guidance.messages import LocalPosition
 from guidance.monitor import Alarm, Violation
 
 
-def promises(record: Path, *, limit_m_s: float) -> dict[str, Any]:
+def promises(record: Path, *, speed_m_s: float, limit_m_s: float) -> dict[str, Any]:
     """Compare the promises in a record with the flight.
 
     Columns:
@@ -19,10 +19,12 @@ def promises(record: Path, *, limit_m_s: float) -> dict[str, Any]:
         kept: Time flown over time promised, since that report; without a report, since engagement.
         later: Number of alarms "time of capture has risen" in that time.
         vehicle_winner: Last verdict for the vehicle before the end of the game.
+        reached: Largest horizontal speed in the game over the game's speed.
         overspeed: Largest horizontal speed in the game over `limits.speed_m_s`.
 
     Args:
         record: The file.
+        speed_m_s: Speed of the pursuer in the game.
         limit_m_s: `limits.speed_m_s` of the flight.
     """
     played = [cycle for cycle in cycles_of(record) if cycle.state in {State.ENGAGED, State.PAUSED}]
@@ -31,12 +33,14 @@ def promises(record: Path, *, limit_m_s: float) -> dict[str, Any]:
     promised_s = next((c.certificate.time_needed_s for c in since if c.certificate), math.nan)
     verdicts = [c.certificate.vehicle_winner for c in played if c.certificate and not c.certificate.captured]
     alarm = played[told[0]].alarm if told else None
+    largest_m_s = max(_ground_speeds(played), default=math.nan)
     return {
         "reported": None if alarm is None else alarm.by,
         "kept": (played[-1].now_s - since[0].now_s) / promised_s if since else math.nan,
         "later": sum(_alarm(cycle, Violation.CAPTURE_LATER) is not None for cycle in since),
         "vehicle_winner": Winner(verdicts[-1] or 0).word if verdicts else None,
-        "overspeed": max(_ground_speeds(played), default=math.nan) / limit_m_s,
+        "reached": largest_m_s / speed_m_s,
+        "overspeed": largest_m_s / limit_m_s,
     }
 
 
