@@ -1,7 +1,6 @@
 """Fleets: checked files and command-line arguments, and the vehicles built from them."""
 
 import math
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any, Final
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Signing
-from sitl_mock.tables import REQUIRED, Option, choice, flag, integer, matching, number, numbers, place, table
+from sitl_mock.tables import REQUIRED, Option, choice, flag, integer, matching, number, numbers, place, read_toml, table
 from sitl_mock.tables import checked as checked_value
 from sitl_mock.vehicle import DEFAULT_LINKS, MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
@@ -97,12 +96,7 @@ def read_fleet(path: Path) -> FleetConfig:
     Raises:
         ConfigError: The file cannot be read, or a key is unknown or wrong.
     """
-    try:
-        return checked(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
-    except OSError as error:
-        raise ConfigError(f"fleet file {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"fleet file {path}: {error}") from None
+    return checked(read_toml(path, "fleet file"), str(path))
 
 
 def checked(values: object, source: str) -> FleetConfig:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 REQUIRED: Final = object()
 
@@ -26,6 +30,26 @@ class Option:
     meaning: str
     default: Any
     check: Callable[[Any], Any]
+
+
+def read_toml(path: Path, name: str) -> dict[str, Any]:
+    """Return the values of a TOML file.
+
+    Args:
+        path: The file.
+        name: Names the file in an error.
+
+    Raises:
+        ConfigError: The file cannot be read, or is no TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{name} {path}: cannot be read ({error.strerror})") from None
+    except RecursionError:
+        raise ConfigError(f"{name} {path}: not valid TOML here: arrays or tables are nested too deeply") from None
+    except ValueError as error:  # not TOML, not UTF-8, or an integer with thousands of digits
+        raise ConfigError(f"{name} {path}: not valid TOML: {error}") from None
 
 
 def filled(values: Mapping[str, Any], options: Mapping[str, Option], where: str) -> dict[str, Any]:

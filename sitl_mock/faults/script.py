@@ -16,7 +16,6 @@ Faults of frames also have `link`, and the open ones `direction` (out, in, both)
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -31,7 +30,7 @@ from sitl_mock.faults.other_senders import OTHER_SENDER_KINDS
 from sitl_mock.faults.places import PLACE_KINDS
 from sitl_mock.faults.vehicle import FLIGHT_KINDS
 from sitl_mock.mavlink import SPEC_BY_NAME
-from sitl_mock.tables import Option, checked, choice, filled, integer, number, text, words
+from sitl_mock.tables import Option, checked, choice, filled, integer, number, read_toml, text, words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -130,12 +129,7 @@ def read_script(path: Path) -> FaultScript:
     Raises:
         ConfigError: The file cannot be read, or a key is unknown, missing or wrong.
     """
-    try:
-        return parse_script(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
-    except OSError as error:
-        raise ConfigError(f"faults file {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"faults file {path}: {error}") from None
+    return parse_script(read_toml(path, "faults file"), str(path))
 
 
 def parse_script(values: Mapping[str, Any], source: str = "faults") -> FaultScript:

@@ -17,7 +17,6 @@ File names are relative to the TOML file. Keys that are missing are not used.
 import json
 import socket
 import ssl
-import tomllib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -27,6 +26,7 @@ from typing import Any, Final
 import zenoh
 
 from sitl_mock.errors import ConfigError, TransportError
+from sitl_mock.tables import read_toml
 from sitl_mock.transports.loop import Arrival
 
 QUEUE_MAX: Final = 4096
@@ -272,12 +272,7 @@ def read_keys(path: Path) -> dict[str, Any]:
 
 
 def _table(path: Path) -> dict[str, Any]:
-    try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"--zenoh-keys {path}: cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"--zenoh-keys {path}: is no TOML: {error}") from None
+    given = read_toml(path, "--zenoh-keys")
     for key, value in given.items():
         if key not in _KEYS or not isinstance(value, str):
             raise ConfigError(f"{path}: {key} = {value!r}: allowed are {', '.join(_KEYS)}, each a text")

@@ -3,6 +3,7 @@
 import pytest
 
 from sitl_mock import ConfigError
+from sitl_mock.faults.script import read_script
 from sitl_mock.fleet import build, checked, parse_vehicles, read_fleet
 from sitl_mock.mavlink import Encoder
 
@@ -92,3 +93,12 @@ def test_a_file_is_read_and_a_missing_or_broken_one_is_named(tmp_path):
         read_fleet(path)
     with pytest.raises(ConfigError, match=r"missing\.toml"):
         read_fleet(tmp_path / "missing.toml")
+
+
+@pytest.mark.parametrize("value", ["[" * 100_000 + "]" * 100_000, "9" * 100_000, "[1,"])
+@pytest.mark.parametrize("read", [read_fleet, read_script])
+def test_a_file_that_is_no_toml_is_named_and_no_traceback(read, value, tmp_path):
+    path = tmp_path / "given.toml"
+    path.write_text(f"vehicle = {value}")
+    with pytest.raises(ConfigError, match=r"file .*given\.toml: not valid TOML"):
+        read(path)
