@@ -32,6 +32,8 @@ _REAL = 1e-7
 """Share of the imaginary part that counts as rounding of a real root."""
 _ROUNDING = 1e-12
 _STEPS = 60
+_INSIDE = 1.0 - 1e-9
+"""Largest share of the top speed: on the circle itself, turning along it at once would be a second root."""
 
 
 class AcceleratingSolution(NamedTuple):
@@ -87,7 +89,7 @@ def solve_accelerating(
             "acceleration above 0 and a radius of 0 or more"
         )
     away = (evader_m[0] - pursuer_m[0], evader_m[1] - pursuer_m[1])
-    excess = max(1.0, math.hypot(*pursuer_m_s) / speed_m_s)
+    excess = max(1.0, math.hypot(*pursuer_m_s) / (_INSIDE * speed_m_s))
     flown = (pursuer_m_s[0] / excess, pursuer_m_s[1] / excess)
     chase = _Chase(away, flown, speed_m_s, acceleration_m_s2, evader_speed_m_s, capture_radius_m)
     if math.hypot(*away) <= capture_radius_m:
