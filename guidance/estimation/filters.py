@@ -1,8 +1,9 @@
 """The filters of the evader's motion: interacting multiple models in the plane, and a Kalman filter of the height.
 
-In the plane two models run side by side, constant velocity (0) and coordinated turn (1): mix, move, correct.
+In the plane two models run side by side, steady (constant velocity) and turning (coordinated turn): mix, move, correct.
+They are plain floats: for five numbers a NumPy call costs more than the arithmetic.
 
-State, last axis: north, east (m), their rates (m/s), turn rate (rad/s, north to east). Leading axis: the model.
+State: north, east (m), their rates (m/s), turn rate (rad/s, north to east).
 Source: Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), 6.2.2 (white
 noise acceleration) and 11.7 (coordinated turn with unknown rate). The turn rate decays with a correlation time, so it
 stays bounded without reports; the steady model does not use it.
@@ -15,54 +16,77 @@ The height has a filter of its own with two states, down and its rate.
 """
 
 import math
-from typing import NamedTuple, cast
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
-import numpy as np
+from guidance.estimation.measurement import TrackSettings
 
-from guidance.estimation.measurement import Array, TrackSettings
+Numbers = Sequence[float]
 
-STATES = 5
+_ROWS = ((0, 1, 2, 3, 4), (1, 5, 6, 7, 8), (2, 6, 9, 10, 11), (3, 7, 10, 12, 13), (4, 8, 11, 13, 14))
+"""Where the rows of a symmetric matrix stand in its upper triangle."""
 
-_IDENTITY = np.broadcast_to(np.eye(STATES), (2, STATES, STATES))
 _SMALL_TURN_RAD = 1e-3
+_NO_SLOPES = (0.0, 0.0, 0.0, 0.0)
 
 
-class Step(NamedTuple):
-    """Both models after a time step: states (2, 5), transition Jacobians (2, 5, 5) and process noise (2, 5, 5)."""
+class Normal(NamedTuple):
+    """A normal distribution of the state: its mean (5,), and the upper triangle of its covariance by rows (15,)."""
 
-    mean: Array
-    jacobian: Array
-    noise: Array
+    mean: Numbers
+    covariance: Numbers
+
+    def row(self, index: int) -> Numbers:
+        """Return a row of the covariance."""
+        return [self.covariance[place] for place in _ROWS[index]]
 
 
-def step(mean: Array, dt_s: float, settings: TrackSettings) -> Step:
-    """Advance both models' states (2, 5) by dt ≥ 0."""
-    fade = math.exp(-dt_s / settings.turn_time_s)
-    north, east, north_rate, east_rate, turn_rate = mean[1].tolist()
+class Modes(NamedTuple):
+    """The state as each model has it, and the probability that the evader is turning."""
+
+    steady: Normal
+    turning: Normal
+    turning_share: float
+
+
+def begin(measured: Numbers, variances: Numbers, settings: TrackSettings) -> Modes:
+    """Begin both models with a report of position (2,), or position and velocity (4,), and its variances."""
+    known, unknown = len(measured), 4 - len(measured)
+    spreads = (*variances, *[settings.prior_speed_sd_m_s**2] * unknown, settings.turn_rate_sd_rad_s**2)
+    covariance = [0.0] * 15
+    for index, spread in enumerate(spreads):
+        covariance[_ROWS[index][index]] = spread
+    first = Normal([*measured, *[0.0] * (5 - known)], covariance)
+    return Modes(first, first, settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s))
+
+
+def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
+    """Mix both models and advance them by dt; for dt = 0 return the same modes."""
+    if dt_s <= 0.0:
+        return modes
+    steady, turning, share = _mix(modes, dt_s, settings)
+    return Modes(steady_after(steady, dt_s, settings), turning_after(turning, dt_s, settings), share)
+
+
+def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
+    """Advance the steady model by dt > 0."""
+    motion = (dt_s, 0.0, 0.0, 1.0, math.exp(-dt_s / settings.turn_time_s))
+    return _after(state, motion, _NO_SLOPES, dt_s, settings.steady_noise_m2_s3, settings.turn_rate_sd_rad_s)
+
+
+def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
+    """Advance the turning model by dt > 0."""
+    _, _, north_rate, east_rate, turn_rate = state.mean
     along, across, along_slope, across_slope = _arc(turn_rate, dt_s)
     sine, cosine = math.sin(turn_rate * dt_s), math.cos(turn_rate * dt_s)
-    new_north_rate = cosine * north_rate - sine * east_rate
-    new_east_rate = sine * north_rate + cosine * east_rate
-
-    jacobian = _IDENTITY.copy()
-    jacobian[:, 4, 4] = fade
-    jacobian[0, 0, 2] = jacobian[0, 1, 3] = dt_s
-    jacobian[1, :4, 2:] = (
-        (along, -across, along_slope * north_rate - across_slope * east_rate),
-        (across, along, across_slope * north_rate + along_slope * east_rate),
-        (cosine, -sine, -dt_s * new_east_rate),
-        (sine, cosine, dt_s * new_north_rate),
+    motion = (along, across, sine, cosine, math.exp(-dt_s / settings.turn_time_s))
+    slopes = (
+        along_slope * north_rate - across_slope * east_rate,
+        across_slope * north_rate + along_slope * east_rate,
+        -dt_s * (sine * north_rate + cosine * east_rate),
+        dt_s * (cosine * north_rate - sine * east_rate),
     )
-    moved = np.empty_like(mean)
-    moved[0] = jacobian[0] @ mean[0]
-    moved[1] = (
-        north + along * north_rate - across * east_rate,
-        east + across * north_rate + along * east_rate,
-        new_north_rate,
-        new_east_rate,
-        fade * turn_rate,
-    )
-    return Step(moved, jacobian, _noise(dt_s, fade, settings))
+    return _after(state, motion, slopes, dt_s, settings.turning_noise_m2_s3, settings.turn_rate_sd_rad_s)
 
 
 def _arc(turn_rate: float, dt_s: float) -> tuple[float, float, float, float]:
@@ -84,114 +108,104 @@ def _arc(turn_rate: float, dt_s: float) -> tuple[float, float, float, float]:
     )
 
 
-def _noise(dt_s: float, fade: float, settings: TrackSettings) -> Array:
-    """White acceleration over dt: q · [dt³/3, dt²/2; dt²/2, dt], so that any report rate gives the same spread."""
-    white = np.array([settings.steady_noise_m2_s3, settings.turning_noise_m2_s3])[:, None, None] * np.eye(2)
-    noise = np.zeros((2, STATES, STATES))
-    noise[:, :2, :2] = white * (dt_s**3 / 3.0)
-    noise[:, :2, 2:4] = noise[:, 2:4, :2] = white * (dt_s**2 / 2.0)
-    noise[:, 2:4, 2:4] = white * dt_s
-    noise[:, 4, 4] = settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)
-    return noise
+def _after(
+    state: Normal, motion: Numbers, slopes: Numbers, dt_s: float, noise_m2_s3: float, turn_rate_sd: float
+) -> Normal:
+    """Move a state, with white acceleration over dt: q · [dt³/3, dt²/2; dt²/2, dt], the same for any report rate."""
+    (mean,) = _moved((state.mean,), motion, _NO_SLOPES)
+    halfway = _moved(map(state.row, range(5)), motion, slopes)  # P Jᵀ, since P is symmetric
+    rows = _moved(zip(*halfway, strict=True), motion, slopes)  # J P Jᵀ
+    covariance = [number for index, row in enumerate(rows) for number in row[index:]]
+    place, shared, rate = noise_m2_s3 * dt_s**3 / 3.0, noise_m2_s3 * dt_s**2 / 2.0, noise_m2_s3 * dt_s
+    turning = turn_rate_sd**2 * (1.0 - motion[4] ** 2)
+    more = (place, 0.0, shared, 0.0, 0.0, place, 0.0, shared, 0.0, rate, 0.0, 0.0, rate, 0.0, turning)
+    return Normal(mean, [number + noise for number, noise in zip(covariance, more, strict=True)])
 
 
-class Modes(NamedTuple):
-    """Both models' states (2, 5) and covariances (2, 5, 5), and the probability that the evader is turning."""
-
-    mean: Array
-    covariance: Array
-    turning: float
-
-
-class Innovation(NamedTuple):
-    """The difference between a report and its prediction.
-
-    Differences from both models (2, k); the expected covariances of both and of the mixture, and their inverses
-    (3, k, k); the normalised innovation squared of the mixture, νᵀS⁻¹ν, which is χ² distributed with k degrees.
-    """
-
-    differences: Array
-    expected: Array
-    inverses: Array
-    nis: float
+def _moved(states: Iterable[Numbers], motion: Numbers, slopes: Numbers) -> list[Numbers]:
+    """Multiply each state by the matrix of a motion; `slopes` are its derivatives by the turn rate."""
+    along, across, sine, cosine, fade = motion
+    north_slope, east_slope, north_rate_slope, east_rate_slope = slopes
+    return [
+        (
+            north + along * north_rate - across * east_rate + north_slope * turn_rate,
+            east + across * north_rate + along * east_rate + east_slope * turn_rate,
+            cosine * north_rate - sine * east_rate + north_rate_slope * turn_rate,
+            sine * north_rate + cosine * east_rate + east_rate_slope * turn_rate,
+            fade * turn_rate,
+        )
+        for north, east, north_rate, east_rate, turn_rate in states
+    ]
 
 
-def begin(measured: Array, noise: Array, settings: TrackSettings) -> Modes:
-    """Both models from a first report of position (2,) or position and velocity (4,) with its covariance."""
-    known = len(measured)
-    mean = np.zeros(STATES)
-    covariance = np.eye(STATES) * settings.prior_speed_sd_m_s**2
-    mean[:known], covariance[:known, :known] = measured, noise
-    covariance[4, 4] = settings.turn_rate_sd_rad_s**2
-    turning = settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s)
-    return Modes(np.array([mean, mean]), np.array([covariance, covariance]), turning)
+def distance(modes: Modes, measured: Numbers, variances: Numbers) -> float:
+    """Return νᵀS⁻¹ν of a report and the mixture: χ² distributed with as many degrees as there are numbers."""
+    mean, covariance = combine(modes)
+    return _corrected(Normal(mean, covariance), measured, variances)[1]
 
 
-def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
-    """Mix both models and advance them by dt; for dt = 0 return the same modes."""
-    if dt_s <= 0.0:
-        return modes
-    mixed = _mix(modes, dt_s, settings)
-    moved = step(mixed.mean, dt_s, settings)
-    covariance = moved.jacobian @ mixed.covariance @ moved.jacobian.transpose(0, 2, 1) + moved.noise
-    return Modes(moved.mean, covariance, mixed.turning)
+def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
+    """Correct both models with a report of position (2,), or position and velocity (4,), and its variances."""
+    steady, steady_distance, steady_spread = _corrected(modes.steady, measured, variances)
+    turning, turning_distance, turning_spread = _corrected(modes.turning, measured, variances)
+    log_ratio = 0.5 * (steady_distance - turning_distance + math.log(steady_spread / turning_spread))
+    return Modes(steady, turning, _posterior(modes.turning_share, log_ratio))
 
 
-def compare(modes: Modes, measured: Array, noise: Array) -> Innovation:
-    """Compare a report of position (2,) or position and velocity (4,) with both models and with their mixture."""
-    known = len(measured)
-    steady, turning = 1.0 - modes.turning, modes.turning
-    differences = measured - modes.mean[:, :known]
-    apart = differences[1] - differences[0]
-    expected = np.empty((3, known, known))
-    expected[:2] = modes.covariance[:, :known, :known] + noise
-    expected[2] = steady * expected[0] + turning * expected[1] + (steady * turning * apart)[:, None] * apart
-    inverses = cast("Array", np.linalg.inv(expected))
-    mixed = steady * differences[0] + turning * differences[1]
-    return Innovation(differences, expected, inverses, float(mixed @ inverses[2] @ mixed))
+def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[Normal, float, float]:
+    """Correct by one number after the other, as their errors are independent; also return νᵀS⁻¹ν and det S."""
+    mean, covariance = state
+    distance, spread = 0.0, 1.0
+    for index, (value, variance) in enumerate(zip(measured, variances, strict=True)):
+        shared = [covariance[place] for place in _ROWS[index]]
+        expected = shared[index] + variance
+        share, off = 1.0 / expected, value - mean[index]
+        distance += off * off * share
+        spread *= expected
+        mean = [number + off * share * one for number, one in zip(mean, shared, strict=True)]
+        covariance = [number - share * known for number, known in zip(covariance, _square(shared), strict=True)]
+    return Normal(mean, covariance), distance, spread
 
 
-def correct(modes: Modes, innovation: Innovation) -> Modes:
-    """Correct with a report that was compared with these modes."""
-    differences, inverses = innovation.differences[:, :, None], innovation.inverses[:2]
-    known = differences.shape[1]
-    gain = modes.covariance[:, :, :known] @ inverses
-    covariance = modes.covariance - gain @ modes.covariance[:, :known, :]
-    covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
-    distance = (differences.transpose(0, 2, 1) @ (inverses @ differences))[:, 0, 0]
-    steady, turning = (distance + np.log(np.linalg.det(innovation.expected[:2]))).tolist()
-    mean = modes.mean + (gain @ differences)[:, :, 0]
-    return Modes(mean, covariance, _posterior(modes.turning, 0.5 * (steady - turning)))
+def combine(modes: Modes) -> Normal:
+    """Return the mixture of both models."""
+    return _blended(modes.steady, modes.turning, modes.turning_share)
 
 
-def combine(modes: Modes) -> tuple[Array, Array]:
-    """Mean (5,) and covariance (5, 5) of the mixture."""
-    steady, turning = 1.0 - modes.turning, modes.turning
-    weights = np.array([steady, turning])
-    apart = modes.mean[1] - modes.mean[0]
-    spread = (steady * turning * apart)[:, None] * apart
-    return weights @ modes.mean, (weights @ modes.covariance.reshape(2, -1)).reshape(STATES, STATES) + spread
+def _blended(one: Normal, other: Normal, share: float) -> Normal:
+    """Return mean and covariance of a mixture with this share of the other."""
+    rest = 1.0 - share
+    apart = [there - here for here, there in zip(one.mean, other.mean, strict=True)]
+    spread = rest * share
+    rows = zip(one.covariance, other.covariance, _square(apart), strict=True)
+    return Normal(
+        [rest * here + share * there for here, there in zip(one.mean, other.mean, strict=True)],
+        [rest * here + share * there + spread * square for here, there, square in rows],
+    )
+
+
+def _square(numbers: Numbers) -> Numbers:
+    """Return the upper triangle of x xᵀ."""
+    a, b, c, d, e = numbers
+    return (a * a, a * b, a * c, a * d, a * e, b * b, b * c, b * d, b * e, c * c, c * d, c * e, d * d, d * e, e * e)
 
 
 def _mix(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
     begins, ends = 1.0 / settings.steady_time_s, 1.0 / settings.turning_time_s
     gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
-    was_steady, was_turning = 1.0 - modes.turning, modes.turning
-    turning = was_steady * begins * gone + was_turning * (1.0 - ends * gone)
-    to_steady = was_turning * ends * gone / (1.0 - turning)
-    to_turning = was_turning * (1.0 - ends * gone) / turning
-    weights = np.array([[1.0 - to_steady, to_steady], [1.0 - to_turning, to_turning]])
-
-    mean, covariance = modes.mean.copy(), modes.covariance.copy()
-    mean[0, 4] = mean[1, 4]
-    covariance[0, 4, :] = covariance[0, :, 4] = 0.0
-    covariance[0, 4, 4] = covariance[1, 4, 4]
-    apart = mean[1] - mean[0]
-    spread = np.array([[[(1.0 - to_steady) * to_steady]], [[(1.0 - to_turning) * to_turning]]]) * (
-        apart[:, None] * apart
+    steady, turning, was_turning = modes
+    was_steady = 1.0 - was_turning
+    share = was_steady * begins * gone + was_turning * (1.0 - ends * gone)
+    covariance = list(steady.covariance)
+    for place in _ROWS[4]:
+        covariance[place] = 0.0
+    covariance[-1] = turning.covariance[-1]
+    with_turn_rate = Normal([*steady.mean[:4], turning.mean[4]], covariance)
+    return Modes(
+        _blended(with_turn_rate, turning, was_turning * ends * gone / (1.0 - share)),
+        _blended(with_turn_rate, turning, was_turning * (1.0 - ends * gone) / share),
+        share,
     )
-    flat = weights @ covariance.reshape(2, -1)
-    return Modes(weights @ mean, flat.reshape(covariance.shape) + spread, turning)
 
 
 def _posterior(turning: float, log_ratio: float) -> float:

@@ -7,17 +7,13 @@ accepted only after a while, because one corrupt time, or a burst from a queue, 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.messages import EvaderReport
-
-Array = NDArray[np.float64]
 
 _LARGEST_SETTING: Final = 1e4
 _MAY_BE_ZERO: Final = frozenset({"latency_s", "future_s", "sigmas", "history_s"})
@@ -114,13 +110,13 @@ class Measurement(NamedTuple):
         spreads_fit = all(_LEAST_SD <= spread <= _LARGEST_SD for spread in self[4:])
         return spreads_fit and all(abs(number) < _LARGEST for number in numbers)
 
-    def plane(self) -> tuple[Array, Array]:
-        """Return the measured values in the plane, (2,) or with velocity (4,), and their covariance."""
+    def plane(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the measured values in the plane, (2,) or with velocity (4,), and their variances."""
         values, variances = [*self.position_ned_m[:2]], [self.position_sd_m**2] * 2
         if self.velocity_ned_m_s is not None:
             values += self.velocity_ned_m_s[:2]
             variances += [self.velocity_sd_m_s**2] * 2
-        return np.array(values), np.diag(variances)
+        return values, variances
 
 
 def measure(report: EvaderReport, frame: LocalFrame, time_s: float, settings: TrackSettings) -> Measurement:

@@ -9,9 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-import numpy as np
-
-from guidance.estimation.filters import STATES, advance, combine
+from guidance.estimation.filters import Modes, Normal, advance, combine
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise, true_at
 from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.track import Accepted, ReportOutcome, Track, update
@@ -41,10 +39,10 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstima
     if last is None:
         return None
     moved = advance(last, now_s, settings)
-    mean, covariance = combine(moved.modes)
-    north, east, north_rate, east_rate, _ = mean.tolist()
-    spread = covariance[2:4, 2:4].tolist()
-    sd, worst_sd = _speed_sds(north_rate, east_rate, spread)
+    both = combine(moved.modes)
+    north, east, north_rate, east_rate, _ = both.mean
+    _, _, one, shared, _ = both.row(2)
+    sd, worst_sd = _speed_sds(north_rate, east_rate, one, shared, both.row(3)[3])
     bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * sd
     known = worst_sd <= settings.known_velocity_sd_m_s
     return EvaderEstimate(
@@ -55,12 +53,11 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstima
     )
 
 
-def _speed_sds(north_rate: float, east_rate: float, spread: list[list[float]]) -> tuple[float, float]:
+def _speed_sds(north_rate: float, east_rate: float, one: float, shared: float, other: float) -> tuple[float, float]:
     """Return σ of the speed along the velocity, and in the worst direction; while the speed is below that, it twice.
 
     The worst σ is the square root of the covariance's larger eigenvalue.
     """
-    (one, shared), (_, other) = spread
     worst_sd = math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
     speed = math.hypot(north_rate, east_rate)
     if speed <= worst_sd:
@@ -160,12 +157,16 @@ def _moved_track(track: Track, by_ned_m: Vector) -> Track:
 def _moved_report(one: Accepted, by_ned_m: Vector) -> Accepted:
     measurement, estimate = one
     north, east, down = (here + by for here, by in zip(measurement.position_ned_m, by_ned_m, strict=True))
-    shift = np.zeros(STATES)
-    shift[:2] = by_ned_m[:2]
+    steady, turning, share = estimate.modes
     return Accepted(
         measurement._replace(position_ned_m=(north, east, down)),
         estimate._replace(
-            modes=estimate.modes._replace(mean=estimate.modes.mean + shift),
+            modes=Modes(_moved_state(steady, by_ned_m), _moved_state(turning, by_ned_m), share),
             height=estimate.height._replace(down_m=estimate.height.down_m + by_ned_m[2]),
         ),
     )
+
+
+def _moved_state(state: Normal, by_ned_m: Vector) -> Normal:
+    north, east, *rates = state.mean
+    return Normal([north + by_ned_m[0], east + by_ned_m[1], *rates], state.covariance)

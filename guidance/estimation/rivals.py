@@ -74,6 +74,7 @@ class Rivals(NamedTuple):
         judged_s: When they were last judged.
         since_s: When the first report arrived.
         usual: The largest number of reports in two seconds, during the first seconds.
+        odd_s: When a report last arrived that may be another source's. Without one, there is nothing to judge.
         seen_s: When two sources were last detected.
         why: The kind of contradiction, as in the module's list.
     """
@@ -82,6 +83,7 @@ class Rivals(NamedTuple):
     judged_s: float = -math.inf
     since_s: float = math.nan
     usual: int = 0
+    odd_s: float = -math.inf
     seen_s: float = -math.inf
     why: str = ""
 
@@ -101,17 +103,26 @@ def listen(rivals: Rivals, one: Report, *, speed_m_s: float, margin_m: float, no
         noise_m: Largest distance of two reports of one place.
     """
     now_s = one.received_s
-    kept = (*rivals.recent[-_MAX_REPORTS + 1 :], one)
-    if now_s - kept[0].received_s > _WINDOW_S:
-        kept = tuple(each for each in kept if now_s - each.received_s <= _WINDOW_S)
+    kept, first = (*rivals.recent[-_MAX_REPORTS + 1 :], one), 0
+    while now_s - kept[first].received_s > _WINDOW_S:
+        first += 1
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
-    rivals = rivals._replace(recent=kept, since_s=since_s)
+    odd_s = now_s if _is_odd(rivals.recent[-1] if rivals.recent else one, one) else rivals.odd_s
+    rivals = rivals._replace(recent=kept[first:], since_s=since_s, odd_s=odd_s)
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals
     rivals = _learn_rate(rivals._replace(judged_s=now_s), now_s)
+    if now_s - odd_s > _WINDOW_S:
+        return rivals
     why = "place" if _in_place(rivals.recent, speed_m_s, margin_m, noise_m) else None
     why = why or next((sign for sign, shows in _SIGNS.items() if shows(rivals, now_s)), None)
     return rivals if why is None else rivals._replace(seen_s=now_s, why=why)
+
+
+def _is_odd(before: Report, one: Report) -> bool:
+    """Return whether a report, after the one before it, can count as a sign of a second source."""
+    strange = one.fits is False or abs(one.apart_s) > _CLOCKS_APART_S or bool(one.impostors) or math.isnan(one.sent_s)
+    return strange or one.peer != before.peer or (one is not before and _contradict(before, one))
 
 
 def _in_place(recent: Sequence[Report], speed_m_s: float, margin_m: float, noise_m: float) -> bool:

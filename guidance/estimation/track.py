@@ -17,10 +17,10 @@ from guidance.estimation.filters import (
     advance,
     begin,
     combine,
-    compare,
     correct,
     correct_down,
     correct_rate,
+    distance,
 )
 from guidance.estimation.measurement import Measurement, TrackSettings
 
@@ -129,9 +129,8 @@ def _within_way(track: Track, measurement: Measurement, settings: TrackSettings)
 def _within_jump(estimate: Estimate, measurement: Measurement, settings: TrackSettings) -> bool:
     """Return whether it can have reached the place since the last estimate at its declared speed."""
     moved = advance(estimate, measurement.time_s, settings)
-    north, east = combine(moved.modes)[0][:2].tolist()
     spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
-    far_m = math.dist((north, east), measurement.position_ned_m[:2])
+    far_m = math.dist(combine(moved.modes).mean[:2], measurement.position_ned_m[:2])
     age_s = max(0.0, measurement.time_s - estimate.time_s)
     return far_m <= settings.jump_m_s * age_s + max(settings.reach_m, spread_m)
 
@@ -141,7 +140,7 @@ def _anchored(track: Track, settings: TrackSettings) -> Track:
     estimate, anchors = track.estimate, track.anchors
     if estimate is None or (anchors and estimate.time_s - anchors[-1].time_s < _ANCHOR_EVERY_S):
         return track
-    north, east = combine(estimate.modes)[0][:2].tolist()
+    north, east = combine(estimate.modes).mean[:2]
     kept = tuple(one for one in anchors if estimate.time_s - one.time_s <= settings.history_s)
     return replace(track, anchors=(*(kept or anchors[-1:]), Anchor(estimate.time_s, (north, east))))
 
@@ -183,8 +182,10 @@ def _replayed(
 
 def _recent(history: tuple[Accepted, ...], settings: TrackSettings) -> tuple[Accepted, ...]:
     """Drop reports older than the history's time span, but never the newest."""
-    oldest_s = history[-1].measurement.time_s - settings.history_s
-    return tuple(one for one in history if one.measurement.time_s >= oldest_s)
+    oldest_s, first = history[-1].measurement.time_s - settings.history_s, 0
+    while history[first].measurement.time_s < oldest_s:
+        first += 1
+    return history[first:]
 
 
 def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
@@ -204,15 +205,15 @@ def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> T
 def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -> tuple[Estimate | None, float]:
     """Return the estimate after a report, None if the report is an outlier; and its NIS."""
     moved = advance(before, measurement.time_s, settings)
-    measured, noise = measurement.plane()
-    innovation = compare(moved.modes, measured, noise)
-    if not innovation.nis <= _GATE[len(measured)]:
-        return None, innovation.nis
+    measured, variances = measurement.plane()
+    nis = distance(moved.modes, measured, variances)
+    if not nis <= _GATE[len(measured)]:
+        return None, nis
     height = correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
     if measurement.velocity_ned_m_s is not None:
         height = correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
     received_s = max(before.received_s, measurement.received_s)
-    return Estimate(moved.time_s, received_s, correct(moved.modes, innovation), height), innovation.nis
+    return Estimate(moved.time_s, received_s, correct(moved.modes, measured, variances), height), nis
 
 
 def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:

@@ -84,7 +84,7 @@ def main() -> None:
         track = update(track, report(step), SETTINGS)
     following = report(300)
     situation = Situation((0.0, 0.0, -20.0), (5.0, 0.0, 0.5), 0.0, (60.0, 0.0, 0.0), (3.0, 0.0, 0.0))
-    command = Setpoint((6.0, 0.0, 1.5), (1.0, 0.0, 0.0), -5.0, 1.0)
+    command = Setpoint((6.0, 0.0, 1.5), (1.0, 0.0, 0.0), 1.0)
     memory = limit(command, situation, ENVELOPE, None, DT_S).memory
 
     ours = microseconds(lambda: update(track, following, SETTINGS))

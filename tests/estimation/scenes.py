@@ -9,7 +9,7 @@ import numpy as np
 from guidance import estimation
 from guidance.estimation import TrackSettings
 from guidance.estimation.filters import advance, combine
-from guidance.estimation.measurement import Array, Measurement
+from guidance.estimation.measurement import Measurement
 from guidance.estimation.track import Track, update
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
@@ -56,7 +56,7 @@ class Predicted(NamedTuple):
     velocity_known: bool
     turning: float
     turn_rate_rad_s: float
-    covariance: Array
+    covariance: np.ndarray
 
     @property
     def position_sd_m(self):
@@ -73,9 +73,10 @@ def predict(track, now_s, options):
     if evader is None:
         return None
     moved = advance(track.estimate, now_s, options)
-    mean, covariance = combine(moved.modes)
-    turning = moved.modes.turning
-    made = Predicted(*evader, False, turning, turning * mean[4], covariance[:4, :4])
+    mixture = combine(moved.modes)
+    mean, covariance = mixture.mean, np.array([mixture.row(index) for index in range(4)])
+    turning = moved.modes.turning_share
+    made = Predicted(*evader, False, turning, turning * mean[4], covariance[:, :4])
     velocity = (float(mean[2]), float(mean[3]), moved.height.rate_m_s)
     known = made.velocity_sd_m_s <= options.known_velocity_sd_m_s
     assert evader.velocity_ned_m_s == (velocity if known else (0.0, 0.0, 0.0))

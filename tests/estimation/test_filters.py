@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.estimation import TrackSettings, filters
-from guidance.estimation.filters import step
+from guidance.estimation.filters import Normal, steady_after, turning_after
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0, turning_noise_m2_s3=0.7, turn_rate_sd_rad_s=0.5)
 STEPS_S = [0.02, 0.3, 1.0]
@@ -29,8 +29,26 @@ def filterpy():
     )
 
 
-def both(state):
-    return np.array([state, state])
+NOTHING = np.zeros((5, 5))
+MODELS = (steady_after, turning_after)
+
+
+def moved(model, state, dt_s, covariance=NOTHING):
+    """Mean and covariance after a step of a model."""
+    after = MODELS[model](Normal(list(state), covariance[np.triu_indices(5)].tolist()), dt_s, SETTINGS)
+    return np.array(after.mean), covariance_of(after)
+
+
+def covariance_of(state):
+    return np.array([state.row(index) for index in range(5)])
+
+
+def mean_after(model, state, dt_s):
+    return moved(model, state, dt_s)[0]
+
+
+def noise_after(model, dt_s):
+    return moved(model, [0.0] * 5, dt_s)[1]
 
 
 def filterpy_noise(dt_s, density, turn_rate_variance):
@@ -58,42 +76,41 @@ def turned(state, dt_s, pieces=20000):
 @pytest.mark.parametrize("turn_rate", [0.0, 1e-6, 1e-3, 0.4, -1.2])
 def test_the_turn_is_the_one_that_its_definition_gives(turn_rate):
     state = [10.0, -20.0, 3.0, 1.5, turn_rate]
-    assert step(both(state), 0.7, SETTINGS).mean[1, :4] == pytest.approx(turned(state, 0.7), abs=1e-6)
+    assert mean_after(1, state, 0.7)[:4] == pytest.approx(turned(state, 0.7), abs=1e-6)
 
 
 @settings(deadline=None)
 @given(states, st.sampled_from(STEPS_S))
 def test_the_steady_model_goes_straight(state, dt_s):
-    moved = step(both(state), dt_s, SETTINGS).mean[0]
     north, east, north_rate, east_rate, _ = state
-    assert moved[:4] == pytest.approx([north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate])
+    straight = [north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate]
+    assert mean_after(0, state, dt_s)[:4] == pytest.approx(straight)
 
 
 @settings(deadline=None)
 @given(states, st.sampled_from(STEPS_S))
-def test_the_jacobians_are_those_of_the_steps(state, dt_s):
-    jacobian = step(both(state), dt_s, SETTINGS).jacobian
-    for column in range(5):
-        width = np.zeros(5)
-        width[column] = 1e-4
-        forward = step(both(np.array(state) + width), dt_s, SETTINGS).mean
-        backward = step(both(np.array(state) - width), dt_s, SETTINGS).mean
-        assert jacobian[:, :, column] == pytest.approx((forward - backward) / 2e-4, abs=2e-5)
+@pytest.mark.parametrize("model", [0, 1])
+def test_a_covariance_moves_by_the_jacobian_of_the_step(model, state, dt_s):
+    spread = np.random.default_rng(5).normal(size=(5, 5))
+    covariance = spread @ spread.T
+    width = 1e-4 * np.eye(5)
+    jacobian = np.array([
+        (mean_after(model, state + by, dt_s) - mean_after(model, state - by, dt_s)) / 2e-4 for by in width
+    ]).T  # fmt: skip
+    _, after = moved(model, state, dt_s, covariance)
+    assert after == pytest.approx(jacobian @ covariance @ jacobian.T + noise_after(model, dt_s), abs=1e-2, rel=1e-4)
 
 
 @pytest.mark.parametrize("dt_s", STEPS_S)
 def test_the_noise_is_filterpy_s_continuous_white_noise(dt_s):
-    noise = step(both([0.0] * 5), dt_s, SETTINGS).noise
     fading = SETTINGS.turn_rate_sd_rad_s**2 * (1.0 - math.exp(-2.0 * dt_s / SETTINGS.turn_time_s))
-    assert noise[0] == pytest.approx(filterpy_noise(dt_s, SETTINGS.steady_noise_m2_s3, fading))
-    assert noise[1] == pytest.approx(filterpy_noise(dt_s, SETTINGS.turning_noise_m2_s3, fading))
+    assert noise_after(0, dt_s) == pytest.approx(filterpy_noise(dt_s, SETTINGS.steady_noise_m2_s3, fading))
+    assert noise_after(1, dt_s) == pytest.approx(filterpy_noise(dt_s, SETTINGS.turning_noise_m2_s3, fading))
 
 
 def test_two_half_steps_spread_as_much_as_one_whole_one():
-    modes = filters.begin(np.array([1.0, 2.0, 3.0, 4.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
-    whole, half = step(modes.mean, 1.0, SETTINGS), step(modes.mean, 0.5, SETTINGS)
-    twice = half.jacobian[0] @ half.noise[0] @ half.jacobian[0].T + half.noise[0]
-    assert twice[:4, :4] == pytest.approx(whole.noise[0][:4, :4])
+    _, twice = moved(0, [1.0, 2.0, 3.0, 4.0, 0.0], 0.5, noise_after(0, 0.5))
+    assert twice[:4, :4] == pytest.approx(noise_after(0, 1.0)[:4, :4])
 
 
 def moving_filter(model, dt_s, known):
@@ -101,9 +118,8 @@ def moving_filter(model, dt_s, known):
 
     class Moving(filterpy().filter):
         def predict(self, *_args, **_kwargs):
-            moved = step(both(self.x[:, 0]), dt_s, SETTINGS)
-            self.F, self.x = moved.jacobian[model], moved.mean[model][:, None]
-            self.P = self.F @ self.P @ self.F.T + self.Q
+            mean, self.P = moved(model, self.x[:, 0], dt_s, self.P)
+            self.x = mean[:, None]
 
     return Moving(dim_x=5, dim_z=known)
 
@@ -111,15 +127,12 @@ def moving_filter(model, dt_s, known):
 def filterpy_imm(measured, noise, dt_s):
     """filterpy's IMM with our two motions and its own mixing, gains, likelihoods and combination."""
     known = len(measured)
-    begun = filters.begin(measured, noise, SETTINGS)
+    begun = filters.begin(measured, np.diag(noise), SETTINGS)
     models = []
     for model in (0, 1):
         one = moving_filter(model, dt_s, known)
-        one.x, one.P = begun.mean[model][:, None].copy(), begun.covariance[model].copy()
+        one.x, one.P = np.array(begun[model].mean)[:, None], covariance_of(begun[model])
         one.H, one.R = np.eye(5)[:known], noise
-        density = (SETTINGS.steady_noise_m2_s3, SETTINGS.turning_noise_m2_s3)[model]
-        fading = SETTINGS.turn_rate_sd_rad_s**2 * (1.0 - math.exp(-2.0 * dt_s / SETTINGS.turn_time_s))
-        one.Q = filterpy_noise(dt_s, density, fading)
         models.append(one)
     begins, ends = 1.0 / SETTINGS.steady_time_s, 1.0 / SETTINGS.turning_time_s
     # The generator of a chain with two states, exponentiated by its series: independent of the closed form.
@@ -128,7 +141,7 @@ def filterpy_imm(measured, noise, dt_s):
     for order in range(1, 30):
         term = term @ generator / order
         chain += term
-    return filterpy().mixture(models, [1.0 - begun.turning, begun.turning], chain), begun
+    return filterpy().mixture(models, [1.0 - begun.turning_share, begun.turning_share], chain), begun
 
 
 @pytest.mark.parametrize("dt_s", STEPS_S)
@@ -150,40 +163,39 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
         reference.predict()
         modes = filters.advance_modes(modes, dt_s, SETTINGS)
         for model in (0, 1):
-            assert modes.mean[model] == pytest.approx(reference.filters[model].x[:, 0], abs=1e-7)
-            assert modes.covariance[model] == pytest.approx(reference.filters[model].P, abs=1e-7)
+            assert modes[model].mean == pytest.approx(reference.filters[model].x[:, 0], abs=1e-7)
+            assert covariance_of(modes[model]) == pytest.approx(reference.filters[model].P, abs=1e-7)
         reference.update(measured[:, None])
-        modes = filters.correct(modes, filters.compare(modes, measured, noise))
-        mean, covariance = filters.combine(modes)
-        assert mean == pytest.approx(reference.x[:, 0], abs=1e-7)
-        assert covariance == pytest.approx(reference.P, abs=1e-7)
-        assert modes.turning == pytest.approx(reference.mu[1], abs=1e-7)
+        modes = filters.correct(modes, measured, np.diag(noise))
+        mixture = filters.combine(modes)
+        assert mixture.mean == pytest.approx(reference.x[:, 0], abs=1e-7)
+        assert covariance_of(mixture) == pytest.approx(reference.P, abs=1e-7)
+        assert modes.turning_share == pytest.approx(reference.mu[1], abs=1e-7)
 
 
 def test_no_time_changes_nothing():
-    modes = filters.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS)
+    modes = filters.begin([1.0, 2.0], [0.5, 0.5], SETTINGS)
     assert filters.advance_modes(modes, 0.0, SETTINGS) is modes
 
 
 def test_the_innovation_is_that_of_the_mixture():
-    modes = filters.advance_modes(filters.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS), 0.5, SETTINGS)
-    measured, noise = np.array([3.0, -1.0]), np.diag([0.3, 0.3])
-    mean, covariance = filters.combine(modes)
-    off = measured - mean[:2]
-    assert filters.compare(modes, measured, noise).nis == pytest.approx(
-        off @ np.linalg.inv(covariance[:2, :2] + noise) @ off
-    )
+    modes = filters.advance_modes(filters.begin([1.0, 2.0], [0.5, 0.5], SETTINGS), 0.5, SETTINGS)
+    measured, variances = np.array([3.0, -1.0]), [0.3, 0.3]
+    mixture = filters.combine(modes)
+    off = measured - mixture.mean[:2]
+    inverse = np.linalg.inv(covariance_of(mixture)[:2, :2] + np.diag(variances))
+    assert filters.distance(modes, measured, variances) == pytest.approx(off @ inverse @ off)
 
 
 def test_no_model_is_ever_ruled_out_for_good():
-    modes = filters.begin(np.array([0.0, 0.0, 3.0, 0.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
+    modes = filters.begin([0.0, 0.0, 3.0, 0.0], [0.5, 0.5, 0.1, 0.1], SETTINGS)
     for _ in range(20):
-        wild = filters.compare(modes, np.array([1e4, 0.0, 0.0, 300.0]), np.diag([1e-3, 1e-3, 1e-4, 1e-4]))
-        modes = filters.correct(modes, wild)
-        assert 0.0 < modes.turning < 1.0
+        modes = filters.correct(modes, [1e4, 0.0, 0.0, 300.0], [1e-3, 1e-3, 1e-4, 1e-4])
+        assert 0.0 < modes.turning_share < 1.0
         modes = filters.advance_modes(modes, 0.02, SETTINGS)
-        assert np.isfinite(modes.mean).all()
-        assert np.linalg.eigvalsh(modes.covariance).min() > 0.0
+        for state in modes[:2]:
+            assert np.isfinite(state.mean).all()
+            assert np.linalg.eigvalsh(covariance_of(state)).min() > 0.0
 
 
 @pytest.mark.parametrize("dt_s", STEPS_S)
