@@ -182,6 +182,12 @@ class Autopilot:
             self._carry_on()
         self._renew_times(now_s)
 
+    def is_idle(self, count: int) -> bool:
+        """True if tick `count` would only extrapolate telemetry: half way between two moves, without news."""
+        state = self.state
+        news = state.texts or state.news or state.parameter_news or self.commander.mission.reached
+        return bool(count % MOVE_TICKS) and not (news or self.conditions.events)
+
     def take(self, now_s: float, message: Message) -> None:
         """Take a message outside the protocols."""
         take(self.state, self.commander, now_s, message)

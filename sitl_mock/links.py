@@ -125,20 +125,20 @@ class Link:
 
     def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""
-        autopilot, prepared = self.autopilot, self._prepared
-        report, frame_of = autopilot.report, self.encoder.frame
+        autopilot, frames = self.autopilot, list[bytes]()
         names = self.streams.due(now_s)
-        if autopilot.conditions.telemetry_frozen:
-            names = [name for name in names if name == "HEARTBEAT"]
-        frames: list[bytes] = []
-        for name in names:
-            build, spec = prepared[name]
-            fields = build(report)
-            if fields is not None:
-                try:
-                    frames.append(frame_of(spec, fields))
-                except EncodeError:  # a huge setpoint that overflows when rotated
-                    self.unsendable += 1
+        if names:
+            report, frame_of = autopilot.report, self.encoder.frame
+            if autopilot.conditions.telemetry_frozen:
+                names = [name for name in names if name == "HEARTBEAT"]
+            for name in names:
+                build, spec = self._prepared[name]
+                fields = build(report)
+                if fields is not None:
+                    try:
+                        frames.append(frame_of(spec, fields))
+                    except EncodeError:  # a huge setpoint that overflows when rotated
+                        self.unsendable += 1
         if tick % PROTOCOL_TICKS == 0:
             replies = self.session.advance(now_s)
             if replies:

@@ -106,7 +106,9 @@ class MockVehicle:
             self.autopilot.boot(now_s)
         last = math.floor((now_s - self._first_s) / TICK_S + _SLACK)
         while self._ticks <= last:
-            self._tick(self._first_s + self._ticks * TICK_S, out)
+            tick_s = self._first_s + self._ticks * TICK_S
+            if self._ticks == last or not self._is_idle(tick_s):
+                self._tick(tick_s, out)
             self._ticks += 1
         for name, frames in frames_in.items():
             link = self.links[name]
@@ -162,6 +164,11 @@ class MockVehicle:
 
     def _fresh_links(self) -> dict[str, Link]:
         return {name: Link(self.autopilot, kind, index) for index, (name, kind) in enumerate(self._kinds.items())}
+
+    def _is_idle(self, now_s: float) -> bool:
+        streams = (link.streams for link in self.links.values())
+        booted = self.autopilot.boots != self._boots
+        return not booted and self.autopilot.is_idle(self._ticks) and not any(one.is_due(now_s) for one in streams)
 
     def _tick(self, now_s: float, out: dict[str, list[bytes]]) -> None:
         autopilot, ticks = self.autopilot, self._ticks

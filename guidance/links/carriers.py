@@ -12,7 +12,7 @@ from typing import ClassVar, Final, NamedTuple, Protocol
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, Ellipsoid, LocalFrame, Vector
 from guidance.links.codec import MAV_FRAME_LOCAL_NED, degrees
-from guidance.links.frames import Decoded
+from guidance.links.frames import Fields
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 from guidance.vehicle import FARTHEST_M, is_plausible
 
@@ -50,7 +50,7 @@ class Carrier(Protocol):
     def message(self) -> str:
         """Name of the message."""
 
-    def report(self, m: Decoded, received_s: float) -> EvaderReport:
+    def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message.
 
         Raises:
@@ -94,7 +94,7 @@ class FollowTarget:
     message: ClassVar[str] = "FOLLOW_TARGET"
     clock: SenderClock = field(default_factory=SenderClock)
 
-    def report(self, m: Decoded, received_s: float) -> EvaderReport:
+    def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
         place = *degrees(m.lat, m.lon), m.alt
         sent_s = self.clock.unwrap(m.timestamp % 2**32) / 1e3
@@ -118,7 +118,7 @@ class GlobalPositionInt:
     message: ClassVar[str] = "GLOBAL_POSITION_INT"
     clock: SenderClock = field(default_factory=SenderClock)
 
-    def report(self, m: Decoded, received_s: float) -> EvaderReport:
+    def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
         place = *degrees(m.lat, m.lon), m.alt / 1e3
         velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
@@ -141,7 +141,7 @@ class OdometryCarrier:
     frame: LocalFrame
     message: ClassVar[str] = "ODOMETRY"
 
-    def report(self, m: Decoded, received_s: float) -> EvaderReport:
+    def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
         if m.frame_id != MAV_FRAME_LOCAL_NED:
             raise Refused("frame")
@@ -180,7 +180,7 @@ class AdsbVehicle:
     def __post_init__(self) -> None:
         self.frame.amsl(Ellipsoid(0.0))
 
-    def report(self, m: Decoded, received_s: float) -> EvaderReport:
+    def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
         for refused, reason in (
             (m.ICAO_address != self.icao_address, "other_id"),
@@ -224,7 +224,7 @@ class OpenDroneIdLocation:
     def __post_init__(self) -> None:
         self.frame.amsl(Ellipsoid(0.0))
 
-    def report(self, m: Decoded, received_s: float) -> EvaderReport:
+    def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
         if self.id_or_mac is not None and bytes(m.id_or_mac) != self.id_or_mac.ljust(20, b"\0"):
             raise Refused("other_id")

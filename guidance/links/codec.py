@@ -8,7 +8,7 @@ from typing import Final
 from pymavlink.dialects.v20 import common
 
 from guidance import messages
-from guidance.links.frames import MAGIC_V1, Decoded
+from guidance.links.frames import MAGIC_V1, Fields, Frame, Outgoing
 from guidance.vehicle import is_plausible
 
 MAV_AUTOPILOT_PX4: Final = 12
@@ -46,7 +46,7 @@ def degrees(latitude_e7: int, longitude_e7: int) -> tuple[float, float]:
     return latitude, longitude
 
 
-def _system_status(m: Decoded, received_s: float) -> messages.Message:
+def _system_status(m: Fields, received_s: float) -> messages.Message:
     percent = m.battery_remaining
     remaining = percent / 100.0 if 0 <= percent <= 100 else math.nan  # -1: not sent
     present, health = m.onboard_control_sensors_present, m.onboard_control_sensors_health
@@ -54,12 +54,12 @@ def _system_status(m: Decoded, received_s: float) -> messages.Message:
     return messages.SystemStatus(received_s, present, health, remaining, voltage_v)
 
 
-def _gps_fix(m: Decoded, received_s: float) -> messages.Message:
+def _gps_fix(m: Fields, received_s: float) -> messages.Message:
     satellites = None if m.satellites_visible == _UNKNOWN_U8 else m.satellites_visible
     return messages.GpsFix(received_s, m.fix_type, satellites)
 
 
-def _global_position(m: Decoded, received_s: float) -> messages.Message:
+def _global_position(m: Fields, received_s: float) -> messages.Message:
     velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
     above_sea, above_home = m.alt / 1e3, m.relative_alt / 1e3
     return messages.GlobalPosition(
@@ -67,13 +67,13 @@ def _global_position(m: Decoded, received_s: float) -> messages.Message:
     )
 
 
-def _fence_item(m: Decoded, received_s: float) -> messages.Message:
+def _fence_item(m: Fields, received_s: float) -> messages.Message:
     if not math.isfinite(m.param1):
         raise ValueError(f"param1 = {m.param1}: not a number of corners, not a radius")
     return messages.FenceItem(received_s, m.seq, m.command, m.param1, *degrees(m.x, m.y))
 
 
-DECODERS: Final[Mapping[str, Callable[[Decoded, float], messages.Message]]] = {
+DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     "HEARTBEAT": lambda m, at_s: messages.Heartbeat(
         at_s, m.custom_mode, bool(m.base_mode & MAV_MODE_FLAG_SAFETY_ARMED), m.system_status, m.autopilot
     ),
@@ -102,37 +102,37 @@ DECODERS: Final[Mapping[str, Callable[[Decoded, float], messages.Message]]] = {
 """Messages that can be converted alone; STATUSTEXT, TIMESYNC and PARAM_VALUE need the state of the link."""
 
 
-def decode(message: Decoded, received_s: float) -> messages.Message:
+def decode(frame: Frame, received_s: float) -> messages.Message:
     """Convert one message to a typed value.
 
     Raises:
         KeyError: If the message is not in `DECODERS`.
         ValueError: If a value is unknown, or implausible by `guidance.vehicle.is_plausible`.
     """
-    name = message.get_type()
-    if name.startswith("MISSION_") and message.mission_type != MAV_MISSION_TYPE_FENCE:
-        raise ValueError(f"mission_type {message.mission_type}: only the fence ({MAV_MISSION_TYPE_FENCE}) is read")
-    value = DECODERS[name](message, received_s)
+    name, fields = frame.name, frame.fields
+    if name.startswith("MISSION_") and fields.mission_type != MAV_MISSION_TYPE_FENCE:
+        raise ValueError(f"mission_type {fields.mission_type}: only the fence ({MAV_MISSION_TYPE_FENCE}) is read")
+    value = DECODERS[name](fields, received_s)
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")
     return value
 
 
-def parameter(message: Decoded, received_s: float, *, autopilot: int) -> messages.Parameter:
+def parameter(frame: Frame, received_s: float, *, autopilot: int) -> messages.Parameter:
     """Convert a PARAM_VALUE. PX4 carries integers as bytes in the float, other autopilots as a number.
 
     Raises:
         ValueError: If it is not finite.
     """
-    value = message.param_value
-    if is_bytewise(message.param_type, autopilot=autopilot):
-        # pymavlink's float would not do: the bytes of a negative integer are a NaN, which loses bits.
-        data = bytes(message.get_msgbuf())
+    name, value, kind = frame.fields[:3]
+    if is_bytewise(kind, autopilot=autopilot):
+        # The float would not do: the bytes of a negative integer are a NaN, which loses bits.
+        data = frame.data
         start = 6 if data[0] == MAGIC_V1 else 10
         (value,) = struct.unpack("<i", data[start : start + min(4, data[1])].ljust(4, b"\0"))
     if not math.isfinite(value):
-        raise ValueError(f"{message.param_id} = {value}: a parameter must be finite")
-    return messages.Parameter(received_s, message.param_id, float(value), message.param_type)
+        raise ValueError(f"{name} = {value}: a parameter must be finite")
+    return messages.Parameter(received_s, name, float(value), kind)
 
 
 def is_bytewise(param_type: int, *, autopilot: int) -> bool:
@@ -140,7 +140,7 @@ def is_bytewise(param_type: int, *, autopilot: int) -> bool:
     return autopilot == MAV_AUTOPILOT_PX4 and param_type == MAV_PARAM_TYPE_INT32
 
 
-def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, component_id: int) -> Decoded:
+def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, component_id: int) -> Outgoing:
     """Return a SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero.
 
     Its type mask is 3527 for velocity alone, 2503 with yaw, 3079 with acceleration and 2055 with both. PX4 and
@@ -168,7 +168,7 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, compo
 
 def request(
     request: messages.Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0
-) -> Decoded:
+) -> Outgoing:
     """Return a COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_* message.
 
     Args:
@@ -198,7 +198,7 @@ def request(
             return _command(request, to, attempt)
 
 
-def _command(request: messages.Command, to: tuple[int, int], attempt: int) -> Decoded:
+def _command(request: messages.Command, to: tuple[int, int], attempt: int) -> Outgoing:
     if any(math.isinf(value) for value in request.params):
         raise ValueError(f"command {request.command}: params = {request.params}: infinite values are not allowed")
     if request.frame is None:

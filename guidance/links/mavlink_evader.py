@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from guidance.links.carriers import Carrier, Refused, plausible
-from guidance.links.frames import Decoded, FrameReader, SigningKey, Station
+from guidance.links.frames import Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import TimesyncPeer
 from guidance.messages import EvaderReport, Timesync
@@ -62,7 +62,7 @@ class MavlinkEvader:
         reports = []
         for data in self._wire.impostors():
             frame = self._frames.first(data)
-            self._impostors += frame is not None and frame.get_type() == self._carrier.message and self._is_meant(frame)
+            self._impostors += frame is not None and frame.name == self._carrier.message and self._is_meant(frame)
         for received_s, data in self._wire.receive():
             for frame in self._frames.read(data, stream=self._wire.stream):
                 if self._is_meant(frame):
@@ -73,9 +73,9 @@ class MavlinkEvader:
                 self._wire.send(self._station.pack(self._timesync.ask(now_s)))
         return reports
 
-    def _is_meant(self, frame: Decoded) -> bool:
+    def _is_meant(self, frame: Frame) -> bool:
         """Return whether a frame is the evader's, validly signed if there is a key."""
-        if frame.get_srcSystem() != self._system_id or self._component_id not in (None, frame.get_srcComponent()):
+        if frame.system_id != self._system_id or self._component_id not in (None, frame.component_id):
             self._counts["foreign"] += 1
             return False
         problem = self._station.problem(frame)
@@ -83,13 +83,13 @@ class MavlinkEvader:
             self._counts[problem] += 1
         return problem is None
 
-    def _read(self, frame: Decoded, received_s: float) -> list[EvaderReport]:
+    def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
         try:
-            if frame.get_type() == "TIMESYNC":
-                answer, _ = self._timesync.hear(frame, received_s)
+            if frame.name == "TIMESYNC":
+                answer, _ = self._timesync.hear(frame.fields, received_s)
                 self._answer = answer or self._answer
                 return []
-            report = plausible(self._carrier.report(frame, received_s))
+            report = plausible(self._carrier.report(frame.fields, received_s))
         except Refused as refused:
             self._counts[f"refused_{refused.reason}"] += 1
             return []
@@ -98,7 +98,7 @@ class MavlinkEvader:
             return []
         self._counts["reports"] += 1
         impostors, self._impostors = self._impostors, 0
-        return [self._with_answer(report)._replace(sequence=frame.get_seq(), impostors=impostors or None)]
+        return [self._with_answer(report)._replace(sequence=frame.sequence, impostors=impostors or None)]
 
     def _with_answer(self, report: EvaderReport) -> EvaderReport:
         answer, self._answer = self._answer, None

@@ -24,9 +24,10 @@ from mavsdk import Configuration, ConnectionResult, Mavsdk
 from mavsdk.cmavsdk_loader import _cmavsdk_lib
 from mavsdk.logging import LogCallback
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
+from pymavlink.dialects.v20 import common
 
 from guidance.errors import LinkError
-from guidance.links.frames import Decoded, FrameReader
+from guidance.links.frames import Frame, Outgoing
 from guidance.links.pymavlink_link import USED, PymavlinkLink
 
 _ANSWERS: Final = frozenset({"COMMAND_ACK", "PARAM_VALUE", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"})
@@ -72,7 +73,7 @@ class MavsdkLink(PymavlinkLink):
         route_to_logging()
         self._numbering = threading.Lock()
         self._direct: MavlinkDirect | None = None
-        self._own_frames = FrameReader()
+        self._own_frames = common.MAVLink(None)
         configuration = Configuration.create_manual(*self._own, True)
         self._mavsdk = Mavsdk(configuration)
         configuration.destroy()
@@ -85,17 +86,15 @@ class MavsdkLink(PymavlinkLink):
 
     def _pass_on(self, data: bytes) -> None:
         """Send one frame of MAVSDK's, numbered as our next; called on MAVSDK's thread."""
-        frame = self._own_frames.first(data)
-        if frame is not None:
-            with self._numbering:
-                self._wire.send(self._station.pack(frame))
+        with contextlib.suppress(common.MAVError), self._numbering:
+            self._wire.send(self._station.pack(self._own_frames.decode(bytearray(data))))
 
-    def hear(self, message: Decoded, received_s: float) -> None:
+    def hear(self, frame: Frame, received_s: float) -> None:
         """Take one message of the vehicle, and pass it on to MAVSDK if needed; raises as the other link's."""
-        if message.get_type() in _SHOWN:
-            self._mavsdk.pass_received_raw_bytes(bytes(message.get_msgbuf()))
-        if message.get_type() in USED:
-            super().hear(message, received_s)
+        if frame.name in _SHOWN:
+            self._mavsdk.pass_received_raw_bytes(frame.data)
+        if frame.name in USED:
+            super().hear(frame, received_s)
 
     @property
     def heard(self) -> bool:
@@ -116,7 +115,7 @@ class MavsdkLink(PymavlinkLink):
                 self._direct = MavlinkDirect(system)
                 return
 
-    def _send(self, message: Decoded) -> None:
+    def _send(self, message: Outgoing) -> None:
         if message.get_type() in _DIRECT:
             with self._numbering:
                 super()._send(message)

@@ -9,7 +9,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.frames import LocalFrame
 from guidance.links.carriers import CARRIERS, EvaderIdentity
 from guidance.links.codec import MAV_MODE_FLAG_SAFETY_ARMED
-from guidance.links.frames import Decoded, FrameReader, SignatureCheck, SigningKey, Station, ticks
+from guidance.links.frames import Frame, FrameReader, SignatureCheck, SigningKey, Station, ticks
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
@@ -223,11 +223,12 @@ def _waited(look: Callable[[], T], beat: Callable[[], None], clock: Clock, timeo
         sleep(_LOOK_EVERY_S)
 
 
-def _found(frame: Decoded) -> Found | None:
-    if frame.get_type() != "HEARTBEAT" or frame.autopilot == MAV_AUTOPILOT_INVALID or frame.type == MAV_TYPE_GCS:
+def _found(frame: Frame) -> Found | None:
+    beat = frame.fields
+    if frame.name != "HEARTBEAT" or beat.autopilot == MAV_AUTOPILOT_INVALID or beat.type == MAV_TYPE_GCS:
         return None
-    armed = bool(frame.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
-    return Found(frame.get_srcSystem(), frame.get_srcComponent(), frame.autopilot, frame.type, armed)
+    armed = bool(beat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
+    return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type, armed)
 
 
 def open_source(

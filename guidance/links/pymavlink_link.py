@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from guidance.links import codec
 from guidance.links.codec import DECODERS, decode, parameter
-from guidance.links.frames import Decoded, FrameReader, SigningKey, Station
+from guidance.links.frames import Fields, Frame, FrameReader, Outgoing, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import (
@@ -52,7 +52,7 @@ class Address(NamedTuple):
     component_id: int
 
 
-def own_heartbeat() -> Decoded:
+def own_heartbeat() -> Outgoing:
     """Return the HEARTBEAT of an onboard controller (MAV_TYPE 18) that is no autopilot (8) and active (4)."""
     return common.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
 
@@ -67,7 +67,7 @@ class TextJoiner:
     _next_sequence: int = 0
     _chunks: list[str] = field(default_factory=list)
 
-    def hear(self, message: Decoded, received_s: float) -> list[StatusText]:
+    def hear(self, message: Fields, received_s: float) -> list[StatusText]:
         """Add one STATUSTEXT; return the texts that are complete.
 
         A text with `id` 0 has one chunk. A chunk that is not full is the last one.
@@ -172,10 +172,10 @@ class PymavlinkLink:
             self._inbox.popleft()
             self.counts["overflowed"] += 1
 
-    def _take_in(self, frame: Decoded, received_s: float) -> None:
-        if (frame.get_srcSystem(), frame.get_srcComponent()) != self._vehicle:
+    def _take_in(self, frame: Frame, received_s: float) -> None:
+        if frame[1:3] != self._vehicle:
             self.counts["foreign"] += 1
-            self.others.add(frame.get_srcSystem())
+            self.others.add(frame.system_id)
         elif self._signed and (problem := self._station.problem(frame)) is not None:
             self.counts[problem] += 1
         else:
@@ -185,32 +185,32 @@ class PymavlinkLink:
             except (KeyError, TypeError, ValueError, ArithmeticError):
                 self.counts["invalid"] += 1
 
-    def hear(self, message: Decoded, received_s: float) -> None:
+    def hear(self, frame: Frame, received_s: float) -> None:
         """Take one used message of the vehicle.
 
         Raises:
             KeyError, TypeError, ValueError, ArithmeticError: If its values are implausible.
         """
-        name = message.get_type()
-        if name in ADDRESSED and not self._is_for_us(message):
+        name, fields = frame.name, frame.fields
+        if name in ADDRESSED and not self._is_for_us(fields):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
-            self._inbox.extend(self._texts.hear(message, received_s))
+            self._inbox.extend(self._texts.hear(fields, received_s))
         elif name == "TIMESYNC":
-            answer, reply = self._timesync.hear(message, received_s)
+            answer, reply = self._timesync.hear(fields, received_s)
             if answer is not None:
                 self._inbox.append(answer)
             if reply is not None:
                 self._send(reply)
         elif name == "PARAM_VALUE":
-            self._requests.parameter_came(message.param_id)
-            self._inbox.append(parameter(message, received_s, autopilot=self.autopilot))
+            self._requests.parameter_came(fields.param_id)
+            self._inbox.append(parameter(frame, received_s, autopilot=self.autopilot))
         else:
-            value = decode(message, received_s)
+            value = decode(frame, received_s)
             self._inbox.append(value)
             self._note(value)
 
-    def _is_for_us(self, message: Decoded) -> bool:
+    def _is_for_us(self, message: Fields) -> bool:
         """Return whether the message is addressed to us or to all (0)."""
         system_id, component_id = message.target_system, getattr(message, "target_component", 0)
         return system_id in (0, self._own.system_id) and component_id in (0, self._own.component_id)
@@ -266,7 +266,7 @@ class PymavlinkLink:
         if not self._closed:
             self._send(own_heartbeat())
 
-    def _send(self, message: Decoded) -> None:
+    def _send(self, message: Outgoing) -> None:
         self._wire.send(self._station.pack(message))
 
     def counters(self) -> Mapping[str, int]:

@@ -16,7 +16,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import common
 
-from guidance.links.frames import Decoded
+from guidance.links.frames import Fields, Outgoing
 from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Timesync
 
 REPEAT_S: Final = 0.5
@@ -131,7 +131,7 @@ class TimesyncPeer:
     asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=8))
     next_ask_s: float = float("-inf")
 
-    def hear(self, message: Decoded, received_s: float) -> tuple[Timesync | None, Decoded | None]:
+    def hear(self, message: Fields, received_s: float) -> tuple[Timesync | None, Outgoing | None]:
         """Return an answer to our question or None, and the reply to theirs or None."""
         if message.tc1 == 0:
             return None, common.MAVLink_timesync_message(_nanoseconds(received_s), message.ts1)
@@ -140,7 +140,7 @@ class TimesyncPeer:
             return Timesync(received_s, remote_ns=message.tc1, local_ns=message.ts1), None
         return None, None
 
-    def ask(self, now_s: float) -> Decoded:
+    def ask(self, now_s: float) -> Outgoing:
         """Return a question; the next is due at `next_ask_s`. Its time is never 0, which would mark an answer."""
         self.next_ask_s = now_s + TIMESYNC_EVERY_S
         self.asked_ns.append(_nanoseconds(now_s) or 1)

@@ -100,7 +100,7 @@ class AddressPins:
         frame = self._reader.first(data)
         if frame is None:
             return "garbage"
-        system_id = frame.get_srcSystem()
+        system_id = frame.system_id
         check = self._checks.get(system_id)
         if check is not None and check.problem(frame) is not None:
             return "unsigned"
@@ -139,7 +139,7 @@ class AddressPins:
             return self._refuse("garbage")
         if not self._within_budget(now_s, -1, STRANGERS_PER_S):
             return self._refuse("stranger")
-        return bytes(frame.get_msgbuf())
+        return frame.data
 
     def _within_budget(self, now_s: float, key: int, per_s: int) -> bool:
         if int(now_s) != self._second:

@@ -121,7 +121,7 @@ def _frames(path: Path, survey: Survey) -> Iterator[tuple[float, bytes]]:
         else:  # a piece of a byte stream
             # A log keeps the messages of every dialect.
             reader = readers.setdefault(item.topic, FrameReader(dialect=dialect))
-            yield from ((item.now_s, bytes(frame.get_msgbuf())) for frame in reader.read(item.data))
+            yield from ((item.now_s, frame.data) for frame in reader.read(item.data))
 
 
 def _ordered(frames: Iterator[tuple[float, bytes]]) -> Iterator[tuple[float, bytes]]:

@@ -186,7 +186,7 @@ def run(
     """
     daemons = sorted(daemons, key=lambda daemon: daemon.name)
     hooks = _NoMission() if mission is None else mission
-    garbage = GcScheduler(enabled=world.real_time)
+    garbage = GcScheduler()
     if signals is not None:
         signals.begin()
     due_s = clock.now_s()

@@ -64,29 +64,19 @@ def _threads() -> list[int]:
 
 
 class GcScheduler:
-    """Collects garbage between cycles, when there is time for it, and not at the interpreter's own moments.
+    """Collects garbage between cycles, when there is time for it, and not at the interpreter's own moments."""
 
-    Args:
-        enabled: False leaves collection to the interpreter, as in virtual time.
-    """
-
-    def __init__(self, *, enabled: bool = True) -> None:
-        self._enabled = enabled
+    def __init__(self) -> None:
         self._young_s = self._old_s = 0.0
 
     def begin(self, now_s: float) -> None:
-        """Collect only here from now on. Existing objects are frozen and never scanned again."""
-        if not self._enabled:
-            return
-        gc.collect()
+        """Collect only here from now on. Existing objects are frozen: they are not scanned before `end`."""
         gc.freeze()
         gc.disable()
         self._young_s = self._old_s = now_s
 
     def between(self, now_s: float, free_s: float) -> None:
         """Collect, if it is time to and `free_s` until the next cycle are enough for it, or it is long overdue."""
-        if not self._enabled:
-            return
         if now_s - self._young_s >= OVERDUE_S:
             free_s = math.inf
         if now_s - self._old_s >= OLD_EVERY_S and free_s >= _OLD_NEEDS_S:
@@ -98,8 +88,6 @@ class GcScheduler:
 
     def end(self) -> None:
         """Leave it to the interpreter again."""
-        if not self._enabled:
-            return
         gc.enable()
         gc.unfreeze()
 

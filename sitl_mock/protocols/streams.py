@@ -68,6 +68,10 @@ class Streams:
         self._order = {name: index for index, name in enumerate((*default_hz, *sorted(offered - set(default_hz))))}
         self._started = False
 
+    def is_due(self, now_s: float) -> bool:
+        """True if there is a message to send."""
+        return not self._started or (bool(self._queue) and self._queue[0][0] <= now_s + SLACK_S)
+
     def due(self, now_s: float) -> list[str]:
         """Return the names of the messages to send now, each at most once."""
         if not self._started:

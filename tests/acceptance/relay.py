@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import AUTOPILOTS, AutopilotProfile, Mode
-from guidance.links.frames import Decoded, FrameReader
+from guidance.links.frames import Frame, FrameReader
 from guidance.links.opening import Found, find_autopilot, open_wire
 from guidance.links.port import Wire
 from guidance.links.udp import UdpWire
 
 PILOT = (255, 190)
-HEARTBEAT, PARAM_VALUE, LOCAL_POSITION_NED, SET_POSITION_TARGET, HOME_POSITION = 0, 22, 32, 84, 242
+HOME_POSITION = 242
 ARMED = 128
 
 
@@ -71,25 +71,25 @@ class Relay:
 
     def _from_vehicle(self, now_s: float, data: bytes) -> None:
         for frame in self._down.read(data, stream=self._wire.stream):
-            self._client.send(bytes(frame.get_msgbuf()))
-            if (frame.get_srcSystem(), frame.get_srcComponent()) == self.found[:2]:
+            self._client.send(frame.data)
+            if (frame.system_id, frame.component_id) == self.found[:2]:
                 self._note(now_s, frame)
         # Messages outside the dialect are forwarded too, if a datagram holds them completely.
 
     def _from_client(self, now_s: float, data: bytes) -> None:
         for frame in self._up.read(data, stream=False):
             with self._lock:
-                self._wire.send(bytes(frame.get_msgbuf()))
-            if frame.get_msgId() == SET_POSITION_TARGET:
+                self._wire.send(frame.data)
+            if frame.name == "SET_POSITION_TARGET_LOCAL_NED":
                 self.seen.setpoints_s.append(now_s)
 
-    def _note(self, now_s: float, message: Decoded) -> None:
-        number = message.get_msgId()
-        if number == HEARTBEAT:
+    def _note(self, now_s: float, frame: Frame) -> None:
+        name, message = frame.name, frame.fields
+        if name == "HEARTBEAT":
             self.seen.beats.append((now_s, message.custom_mode, bool(message.base_mode & ARMED)))
-        elif number == PARAM_VALUE:
+        elif name == "PARAM_VALUE":
             self.seen.parameters[message.param_id] = (now_s, message.param_value, message.param_type)
-        elif number == LOCAL_POSITION_NED:
+        elif name == "LOCAL_POSITION_NED":
             place = (message.x, message.y, message.z)
             self.seen.positions.append((now_s, place, math.hypot(message.vx, message.vy, message.vz)))
 

@@ -50,7 +50,7 @@ def test_any_payload_in_a_valid_frame_is_a_message_or_counted(said):
 def test_any_payload_of_any_message_is_decoded(name, payload):
     reader = FrameReader()
     (frame,) = reader.read(framed(name, payload), stream=False)
-    assert frame.get_type() == name
+    assert frame.name == name
     assert (reader.garbage_bytes, reader.unknown) == (0, 0)
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links.codec import DECODERS, decode, parameter
-from guidance.links.frames import FrameReader
+from guidance.links.frames import Frame, FrameReader
 from guidance.messages import (
     FenceCount,
     FenceItem,
@@ -28,7 +28,12 @@ from tests.links.any_frame import framed
 def message_of(name, **fields):
     """Return a message of this name with these fields, zero if not given."""
     known = next(message for message in dialect.mavlink_map.values() if message.msgname == name)
-    return SimpleNamespace(get_type=lambda: name, **dict.fromkeys(known.fieldnames, 0) | fields)
+    return Frame(name, 1, 1, 0, SimpleNamespace(**dict.fromkeys(known.fieldnames, 0) | fields), b"")
+
+
+def frame_of(message):
+    """Return a message of the dialect as it is received."""
+    return Frame(message.msgname, 1, 1, 0, message, b"")
 
 
 def test_every_decoded_message_exists_with_these_fields_in_the_dialect():
@@ -38,16 +43,18 @@ def test_every_decoded_message_exists_with_these_fields_in_the_dialect():
 
 def test_a_heartbeat_has_mode_and_armed():
     beat = dialect.MAVLink_heartbeat_message(2, 12, 128 | 29, 6 << 16, 4, 3)
-    assert decode(beat, 1.0) == Heartbeat(1.0, 6 << 16, True, 4, 12)
+    assert decode(frame_of(beat), 1.0) == Heartbeat(1.0, 6 << 16, True, 4, 12)
     beat.base_mode = 29
-    assert not decode(beat, 1.0).armed
+    assert not decode(frame_of(beat), 1.0).armed
 
 
 def test_units_become_metres_seconds_and_degrees():
     position = dialect.MAVLink_global_position_int_message(2500, 473977418, -85455939, 488125, 20250, 150, -25, 75, 0)
-    assert decode(position, 9.0) == GlobalPosition(9.0, 2.5, 47.3977418, -8.5455939, 488.125, 20.25, (1.5, -0.25, 0.75))
+    assert decode(frame_of(position), 9.0) == GlobalPosition(
+        9.0, 2.5, 47.3977418, -8.5455939, 488.125, 20.25, (1.5, -0.25, 0.75)
+    )
     local = dialect.MAVLink_local_position_ned_message(1500, 1.0, 2.0, -3.0, 0.5, -0.5, 0.25)
-    assert decode(local, 9.0) == LocalPosition(9.0, 1.5, (1.0, 2.0, -3.0), (0.5, -0.5, 0.25))
+    assert decode(frame_of(local), 9.0) == LocalPosition(9.0, 1.5, (1.0, 2.0, -3.0), (0.5, -0.5, 0.25))
 
 
 @pytest.mark.parametrize(("sent", "volts"), [(15_800, 15.8), (0, math.nan), (65_535, math.nan)])
@@ -82,21 +89,21 @@ def test_items_of_the_fence_are_read_and_those_of_other_plans_are_not():
     )
     count = dialect.MAVLink_mission_count_message(1, 195, 7, 1)
     ack = dialect.MAVLink_mission_ack_message(1, 195, 3, 1)
-    assert decode(item, 2.0) == FenceItem(2.0, 3, 5001, 4.0, 47.3977418, -8.5455939)
-    assert decode(count, 2.0) == FenceCount(2.0, 7)
-    assert decode(ack, 2.0) == FenceRefused(2.0, 3)
+    assert decode(frame_of(item), 2.0) == FenceItem(2.0, 3, 5001, 4.0, 47.3977418, -8.5455939)
+    assert decode(frame_of(count), 2.0) == FenceCount(2.0, 7)
+    assert decode(frame_of(ack), 2.0) == FenceRefused(2.0, 3)
     item.param1 = math.nan
     with pytest.raises(ValueError, match="param1 = nan"):
-        decode(item, 2.0)
+        decode(frame_of(item), 2.0)
     for message in (item, count, ack):
         message.mission_type = 0
         with pytest.raises(ValueError, match="mission_type 0: only the fence"):
-            decode(message, 2.0)
+            decode(frame_of(message), 2.0)
 
 
 def test_a_home_without_a_local_position_is_accepted():
     message = dialect.MAVLink_home_position_message(470000000, 80000000, 488000, *[math.nan] * 3, [1, 0, 0, 0], 0, 0, 0)
-    home = decode(message, 0.0)
+    home = decode(frame_of(message), 0.0)
     assert isinstance(home, Home)
     assert home.altitude_amsl_m == 488.0
     assert all(map(math.isnan, home.position_ned_m))

@@ -23,8 +23,8 @@ def test_a_stream_may_be_cut_anywhere(cuts, v1):
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     reader = FrameReader()
     heard = [frame for a, b in itertools.pairwise(edges) for frame in reader.read(stream[a:b])]
-    assert [bytes(frame.get_msgbuf()) for frame in heard] == sent
-    assert {(one.get_msgId(), one.get_srcSystem(), one.get_srcComponent()) for one in heard} == {(32, 1, 1)}
+    assert [frame.data for frame in heard] == sent
+    assert {(one.name, one.system_id, one.component_id) for one in heard} == {("LOCAL_POSITION_NED", 1, 1)}
     assert reader.garbage_bytes == 0
 
 
@@ -34,7 +34,7 @@ def test_garbage_between_frames_loses_no_frame(garbage):
     tail = frames(8)[4:]  # enough to complete any length that the garbage announces
     stream = b"".join(noise + frame for noise, frame in zip(garbage, [*sent, b""], strict=True)) + b"".join(tail) * 8
     reader = FrameReader()
-    heard = [bytes(frame.get_msgbuf()) for frame in reader.read(stream)]
+    heard = [frame.data for frame in reader.read(stream)]
     assert [data for data in heard if data in sent] == sent
 
 
@@ -51,14 +51,14 @@ def test_a_datagram_cut_short_does_not_affect_the_next():
     reader = FrameReader()
     first, second = frames(2)
     assert reader.read(first[:-5], stream=False) == []
-    assert [bytes(frame.get_msgbuf()) for frame in reader.read(second, stream=False)] == [second]
+    assert [frame.data for frame in reader.read(second, stream=False)] == [second]
 
 
 def test_unknown_messages_are_skipped_and_counted():
     reader = FrameReader()
     (known,) = frames(1)
     unknown = bytes([0xFD, 3, 0, 0, 0, 1, 1]) + (70000).to_bytes(3, "little") + b"abc" + b"\x12\x34"
-    assert [bytes(frame.get_msgbuf()) for frame in reader.read(unknown + known + unknown)] == [known]
+    assert [frame.data for frame in reader.read(unknown + known + unknown)] == [known]
     assert reader.unknown == 2
     assert reader.garbage_bytes == 0
 
@@ -68,7 +68,7 @@ def test_the_length_of_an_unknown_message_hides_no_known_frame():
     sent = frames(4)
     inside = b"".join(sent)
     lie = bytes([0xFD, len(inside) - 2, 0, 0, 0, 1, 1]) + (70000).to_bytes(3, "little") + inside
-    assert [bytes(frame.get_msgbuf()) for frame in reader.read(lie + sent[0])] == [*sent, sent[0]]
+    assert [frame.data for frame in reader.read(lie + sent[0])] == [*sent, sent[0]]
 
 
 def test_an_incomplete_frame_waits_in_bounded_memory():
@@ -92,7 +92,7 @@ def test_a_signed_frame_is_one_frame():
     signed = peer.packed(dialect.MAVLink_local_position_ned_message(1, 2, 3, 4, 5, 6, 7))
     (frame,) = FrameReader().read(signed + frames(1)[0])[:1]
     assert is_signed(frame)
-    assert bytes(frame.get_msgbuf()) == signed
+    assert frame.data == signed
 
 
 @pytest.mark.parametrize("byte", [0xFD, 0xFE])
@@ -104,7 +104,7 @@ def test_a_piece_full_of_start_marks_costs_bounded_work(byte, monkeypatch):
     assert reader.garbage_bytes + reader.unknown >= checked - 300
     assert len(tried) <= 130
     (frame,) = frames(1)
-    assert [bytes(one.get_msgbuf()) for one in reader.read(frame, stream=False)] == [frame]
+    assert [one.data for one in reader.read(frame, stream=False)] == [frame]
 
 
 def test_frames_after_a_stream_of_start_marks_are_read():
@@ -112,5 +112,5 @@ def test_frames_after_a_stream_of_start_marks_are_read():
     for _ in range(40):
         reader.read(b"\xfe" * 4096)
     sent = frames(30)
-    heard = [bytes(frame.get_msgbuf()) for piece in sent * 20 for frame in reader.read(piece)]
+    heard = [frame.data for piece in sent * 20 for frame in reader.read(piece)]
     assert heard[-len(sent) * 10 :] == sent * 10
