@@ -1,12 +1,12 @@
 """The filters of the evader's motion: interacting multiple models in the plane, and a Kalman filter of the height.
 
 In the plane two models run side by side, steady (constant velocity) and turning (coordinated turn): mix, move, correct.
-They are plain floats: for five numbers a NumPy call costs more than the arithmetic.
+They use plain floats: NumPy takes longer to call than five numbers take to compute.
 
-State: north, east (m), their rates (m/s), turn rate (rad/s, north to east).
+State: north, east (m), their rates (m/s); with the turning model also the turn rate (rad/s, north to east).
 Source: Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), 6.2.2 (white
 noise acceleration) and 11.7 (coordinated turn with unknown rate). The turn rate decays with a correlation time, so it
-stays bounded without reports; the steady model does not use it.
+stays bounded without reports.
 
 Source of the filter: Blom & Bar-Shalom (1988); Bar-Shalom, Li & Kirubarajan (2001), 11.6.6. The switching is a Markov
 chain in continuous time, so the report rate does not matter. Before mixing, the steady model takes the turn rate of the
@@ -23,22 +23,20 @@ from guidance.estimation.measurement import TrackSettings
 
 Numbers = Sequence[float]
 
-_ROWS = ((0, 1, 2, 3, 4), (1, 5, 6, 7, 8), (2, 6, 9, 10, 11), (3, 7, 10, 12, 13), (4, 8, 11, 13, 14))
-"""Where the rows of a symmetric matrix stand in its upper triangle."""
+_ROWS = tuple(
+    tuple(max(row, column) * (max(row, column) + 1) // 2 + min(row, column) for column in range(5)) for row in range(5)
+)
+"""Where the rows of a symmetric matrix stand in its lower triangle."""
 
 _SMALL_TURN_RAD = 1e-3
 _NO_SLOPES = (0.0, 0.0, 0.0, 0.0)
 
 
 class Normal(NamedTuple):
-    """A normal distribution of the state: its mean (5,), and the upper triangle of its covariance by rows (15,)."""
+    """A normal distribution of the state: its mean (n,) and, by rows, the lower triangle of its covariance."""
 
     mean: Numbers
     covariance: Numbers
-
-    def row(self, index: int) -> Numbers:
-        """Return a row of the covariance."""
-        return [self.covariance[place] for place in _ROWS[index]]
 
 
 class Modes(NamedTuple):
@@ -51,13 +49,12 @@ class Modes(NamedTuple):
 
 def begin(measured: Numbers, variances: Numbers, settings: TrackSettings) -> Modes:
     """Begin both models with a report of position (2,), or position and velocity (4,), and its variances."""
-    known, unknown = len(measured), 4 - len(measured)
+    unknown = 4 - len(measured)
     spreads = (*variances, *[settings.prior_speed_sd_m_s**2] * unknown, settings.turn_rate_sd_rad_s**2)
-    covariance = [0.0] * 15
-    for index, spread in enumerate(spreads):
-        covariance[_ROWS[index][index]] = spread
-    first = Normal([*measured, *[0.0] * (5 - known)], covariance)
-    return Modes(first, first, settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s))
+    covariance = [number for row, spread in enumerate(spreads) for number in (*[0.0] * row, spread)]
+    mean = [*measured, *[0.0] * (unknown + 1)]
+    turning = settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s)
+    return Modes(Normal(mean[:4], covariance[:10]), Normal(mean, covariance), turning)
 
 
 def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
@@ -68,14 +65,36 @@ def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
     return Modes(steady_after(steady, dt_s, settings), turning_after(turning, dt_s, settings), share)
 
 
+def _white(dt_s: float, density_m2_s3: float) -> tuple[float, float, float]:
+    """White acceleration over dt: q · [dt³/3, dt²/2; dt²/2, dt], so that any report rate gives the same spread."""
+    return density_m2_s3 * dt_s**3 / 3.0, density_m2_s3 * dt_s**2 / 2.0, density_m2_s3 * dt_s
+
+
 def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
-    """Advance the steady model by dt > 0."""
-    motion = (dt_s, 0.0, 0.0, 1.0, math.exp(-dt_s / settings.turn_time_s))
-    return _after(state, motion, _NO_SLOPES, dt_s, settings.steady_noise_m2_s3, settings.turn_rate_sd_rad_s)
+    """Advance the steady model by dt."""
+    north, east, north_rate, east_rate = state.mean
+    # Covariances of n, e (north, east) and x, y (their rates).
+    nn, en, ee, xn, xe, xx, yn, ye, yx, yy = state.covariance
+    place, shared, rate = _white(dt_s, settings.steady_noise_m2_s3)
+    return Normal(
+        (north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate),
+        (
+            nn + dt_s * (2.0 * xn + dt_s * xx) + place,
+            en + dt_s * (xe + yn + dt_s * yx),
+            ee + dt_s * (2.0 * ye + dt_s * yy) + place,
+            xn + dt_s * xx + shared,
+            xe + dt_s * yx,
+            xx + rate,
+            yn + dt_s * yx,
+            ye + dt_s * yy + shared,
+            yx,
+            yy + rate,
+        ),
+    )
 
 
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
-    """Advance the turning model by dt > 0."""
+    """Advance the turning model by dt."""
     _, _, north_rate, east_rate, turn_rate = state.mean
     along, across, along_slope, across_slope = _arc(turn_rate, dt_s)
     sine, cosine = math.sin(turn_rate * dt_s), math.cos(turn_rate * dt_s)
@@ -86,7 +105,21 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
         -dt_s * (sine * north_rate + cosine * east_rate),
         dt_s * (cosine * north_rate - sine * east_rate),
     )
-    return _after(state, motion, slopes, dt_s, settings.turning_noise_m2_s3, settings.turn_rate_sd_rad_s)
+    # As in `steady_after`; w is the turn rate.
+    nn, en, ee, xn, xe, xx, yn, ye, yx, yy, wn, we, wx, wy, ww = state.covariance
+    rows = (nn, en, xn, yn, wn), (en, ee, xe, ye, we), (xn, xe, xx, yx, wx), (yn, ye, yx, yy, wy), (wn, we, wx, wy, ww)
+    halfway = zip(*_moved(rows, motion, slopes), strict=True)  # J P, as P is symmetric
+    after = _moved(halfway, motion, slopes)
+    (nn, *_), (en, ee, *_), (xn, xe, xx, *_), (yn, ye, yx, yy, _), (wn, we, wx, wy, ww) = after
+    place, shared, rate = _white(dt_s, settings.turning_noise_m2_s3)
+    ww += settings.turn_rate_sd_rad_s**2 * (1.0 - motion[4] ** 2)
+    return Normal(
+        _moved((state.mean,), motion, _NO_SLOPES)[0],
+        (
+            *(nn + place, en, ee + place, xn + shared, xe, xx + rate),
+            *(yn, ye + shared, yx, yy + rate, wn, we, wx, wy, ww),
+        ),
+    )
 
 
 def _arc(turn_rate: float, dt_s: float) -> tuple[float, float, float, float]:
@@ -106,20 +139,6 @@ def _arc(turn_rate: float, dt_s: float) -> tuple[float, float, float, float]:
         (dt_s * math.cos(angle) - along) / turn_rate,
         (dt_s * math.sin(angle) - across) / turn_rate,
     )
-
-
-def _after(
-    state: Normal, motion: Numbers, slopes: Numbers, dt_s: float, noise_m2_s3: float, turn_rate_sd: float
-) -> Normal:
-    """Move a state, with white acceleration over dt: q · [dt³/3, dt²/2; dt²/2, dt], the same for any report rate."""
-    (mean,) = _moved((state.mean,), motion, _NO_SLOPES)
-    halfway = _moved(map(state.row, range(5)), motion, slopes)  # P Jᵀ, since P is symmetric
-    rows = _moved(zip(*halfway, strict=True), motion, slopes)  # J P Jᵀ
-    covariance = [number for index, row in enumerate(rows) for number in row[index:]]
-    place, shared, rate = noise_m2_s3 * dt_s**3 / 3.0, noise_m2_s3 * dt_s**2 / 2.0, noise_m2_s3 * dt_s
-    turning = turn_rate_sd**2 * (1.0 - motion[4] ** 2)
-    more = (place, 0.0, shared, 0.0, 0.0, place, 0.0, shared, 0.0, rate, 0.0, 0.0, rate, 0.0, turning)
-    return Normal(mean, [number + noise for number, noise in zip(covariance, more, strict=True)])
 
 
 def _moved(states: Iterable[Numbers], motion: Numbers, slopes: Numbers) -> list[Numbers]:
@@ -156,38 +175,33 @@ def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[No
     """Correct by one number after the other, as their errors are independent; also return νᵀS⁻¹ν and det S."""
     mean, covariance = state
     distance, spread = 0.0, 1.0
-    for index, (value, variance) in enumerate(zip(measured, variances, strict=True)):
-        shared = [covariance[place] for place in _ROWS[index]]
+    for value, variance, index, places in zip(measured, variances, range(4), _ROWS, strict=False):
+        shared = [covariance[place] for place in places[: len(mean)]]
         expected = shared[index] + variance
         share, off = 1.0 / expected, value - mean[index]
         distance += off * off * share
         spread *= expected
         mean = [number + off * share * one for number, one in zip(mean, shared, strict=True)]
-        covariance = [number - share * known for number, known in zip(covariance, _square(shared), strict=True)]
+        known = [one * other * share for row, one in enumerate(shared) for other in shared[: row + 1]]
+        covariance = [number - less for number, less in zip(covariance, known, strict=True)]
     return Normal(mean, covariance), distance, spread
 
 
 def combine(modes: Modes) -> Normal:
-    """Return the mixture of both models."""
+    """Return the mixture of both models: north, east and their rates."""
     return _blended(modes.steady, modes.turning, modes.turning_share)
 
 
 def _blended(one: Normal, other: Normal, share: float) -> Normal:
-    """Return mean and covariance of a mixture with this share of the other."""
+    """Return mean and covariance of a mixture with this share of the other, as long as the shorter state."""
     rest = 1.0 - share
-    apart = [there - here for here, there in zip(one.mean, other.mean, strict=True)]
-    spread = rest * share
-    rows = zip(one.covariance, other.covariance, _square(apart), strict=True)
+    apart = [there - here for here, there in zip(one.mean, other.mean, strict=False)]
+    spread = [rest * share * (by * along) for row, by in enumerate(apart) for along in apart[: row + 1]]
+    rows = zip(one.covariance, other.covariance, spread, strict=False)
     return Normal(
-        [rest * here + share * there for here, there in zip(one.mean, other.mean, strict=True)],
-        [rest * here + share * there + spread * square for here, there, square in rows],
+        [rest * here + share * there for here, there in zip(one.mean, other.mean, strict=False)],
+        [rest * here + share * there + more for here, there, more in rows],
     )
-
-
-def _square(numbers: Numbers) -> Numbers:
-    """Return the upper triangle of x xᵀ."""
-    a, b, c, d, e = numbers
-    return (a * a, a * b, a * c, a * d, a * e, b * b, b * c, b * d, b * e, c * c, c * d, c * e, d * d, d * e, e * e)
 
 
 def _mix(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
@@ -196,13 +210,10 @@ def _mix(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
     steady, turning, was_turning = modes
     was_steady = 1.0 - was_turning
     share = was_steady * begins * gone + was_turning * (1.0 - ends * gone)
-    covariance = list(steady.covariance)
-    for place in _ROWS[4]:
-        covariance[place] = 0.0
-    covariance[-1] = turning.covariance[-1]
-    with_turn_rate = Normal([*steady.mean[:4], turning.mean[4]], covariance)
+    turn_rate, variance = turning.mean[4], turning.covariance[14]
+    with_turn_rate = Normal((*steady.mean, turn_rate), (*steady.covariance, 0.0, 0.0, 0.0, 0.0, variance))
     return Modes(
-        _blended(with_turn_rate, turning, was_turning * ends * gone / (1.0 - share)),
+        _blended(steady, turning, was_turning * ends * gone / (1.0 - share)),
         _blended(with_turn_rate, turning, was_turning * (1.0 - ends * gone) / share),
         share,
     )

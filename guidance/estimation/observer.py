@@ -40,9 +40,9 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstima
         return None
     moved = advance(last, now_s, settings)
     both = combine(moved.modes)
-    north, east, north_rate, east_rate, _ = both.mean
-    _, _, one, shared, _ = both.row(2)
-    sd, worst_sd = _speed_sds(north_rate, east_rate, one, shared, both.row(3)[3])
+    north, east, north_rate, east_rate = both.mean
+    *_, one, _, _, shared, other = both.covariance
+    sd, worst_sd = _speed_sds(north_rate, east_rate, one, shared, other)
     bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * sd
     known = worst_sd <= settings.known_velocity_sd_m_s
     return EvaderEstimate(

@@ -74,9 +74,11 @@ def predict(track, now_s, options):
         return None
     moved = advance(track.estimate, now_s, options)
     mixture = combine(moved.modes)
-    mean, covariance = mixture.mean, np.array([mixture.row(index) for index in range(4)])
+    mean, covariance = mixture.mean, np.zeros((4, 4))
+    covariance[np.tril_indices(4)] = mixture.covariance
+    covariance += np.tril(covariance, -1).T
     turning = moved.modes.turning_share
-    made = Predicted(*evader, False, turning, turning * mean[4], covariance[:, :4])
+    made = Predicted(*evader, False, turning, turning * moved.modes.turning.mean[4], covariance)
     velocity = (float(mean[2]), float(mean[3]), moved.height.rate_m_s)
     known = made.velocity_sd_m_s <= options.known_velocity_sd_m_s
     assert evader.velocity_ned_m_s == (velocity if known else (0.0, 0.0, 0.0))
