@@ -29,7 +29,6 @@ _ROWS = tuple(
 """Where the rows of a symmetric matrix stand in its lower triangle."""
 
 _SMALL_TURN_RAD = 1e-3
-_NO_SLOPES = (0.0, 0.0, 0.0, 0.0)
 
 
 class Normal(NamedTuple):
@@ -61,13 +60,15 @@ def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
     """Mix both models and advance them by dt; for dt = 0 return the same modes."""
     if dt_s <= 0.0:
         return modes
-    steady, turning, share = _mix(modes, dt_s, settings)
+    begins, ends = 1.0 / settings.steady_time_s, 1.0 / settings.turning_time_s
+    gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
+    steady, turning, was_turning = modes
+    share = (1.0 - was_turning) * begins * gone + was_turning * (1.0 - ends * gone)
+    turn_rate, variance = turning.mean[4], turning.covariance[14]
+    with_turn_rate = Normal((*steady.mean, turn_rate), (*steady.covariance, 0.0, 0.0, 0.0, 0.0, variance))
+    steady = blended(steady, turning, was_turning * ends * gone / (1.0 - share))
+    turning = blended(with_turn_rate, turning, was_turning * (1.0 - ends * gone) / share)
     return Modes(steady_after(steady, dt_s, settings), turning_after(turning, dt_s, settings), share)
-
-
-def _white(dt_s: float, density_m2_s3: float) -> tuple[float, float, float]:
-    """White acceleration over dt: q · [dt³/3, dt²/2; dt²/2, dt], so that any report rate gives the same spread."""
-    return density_m2_s3 * dt_s**3 / 3.0, density_m2_s3 * dt_s**2 / 2.0, density_m2_s3 * dt_s
 
 
 def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
@@ -75,7 +76,8 @@ def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     north, east, north_rate, east_rate = state.mean
     # Covariances of n, e (north, east) and x, y (their rates).
     nn, en, ee, xn, xe, xx, yn, ye, yx, yy = state.covariance
-    place, shared, rate = _white(dt_s, settings.steady_noise_m2_s3)
+    noise = settings.steady_noise_m2_s3
+    place, shared, rate = noise * dt_s**3 / 3.0, noise * dt_s**2 / 2.0, noise * dt_s
     return Normal(
         (north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate),
         (
@@ -95,31 +97,54 @@ def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
 
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     """Advance the turning model by dt."""
-    _, _, north_rate, east_rate, turn_rate = state.mean
+    north, east, was_north_rate, was_east_rate, turn_rate = state.mean
     along, across, along_slope, across_slope = _arc(turn_rate, dt_s)
     sine, cosine = math.sin(turn_rate * dt_s), math.cos(turn_rate * dt_s)
-    motion = (along, across, sine, cosine, math.exp(-dt_s / settings.turn_time_s))
-    slopes = (
-        along_slope * north_rate - across_slope * east_rate,
-        across_slope * north_rate + along_slope * east_rate,
-        -dt_s * (sine * north_rate + cosine * east_rate),
-        dt_s * (cosine * north_rate - sine * east_rate),
+    fade = math.exp(-dt_s / settings.turn_time_s)
+    north_rate = cosine * was_north_rate - sine * was_east_rate
+    east_rate = sine * was_north_rate + cosine * was_east_rate
+    jacobian = (
+        *(along, across, along_slope * was_north_rate - across_slope * was_east_rate),
+        *(across_slope * was_north_rate + along_slope * was_east_rate, sine, cosine),
+        *(-dt_s * east_rate, dt_s * north_rate, fade),
     )
     # As in `steady_after`; w is the turn rate.
     nn, en, ee, xn, xe, xx, yn, ye, yx, yy, wn, we, wx, wy, ww = state.covariance
     rows = (nn, en, xn, yn, wn), (en, ee, xe, ye, we), (xn, xe, xx, yx, wx), (yn, ye, yx, yy, wy), (wn, we, wx, wy, ww)
-    halfway = zip(*_moved(rows, motion, slopes), strict=True)  # J P, as P is symmetric
-    after = _moved(halfway, motion, slopes)
+    halfway = zip(*_times_jacobian(rows, jacobian), strict=True)  # J P, as P is symmetric
+    after = _times_jacobian(halfway, jacobian)
     (nn, *_), (en, ee, *_), (xn, xe, xx, *_), (yn, ye, yx, yy, _), (wn, we, wx, wy, ww) = after
-    place, shared, rate = _white(dt_s, settings.turning_noise_m2_s3)
-    ww += settings.turn_rate_sd_rad_s**2 * (1.0 - motion[4] ** 2)
+    noise = settings.turning_noise_m2_s3
+    place, shared, rate = noise * dt_s**3 / 3.0, noise * dt_s**2 / 2.0, noise * dt_s
+    turning = settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)
     return Normal(
-        _moved((state.mean,), motion, _NO_SLOPES)[0],
         (
-            *(nn + place, en, ee + place, xn + shared, xe, xx + rate),
-            *(yn, ye + shared, yx, yy + rate, wn, we, wx, wy, ww),
+            north + along * was_north_rate - across * was_east_rate,
+            east + across * was_north_rate + along * was_east_rate,
+            north_rate,
+            east_rate,
+            fade * turn_rate,
+        ),
+        (
+            *(nn + place, en, ee + place, xn + shared, xe, xx + rate, yn, ye + shared, yx, yy + rate),
+            *(wn, we, wx, wy, ww + turning),
         ),
     )
+
+
+def _times_jacobian(rows: Iterable[Numbers], jacobian: Numbers) -> list[Numbers]:
+    """Return R Jᵀ for rows R: J of (n, e, x, y, w) adds the turned velocity and the slopes of all by w."""
+    along, across, north_slope, east_slope, sine, cosine, north_rate_slope, east_rate_slope, fade = jacobian
+    return [
+        (
+            n + along * x - across * y + north_slope * w,
+            e + across * x + along * y + east_slope * w,
+            cosine * x - sine * y + north_rate_slope * w,
+            sine * x + cosine * y + east_rate_slope * w,
+            fade * w,
+        )
+        for n, e, x, y, w in rows
+    ]
 
 
 def _arc(turn_rate: float, dt_s: float) -> tuple[float, float, float, float]:
@@ -141,26 +166,9 @@ def _arc(turn_rate: float, dt_s: float) -> tuple[float, float, float, float]:
     )
 
 
-def _moved(states: Iterable[Numbers], motion: Numbers, slopes: Numbers) -> list[Numbers]:
-    """Multiply each state by the matrix of a motion; `slopes` are its derivatives by the turn rate."""
-    along, across, sine, cosine, fade = motion
-    north_slope, east_slope, north_rate_slope, east_rate_slope = slopes
-    return [
-        (
-            north + along * north_rate - across * east_rate + north_slope * turn_rate,
-            east + across * north_rate + along * east_rate + east_slope * turn_rate,
-            cosine * north_rate - sine * east_rate + north_rate_slope * turn_rate,
-            sine * north_rate + cosine * east_rate + east_rate_slope * turn_rate,
-            fade * turn_rate,
-        )
-        for north, east, north_rate, east_rate, turn_rate in states
-    ]
-
-
 def distance(modes: Modes, measured: Numbers, variances: Numbers) -> float:
     """Return νᵀS⁻¹ν of a report and the mixture: χ² distributed with as many degrees as there are numbers."""
-    mean, covariance = combine(modes)
-    return _corrected(Normal(mean, covariance), measured, variances)[1]
+    return _corrected(blended(*modes), measured, variances)[1]
 
 
 def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
@@ -187,13 +195,11 @@ def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[No
     return Normal(mean, covariance), distance, spread
 
 
-def combine(modes: Modes) -> Normal:
-    """Return the mixture of both models: north, east and their rates."""
-    return _blended(modes.steady, modes.turning, modes.turning_share)
+def blended(one: Normal, other: Normal, share: float) -> Normal:
+    """Return mean and covariance of a mixture with this share of the other, as long as the shorter state.
 
-
-def _blended(one: Normal, other: Normal, share: float) -> Normal:
-    """Return mean and covariance of a mixture with this share of the other, as long as the shorter state."""
+    `blended(*modes)` is the mixture of both models: north, east and their rates.
+    """
     rest = 1.0 - share
     apart = [there - here for here, there in zip(one.mean, other.mean, strict=False)]
     spread = [rest * share * (by * along) for row, by in enumerate(apart) for along in apart[: row + 1]]
@@ -201,21 +207,6 @@ def _blended(one: Normal, other: Normal, share: float) -> Normal:
     return Normal(
         [rest * here + share * there for here, there in zip(one.mean, other.mean, strict=False)],
         [rest * here + share * there + more for here, there, more in rows],
-    )
-
-
-def _mix(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
-    begins, ends = 1.0 / settings.steady_time_s, 1.0 / settings.turning_time_s
-    gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
-    steady, turning, was_turning = modes
-    was_steady = 1.0 - was_turning
-    share = was_steady * begins * gone + was_turning * (1.0 - ends * gone)
-    turn_rate, variance = turning.mean[4], turning.covariance[14]
-    with_turn_rate = Normal((*steady.mean, turn_rate), (*steady.covariance, 0.0, 0.0, 0.0, 0.0, variance))
-    return Modes(
-        _blended(steady, turning, was_turning * ends * gone / (1.0 - share)),
-        _blended(with_turn_rate, turning, was_turning * (1.0 - ends * gone) / share),
-        share,
     )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from guidance.estimation.filters import Modes, Normal, advance, combine
+from guidance.estimation.filters import Modes, Normal, advance, blended
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise, true_at
 from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.track import Accepted, ReportOutcome, Track, update
@@ -39,7 +39,7 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstima
     if last is None:
         return None
     moved = advance(last, now_s, settings)
-    both = combine(moved.modes)
+    both = blended(*moved.modes)
     north, east, north_rate, east_rate = both.mean
     *_, one, _, _, shared, other = both.covariance
     sd, worst_sd = _speed_sds(north_rate, east_rate, one, shared, other)

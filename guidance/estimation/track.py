@@ -16,7 +16,7 @@ from guidance.estimation.filters import (
     Height,
     advance,
     begin,
-    combine,
+    blended,
     correct,
     correct_down,
     correct_rate,
@@ -130,7 +130,7 @@ def _within_jump(estimate: Estimate, measurement: Measurement, settings: TrackSe
     """Return whether it can have reached the place since the last estimate at its declared speed."""
     moved = advance(estimate, measurement.time_s, settings)
     spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
-    far_m = math.dist(combine(moved.modes).mean[:2], measurement.position_ned_m[:2])
+    far_m = math.dist(blended(*moved.modes).mean[:2], measurement.position_ned_m[:2])
     age_s = max(0.0, measurement.time_s - estimate.time_s)
     return far_m <= settings.jump_m_s * age_s + max(settings.reach_m, spread_m)
 
@@ -140,7 +140,7 @@ def _anchored(track: Track, settings: TrackSettings) -> Track:
     estimate, anchors = track.estimate, track.anchors
     if estimate is None or (anchors and estimate.time_s - anchors[-1].time_s < _ANCHOR_EVERY_S):
         return track
-    north, east = combine(estimate.modes).mean[:2]
+    north, east = blended(*estimate.modes).mean[:2]
     kept = tuple(one for one in anchors if estimate.time_s - one.time_s <= settings.history_s)
     return replace(track, anchors=(*(kept or anchors[-1:]), Anchor(estimate.time_s, (north, east))))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from guidance import estimation
 from guidance.estimation import TrackSettings
-from guidance.estimation.filters import advance, combine
+from guidance.estimation.filters import advance, blended
 from guidance.estimation.measurement import Measurement
 from guidance.estimation.track import Track, update
 
@@ -73,7 +73,7 @@ def predict(track, now_s, options):
     if evader is None:
         return None
     moved = advance(track.estimate, now_s, options)
-    mixture = combine(moved.modes)
+    mixture = blended(*moved.modes)
     mean, covariance = mixture.mean, np.zeros((4, 4))
     covariance[np.tril_indices(4)] = mixture.covariance
     covariance += np.tril(covariance, -1).T

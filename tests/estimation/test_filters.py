@@ -175,7 +175,7 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
             assert covariance_of(modes[model]) == pytest.approx(reference.filters[model].P[:size, :size], abs=1e-7)
         reference.update(measured[:, None])
         modes = filters.correct(modes, measured, np.diag(noise))
-        mixture = filters.combine(modes)
+        mixture = filters.blended(*modes)
         assert mixture.mean == pytest.approx(reference.x[:4, 0], abs=1e-7)
         assert covariance_of(mixture) == pytest.approx(reference.P[:4, :4], abs=1e-7)
         assert modes.turning_share == pytest.approx(reference.mu[1], abs=1e-7)
@@ -189,7 +189,7 @@ def test_no_time_changes_nothing():
 def test_the_innovation_is_that_of_the_mixture():
     modes = filters.advance_modes(filters.begin([1.0, 2.0], [0.5, 0.5], SETTINGS), 0.5, SETTINGS)
     measured, variances = np.array([3.0, -1.0]), [0.3, 0.3]
-    mixture = filters.combine(modes)
+    mixture = filters.blended(*modes)
     off = measured - mixture.mean[:2]
     inverse = np.linalg.inv(covariance_of(mixture)[:2, :2] + np.diag(variances))
     assert filters.distance(modes, measured, variances) == pytest.approx(off @ inverse @ off)
