@@ -171,15 +171,17 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
     assert "No game was played" in opening(story_of(torn, recorded_settings))
 
 
-def test_a_flight_becomes_a_short_moving_picture(pe, tmp_path):
+def test_a_flight_becomes_a_short_moving_picture(pe, tmp_path, monkeypatch):
+    full = charts.FRAMES
+    monkeypatch.setattr(charts, "FRAMES", 10)  # to draw less
     charts.animate(told(pe[1]), tmp_path / "flight.webp")
     with Image.open(tmp_path / "flight.webp") as picture:
         frames = getattr(picture, "n_frames")  # noqa: B009 - of the moving kinds only
-        assert frames > 40
+        assert frames == 10
         first = np.asarray(picture.convert("L"), float)
         picture.seek(frames - 1)
         assert np.abs(np.asarray(picture.convert("L"), float) - first).max() > 50.0
-    assert (tmp_path / "flight.webp").stat().st_size < 600_000
+    assert (tmp_path / "flight.webp").stat().st_size < 600_000 * 10 / full
 
 
 def test_the_tracks_are_those_that_were_flown(pe):
@@ -291,8 +293,9 @@ def test_a_record_without_a_cycle_and_a_folder_that_cannot_be_written_are_refuse
 
 def test_a_report_never_replaces_that_of_another_record(pe, tad, tmp_path, monkeypatch):
     monkeypatch.setattr(written, "PICTURES", {})
+    torn = torn_copy(pe[1], tmp_path)
     for _ in range(2):
-        write_report(pe[1], tmp_path, recorded_settings)
+        write_report(torn, tmp_path, recorded_settings)
     before = page_in(tmp_path)
     with pytest.raises(OutputError, match="is the report of another record"):
         write_report(tad[1], tmp_path, recorded_settings)
@@ -303,7 +306,7 @@ def test_several_records_of_a_daemon_get_a_folder_each(pe, tmp_path, monkeypatch
     monkeypatch.setattr(written, "PICTURES", {})
     names = ["uav1-a.mcap", "uav1-b.mcap"]
     for name in names:
-        shutil.copy(pe[1], tmp_path / name)
+        torn_copy(pe[1], tmp_path).rename(tmp_path / name)
     words = [str(tmp_path / name) for name in names]
     for out in ([], ["--out", str(tmp_path / "out")]):
         run = CliRunner().invoke(app, ["report", *words, *out])
@@ -312,7 +315,8 @@ def test_several_records_of_a_daemon_get_a_folder_each(pe, tmp_path, monkeypatch
         assert all((folder / name.removesuffix(".mcap") / "report.html").is_file() for name in names)
 
 
-def test_the_command_names_what_it_wrote(pe, tmp_path):
+def test_the_command_names_what_it_wrote(pe, tmp_path, monkeypatch):
+    monkeypatch.setattr(written, "PICTURES", dict(list(written.PICTURES.items())[:1]))
     run = CliRunner().invoke(app, ["report", str(torn_copy(pe[1], tmp_path)), "--out", str(tmp_path / "out")])
     assert run.exit_code == 0, run.output
     assert all((tmp_path / "out" / line.rsplit("/", 1)[-1]).is_file() for line in run.output.split())
