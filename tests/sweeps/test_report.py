@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from guidance.cli.sweep import sweep as app
 from guidance.sim.maths import play
 from guidance.sim.scenario_file import load_scenario
+from guidance.sweeps import report
 from guidance.sweeps.drawing import key_label
 from guidance.sweeps.folder import read_folder
 from guidance.sweeps.report import QUANTILES, write_report
@@ -42,8 +43,14 @@ def of_pair(everything, found):
 
 
 @pytest.fixture
-def report_of(tmp_path):
-    """Writes the report of a folder and reads it."""
+def undrawn(monkeypatch):
+    """Reports are written without their pictures, which take most of the time."""
+    monkeypatch.setattr(report, "draw_all", lambda *_: [])
+
+
+@pytest.fixture
+def report_of(tmp_path, undrawn):
+    """Writes the report of a folder, without pictures, and reads it."""
 
     def make(folder, worst=2):
         write_report(folder.path, tmp_path / "report", worst=worst)
@@ -113,11 +120,11 @@ def test_a_mean_of_random_draws_has_students_interval(swept, report_of):
 
 
 def test_reasons_of_invalid_rows_are_counted(mixed, report_of):
-    report = report_of(mixed)
+    invalid = report_of(mixed)["invalid"]
     everything = rows_of(mixed)
-    assert sum(one["rows"] for one in report["invalid"]) == (everything["end"] == "invalid").sum()
-    assert len(report["invalid"]) == 1
-    assert "must be above 1" in report["invalid"][0]["reason"]
+    assert sum(one["rows"] for one in invalid) == (everything["end"] == "invalid").sum()
+    assert len(invalid) == 1
+    assert "must be above 1" in invalid[0]["reason"]
 
 
 def test_the_worst_rows_are_lost_games_then_those_with_the_largest_regret(mixed, report_of):
@@ -133,17 +140,16 @@ def test_the_worst_rows_are_lost_games_then_those_with_the_largest_regret(mixed,
     assert regret == sorted(regret, reverse=True)
 
 
-@pytest.mark.parametrize("columns", [60, 80, 120])
-def test_a_sweep_over_one_key_prints_a_curve_and_over_two_a_map(swept, tmp_path, columns):
+def test_a_sweep_over_two_keys_prints_a_map_that_fits_the_terminal(swept, undrawn):
     folder = swept(
         'seeds = 2\n[grid]\n"evader.speed_m_s" = [1.0, 3.0]\n"pursuer.position_m[2]" = [6.0, 8.0, 10.0]\n'
         '[[policies]]\npursuer = "pure_pursuit"\n'
     )
-    done = CliRunner().invoke(app, ["report", str(folder.path)], env={"COLUMNS": str(columns)})
-    said = " ".join(done.stdout.split())
-    assert "mean regret by evader speed, m/s (down) and pursuer position z, m (across)" in said
-    assert (folder.path / "report" / "map.png").exists()
-    assert max(len(line) for line in done.stdout.splitlines() if str(folder.path) not in line) <= columns
+    for columns in (60, 80, 120):
+        done = CliRunner().invoke(app, ["report", str(folder.path)], env={"COLUMNS": str(columns)})
+        said = " ".join(done.stdout.split())
+        assert "mean regret by evader speed, m/s (down) and pursuer position z, m (across)" in said
+        assert max(len(line) for line in done.stdout.splitlines() if str(folder.path) not in line) <= columns
 
 
 def test_a_worst_case_is_a_scenario_file_that_reproduces_its_row(mixed, tmp_path, report_of):
@@ -173,9 +179,9 @@ def test_pictures_are_written_as_png_and_pdf(mixed):
 def test_an_incomplete_sweep_has_a_report_of_its_rows(mixed, report_of):
     for part in mixed.parts[1:]:
         part.unlink()
-    report = report_of(mixed, worst=0)
-    assert (report["rows"], report["rows_planned"]) == (64, 192)
-    assert report["worst"] == []
+    incomplete = report_of(mixed, worst=0)
+    assert (incomplete["rows"], incomplete["rows_planned"]) == (64, 192)
+    assert incomplete["worst"] == []
 
 
 def test_a_folder_without_rows_is_refused(mixed, tmp_path):
