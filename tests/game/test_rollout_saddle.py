@@ -8,15 +8,9 @@ from hypothesis import strategies as st
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Exact, rollout, solve
 from tests.harness.examples import drawn
 
-PLAYED = (
-    "paper",
-    "capture_radius",
-    "wind",
-    "space",
-    pytest.param("ball_standoff", marks=pytest.mark.flight),
-    pytest.param("cylinder_standoff", marks=pytest.mark.flight),
-)
-STEPPING = Exact(step_s=0.2)
+PLAYED = ("wind", "space", "ball_standoff", "cylinder_standoff")
+"""The paper's game is that of the wind, and its capture radius is in both games with a stand-off."""
+STEPPING = Exact(step_s=0.4)
 few = settings(max_examples=drawn(1), deadline=None)
 seeds = st.integers(0, 2**32 - 1)
 
@@ -56,7 +50,7 @@ def courses(seed, count, *, speed, level=False):
 
 
 def start(game, oracle, seed, count):
-    P, E, T = oracle.states(seed, count, game)
+    P, E, T = (0.5 * place for place in oracle.states(seed, count, game))  # near each other, to play less
     P[:, 2] = np.maximum(P[:, 2], game.standoff.height_m + 0.5)
     return P, E, T
 
@@ -64,7 +58,7 @@ def start(game, oracle, seed, count):
 @few
 @given(seed=seeds)
 def test_optimal_play_takes_the_value(played, oracle, seed):
-    P, E, T = start(played, oracle, seed, 5)
+    P, E, T = start(played, oracle, seed, 4)
     chase = rollout(played, P, E, stepping=STEPPING)
     np.testing.assert_array_equal(chase.end, End.CAPTURED)
     np.testing.assert_allclose(chase.time_s, solve(played, P, E).value, atol=2e-3)
@@ -78,8 +72,8 @@ def test_optimal_play_takes_the_value(played, oracle, seed):
 @few
 @given(seed=seeds)
 def test_no_evader_escapes_the_optimal_pursuer_for_longer_than_the_value(played, oracle, seed):
-    P, E, _ = start(played, oracle, seed, 5)
-    steady = constant(courses(seed, 5, speed=played.evader_speed_m_s, level=played.evader_space == "plane"))
+    P, E, _ = start(played, oracle, seed, 4)
+    steady = constant(courses(seed, 4, speed=played.evader_speed_m_s, level=played.evader_space == "plane"))
     evaders = [EVADER_POLICIES["pure_evade"], EVADER_POLICIES["hold"], steady]
     end = rollout(played, times(3, P), times(3, E), evader_policy=side_by_side(evaders), stepping=STEPPING)
     np.testing.assert_array_equal(end.end, End.CAPTURED)
@@ -89,9 +83,9 @@ def test_no_evader_escapes_the_optimal_pursuer_for_longer_than_the_value(played,
 @few
 @given(seed=seeds)
 def test_no_pursuer_catches_the_optimal_evader_sooner_than_the_value(played, oracle, seed):
-    P, E, _ = start(played, oracle, seed, 5)
+    P, E, _ = start(played, oracle, seed, 4)
     value = solve(played, P, E).value
-    pursuers = [PURSUER_POLICIES["pure_pursuit"], PURSUER_POLICIES["hold"], constant(courses(seed, 5, speed=0.5))]
+    pursuers = [PURSUER_POLICIES["pure_pursuit"], PURSUER_POLICIES["hold"], constant(courses(seed, 4, speed=0.5))]
     policy, limit = side_by_side(pursuers), float(value.max())
     end = rollout(played, times(3, P), times(3, E), pursuer_policy=policy, stepping=STEPPING, duration_s=limit)
     assert ((end.time_s >= value - 2e-3) | (end.end != End.CAPTURED)).all()
@@ -101,7 +95,7 @@ def test_no_pursuer_catches_the_optimal_evader_sooner_than_the_value(played, ora
 @few
 @given(seed=seeds)
 def test_no_evader_comes_closer_to_its_target_than_the_value(played, oracle, seed):
-    P, E, T = start(played, oracle, seed, 5)
+    P, E, T = start(played, oracle, seed, 4)
     solution = solve(played, P, E, T)
     won = solution.winner > 0
     P, E, T, value = P[won], E[won], T[won], solution.value[won]
@@ -117,11 +111,11 @@ def test_no_evader_comes_closer_to_its_target_than_the_value(played, oracle, see
 @few
 @given(seed=seeds)
 def test_no_pursuer_keeps_the_optimal_evader_farther_from_its_target_than_the_value(played, oracle, seed):
-    P, E, T = start(played, oracle, seed, 5)
+    P, E, T = start(played, oracle, seed, 4)
     solution = solve(played, P, E, T)
     won = solution.winner > 0
     named = [PURSUER_POLICIES[name] for name in ("pure_pursuit", "task_oriented", "hold")]
-    pursuers = side_by_side([*named, constant(courses(seed, 5, speed=0.5))])
+    pursuers = side_by_side([*named, constant(courses(seed, 4, speed=0.5))])
     end = rollout(
         played, times(4, P), times(4, E), times(4, T), pursuer_policy=pursuers, stepping=STEPPING, duration_s=60.0
     )

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from guidance.game import Ball, Cylinder, Game, StandOff, solve
 from tests.harness.examples import drawn
 
-some = settings(max_examples=drawn(6), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+some = settings(max_examples=drawn(3), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 seeds = st.integers(0, 2**32 - 1)
 
 

@@ -86,10 +86,10 @@ def searched(game, pursuers, E, T):
 @pytest.mark.parametrize("game", GAMES.values(), ids=GAMES)
 def test_the_value_is_the_distance_between_region_and_set(game, shape):
     game = replace(game, target_extent=shape)
-    P, E, T = states(8)
+    P, E, T = states(3)
     answer = solve(game, P, E, T)
     won = answer.winner == Winner.PURSUER
-    found = np.array([searched(game, P[row : row + 1], E[row], T[row]) for row in range(8)])
+    found = np.array([searched(game, P[row : row + 1], E[row], T[row]) for row in range(3)])
     np.testing.assert_allclose(answer.value[won], found[won], atol=1e-8)
     assert not np.any(found[~won] > 1e-9) or not np.any(answer.margin_s[~won] > 0.0)
     assert np.any(won)
@@ -100,7 +100,7 @@ def test_the_value_is_the_distance_between_region_and_set(game, shape):
 def test_both_players_values_change_at_equal_rates_along_their_play(game, shape):
     # Isaacs' equation: max over the evader and min over the pursuer of dV/dt is zero along both optimal velocities.
     game = replace(game, target_extent=shape, target_velocity_m_s=(0.0, 0.0))
-    P, E, T = states(40, seed=3)
+    P, E, T = states(30, seed=3)
     answer = solve(game, P, E, T)
     h = 1e-4
     later, sooner = (
@@ -154,7 +154,7 @@ def test_an_evader_that_wins_runs_to_where_it_arrives_before_the_pursuer_by_most
 @pytest.mark.parametrize("evader", ["optimal", "task_oriented"])
 def test_an_optimal_pursuer_keeps_the_distance_whatever_the_evader_plays(evader):
     game = Game(Ball(2.0), 1.0, standoff=DISC, target_extent=SHAPES["polygon"])
-    P, E, T = states(3, seed=8)
+    P, E, T = (0.5 * place for place in states(3, seed=8))
     value = solve(game, P, E, T)
     step = Exact(0.25, order=1)
     ended = rollout(game, P, E, T, evader_policy=evader, stepping=step, duration_s=60.0)
