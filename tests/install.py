@@ -13,10 +13,16 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from collections.abc import Mapping
+from importlib.metadata import distribution
 from pathlib import Path
 
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
 ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 LARGEST_MB = 235
 """Size limit of the base installation, without pip and bytecode caches."""
 
@@ -67,14 +73,34 @@ def wheel(folder: Path) -> Path:
 
 
 class Installed:
-    """The base installation in an environment of its own, used from a folder that is not the checkout."""
+    """The base installation in an environment of its own, used from a folder that is not the checkout.
 
-    def __init__(self, built: Path, python: str, folder: Path) -> None:
+    With `linked`, the packages that it needs are links to those of this environment, which takes a tenth of the time.
+    """
+
+    def __init__(self, built: Path, python: str, folder: Path, *, linked: bool = False) -> None:
         self.folder = folder
         self.bin = folder / "env" / "bin"
         quiet("venv", python, "-m", "venv", "--without-pip", str(folder / "env"))
         pip = (sys.executable, "-m", "pip", "--python", str(self.bin / "python"))
-        quiet("pip", *pip, "install", "-q", "--no-compile", str(built))
+        if linked:
+            self._link()
+        quiet("pip", *pip, "install", "-q", "--no-compile", *(["--no-deps"] if linked else []), str(built))
+
+    def _link(self) -> None:
+        """Link the packages that the base installation needs, and no other."""
+        (packages,) = self.folder.glob("env/lib/python*/site-packages")
+        held, wanted = set[str](), [Requirement(one) for one in PROJECT["dependencies"]]
+        while wanted:
+            name = canonicalize_name(wanted.pop().name)
+            if name in held:
+                continue
+            held.add(name)
+            found = distribution(name)
+            for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
+                (packages / top).symlink_to(Path(str(found.locate_file(top))))
+            needs = (Requirement(one) for one in found.requires or ())
+            wanted += [one for one in needs if one.marker is None or one.marker.evaluate({"extra": ""})]
 
     def trim(self) -> None:
         """Remove unused files with the commands of the page."""

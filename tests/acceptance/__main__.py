@@ -2,7 +2,7 @@
 
 With `--px4 URL` or `--arducopter URL` all flights are flown on that SITL in real time, one after another; both
 autopilots fly at the same time. Without a URL each flight gets its own mock over UDP, with the autopilots that its case
-lists; `--all` flies every case on both. Several mocks fly at a time.
+lists, some of them in virtual time; `--all` flies every case on both in real time. Several mocks fly at a time.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from guidance.errors import GuidanceError
 from sitl_mock.child import free_udp_port, running
 from sitl_mock.errors import MockError
 from tests.acceptance.cases import Case, cases, toml
-from tests.acceptance.flying import GUIDANCE, Line, fly
+from tests.acceptance.flying import GUIDANCE, Line, fly, fly_in_virtual_time
 from tests.acceptance.relay import Relay, wait
 
 AUTOPILOTS = ("px4", "arducopter")
@@ -40,6 +40,13 @@ SET_UP = {
                    "FENCE_ALT_MAX": 125.0},
 }  # fmt: skip
 """The parameters that `guidance check --apply` sets; the mocks start with them."""
+
+SOON_UP_AND_DOWN = {
+    "px4": {"COM_SPOOLUP_TIME": 0.2, "MPC_TKO_RAMP_T": 0.5, "MPC_TKO_SPEED": 4.0, "MPC_LAND_SPEED": 2.0,
+            "COM_DISARM_LAND": 0.3},
+    "arducopter": {"WPNAV_SPEED_UP": 400.0, "LAND_SPEED": 150.0, "DISARM_DELAY": 1.0},
+}  # fmt: skip
+"""Parameters of the mocks only. They shorten take-off and landing, which no condition is about."""
 
 Tell = Callable[[Line], None]
 
@@ -107,7 +114,12 @@ def _set_up(relay: Relay, folder: Path, tell: Tell) -> bool:
 
 def on_the_mock(autopilot: str, case: Case, folder: Path) -> list[Line]:
     """Fly one case on a mock of its own."""
-    vehicle = {"name": "uav1", "flavour": autopilot, "ready_after_s": 0.5, "parameters": SET_UP[autopilot]}
+    vehicle = {
+        "name": "uav1",
+        "flavour": autopilot,
+        "ready_after_s": 0.5,
+        "parameters": SET_UP[autopilot] | SOON_UP_AND_DOWN[autopilot],
+    }
     try:
         with running([vehicle], over=["udp"]) as fleet:
             relay = Relay(fleet["uav1"].udp, free_udp_port({"uav1": "px4"}))
@@ -137,7 +149,10 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
     ]
 
     def flown(autopilot: str, case: Case, again: str = "") -> list[Line]:
-        return on_the_mock(autopilot, case, folder / f"{autopilot}-{_slug(case)}{again}")
+        place = folder / f"{autopilot}-{_slug(case)}{again}"
+        if case.virtual and not everything:
+            return fly_in_virtual_time(case, autopilot, place)
+        return on_the_mock(autopilot, case, place)
 
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         for (autopilot, case), lines in zip(flights, pool.map(lambda flight: flown(*flight), flights), strict=True):

@@ -71,7 +71,7 @@ class Case:
 
     `meddling` is the interference in flight: "pilot", "kill", "refuse", "hold" or "interrupt". `fence_m` limits the
     vehicle's distance from home. `prompt` also limits the time from the order to engagement. `autopilots` lists the
-    mocks that fly the case when no URL is given.
+    mocks that fly the case when no URL is given; with `virtual` they fly it in virtual time, where no load disturbs it.
     """
 
     name: str
@@ -82,6 +82,7 @@ class Case:
     fence_m: float | None = None
     prompt: bool = False
     autopilots: tuple[str, ...] = ("px4", "arducopter")
+    virtual: bool = False
 
 
 def scenario(
@@ -161,6 +162,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             made("beyond the vehicle, u 10 v 6", u=10.0, v=6.0, height_m=height_m, evader=sudden),
             (AT_ITS_SPEED, *HONEST),
             autopilots=("px4",),
+            virtual=True,
         ),
         Case(
             "an evader that runs at the pursuer",
@@ -168,6 +170,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             made("at the pursuer", game="tad", target={"position_m": [0.0, 0.0]}, v=4.0, away_m=11.0, evader=sudden),
             (ends("captured"), KEEPS_OFF),
             autopilots=("px4",),
+            virtual=True,
         ),
         Case(
             "an evader that stops",
@@ -175,6 +178,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             made("stops", evader={"policy": "waypoints", "waypoints_m": [[6.0, 40.0]]}, away_m=40.0),
             (ends("captured"), EARLIER, KEEPS_OFF),
             autopilots=("px4",),
+            virtual=True,
         ),
         Case(
             "an evader that turns",
@@ -182,6 +186,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             made("turns", evader={"policy": "random_turns", "turn_every_s": 2.0}, seed=3, **near),
             (ends("captured"), KEEPS_OFF),
             autopilots=("arducopter",),
+            virtual=True,
         ),
         Case(
             "an evader that comes closer",
@@ -189,6 +194,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             made("comes closer", evader={"policy": "waypoints", "waypoints_m": [[0.0, -40.0]]}, away_m=40.0),
             (ends("captured"), EARLIER, KEEPS_OFF),
             autopilots=("px4",),
+            virtual=True,
         ),
         Case(
             "a target defended",
@@ -196,6 +202,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             made("defended", game="tad", target={"position_m": [25.0, 0.0]}, away_m=30.0),
             (ends("captured"), WON_AS_SOLVED, WON_BY_VEHICLE, KEEPS_OFF),
             autopilots=("arducopter",),
+            virtual=True,
         ),
         Case(
             "a target that is lost",
@@ -203,6 +210,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             made("lost", game="tad", target={"position_m": [0.0, 48.0]}, away_m=38.0),
             (ends("arrived"), LOST_AS_SOLVED, LOST_BY_VEHICLE),
             autopilots=("px4",),
+            virtual=True,
         ),
         Case(
             "reports stop, and come back",
@@ -210,6 +218,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             made("silence", sensor={"outages_s": [[2.0, 6.0]]}, v=2.0, **near),
             (ends("captured"), LOST_AND_FOUND, KEEPS_OFF),
             autopilots=("arducopter",),
+            virtual=True,
         ),
         Case(
             "a fence in the way",
@@ -227,8 +236,14 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             meddling="pilot",
             autopilots=("px4",),
         ),
-        Case("an order to hold", "mavsdk" if px4 else "pymavlink", going, meddling="hold"),
-        Case("orders while landing and returning", "pymavlink" if px4 else "mavsdk", going, meddling="interrupt"),
+        Case("an order to hold", "mavsdk" if px4 else "pymavlink", going, meddling="hold", autopilots=("px4",)),
+        Case(
+            "orders while landing and returning",
+            "pymavlink" if px4 else "mavsdk",
+            going,
+            meddling="interrupt",
+            autopilots=("arducopter",),
+        ),
         Case("the service killed (-9)", "mavsdk" if px4 else "pymavlink", going, meddling="kill"),
         Case("a failed preflight", "mavsdk", going, meddling="refuse", autopilots=("arducopter",)),
     ]

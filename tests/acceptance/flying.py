@@ -82,16 +82,34 @@ class Flown:
 
     def row(self) -> dict[str, object]:
         """Return the outcome row; empty if there is none."""
-        path = self.folder / "outcome.json"
-        if not path.is_file():
-            return {}
-        return json.loads(path.read_text()) | promises(
-            self.folder / "record.mcap", speed_m_s=self.speed_m_s, limit_m_s=CATCH_UP_RATIO * self.speed_m_s
-        )
+        return outcome(self.folder, self.speed_m_s)
 
     def last_words(self) -> str:
         """Return the last printed lines."""
         return " ".join(line.strip() for _, line in self.said[-2:])[-160:]
+
+
+def outcome(folder: Path, speed_m_s: float) -> dict[str, object]:
+    """Return a flight's outcome row with what its record shows of the promises; empty if there is none."""
+    path = folder / "outcome.json"
+    if not path.is_file():
+        return {}
+    limit_m_s = CATCH_UP_RATIO * speed_m_s
+    return json.loads(path.read_text()) | promises(folder / "record.mcap", speed_m_s=speed_m_s, limit_m_s=limit_m_s)
+
+
+def fly_in_virtual_time(case: Case, autopilot: str, folder: Path) -> list[Line]:
+    """Fly one case with `guidance fly --fast`; return its lines of the table."""
+    pursuer = {**case.scenario["pursuer"], "autopilot": autopilot}
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scenario.toml").write_text(toml({**case.scenario, "pursuer": pursuer}), encoding="utf-8")
+    command = [GUIDANCE, "fly", folder / "scenario.toml", "--fast", "--out", folder]
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=FLOWN_WITHIN_S, check=False)
+    row = outcome(folder, pursuer["speed_m_s"])
+    if not row:
+        return [Line(autopilot, case.name, "virtual time", "a flight", (done.stdout + done.stderr)[-160:], held=False)]
+    got = [(one, one.got(row)) for one in case.wanted]
+    return [Line(autopilot, case.name, "virtual time", one.words, _words(value), one.held(value)) for one, value in got]
 
 
 @contextmanager

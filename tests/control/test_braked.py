@@ -21,7 +21,7 @@ AIRFRAMES: Mapping[str, dynamics.Vehicle] = {
     "px4": dynamics.px4_quadrotor(),
     "arducopter": dynamics.arducopter_quadrotor(),
 }
-DRAWS = 40
+DRAWS = 20
 FLOWN_S = 8.0
 RADIUS_M = 20.0
 

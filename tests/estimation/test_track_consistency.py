@@ -14,7 +14,7 @@ from tests.estimation.scenes import predict
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 SPEED_SD_M_S = 2.0  # of the evaders, north and east each: an evader of about 3 m/s
-RUNS = 100
+RUNS = 40
 
 
 def truth(rng, seconds, settings, *, fine_s=0.01):

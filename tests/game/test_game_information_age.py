@@ -205,7 +205,7 @@ def test_beyond_the_guaranteed_age_tad_has_no_value(game, P, E, T):
 
 @pytest.mark.parametrize("speeds", [Ball(2.0), Cylinder(2.0, 1.0, 0.7)])
 def test_up_to_the_guaranteed_age_tad_has_the_least_value_of_all_headings(oracle, speeds):
-    P, E, T = oracle.states(5, 25)
+    P, E, T = oracle.states(5, 8)
     for radius_m, capture_m, wind in ((2.0, 0.0, (0.0, 0.0)), (1.0, 0.8, (0.0, 0.0)), (2.0, 0.3, (0.3, -0.4))):
         game = Game(speeds, 1.0, capture_m, StandOff(radius_m, 1.0), wind_m_s=wind)
         game = replace(game, information_age_s=guaranteed_age_s(game))

@@ -257,16 +257,16 @@ def test_two_pursuers_capture_an_evader_that_searches_in_the_value(ratio, most):
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize("n", [3, 4])
+@pytest.mark.parametrize("n", [3, pytest.param(4, marks=pytest.mark.long)])
 def test_more_pursuers_are_never_later_than_the_upper_bound(n):
-    assert hunted(1.3, 0.005, 20, 5, n).max() < 1.04
-    assert hunted(2.0, 0.005, 20, 5, n).max() < 1.01
+    assert hunted(1.3, 0.005, 10, 5, n).max() < 1.04
+    assert hunted(2.0, 0.005, 10, 5, n).max() < 1.01
 
 
 @pytest.mark.flight
 @pytest.mark.parametrize(("ratio", "most"), [(1.3, 1.02), (2.0, 1.01)])
 def test_two_pursuers_are_the_less_late_the_shorter_the_steps(ratio, most):
-    assert hunted(ratio, 0.0025, 40, 4).max() < most
+    assert hunted(ratio, 0.0025, 10, 4).max() < most
 
 
 def test_an_evader_between_two_pursuers_runs_aside():

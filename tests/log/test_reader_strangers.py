@@ -20,6 +20,7 @@ from guidance.errors import ConfigError, GuidanceError
 from guidance.log import Survey, record_errors, scan
 from guidance.log.entries import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
 from guidance.log.writer import Recorder
+from tests.harness.examples import drawn
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.mcap"
 MAGIC = b"\x89MCAP0\r\n"
@@ -190,7 +191,7 @@ def mutated(out: Path, seed: int) -> None:
         writer.finish()
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(drawn(120)))
 def test_no_command_ends_with_a_traceback_for_a_mutated_record(tmp_path, seed):
     path = tmp_path / "mutated.mcap"
     mutated(path, seed)

@@ -34,8 +34,8 @@ def restarted(flight):
 
 
 @pytest.mark.parametrize(("order", "state"), ENDED_BY)
-@pytest.mark.parametrize("found_in", [State.CHECKING, State.READY])
-def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, autopilot, order, state, found_in):
+def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, autopilot, order, state):
+    found_in = State.CHECKING if order in {Event.RETURN, Event.LAND} else State.READY
     flight = sortie.after(restarted, autopilot).until(found_in, limit_s=10.0)
     assert flight.mock.armed
     flight.cycle(order)
@@ -87,7 +87,7 @@ def test_a_start_order_does_not_take_a_vehicle_out_of_a_mode_that_is_not_ours(so
     assert flight.state is State.READY
 
 
-@pytest.mark.parametrize(("order", "state"), ENDED_BY)
+@pytest.mark.parametrize(("order", "state"), ENDED_BY[:3])
 def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(sortie, autopilot, order, state):
     flight = sortie.after(restarted, autopilot).until(State.READY, limit_s=10.0)
     flight.mock.inject("rc", True)
@@ -106,10 +106,17 @@ def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(so
     assert not flight.setpoints
 
 
-@pytest.mark.parametrize(("order", "state"), ENDED_BY)
-@pytest.mark.parametrize("flown", [State.CLIMBING, State.RETURNING])
+@pytest.mark.parametrize(
+    ("flown", "order", "state"),
+    [
+        (State.CLIMBING, Event.HOLD, State.HOLDING),
+        (State.CLIMBING, Event.RETURN, State.RETURNING),
+        (State.RETURNING, Event.HOLD, State.HOLDING),
+        (State.RETURNING, Event.LAND, State.LANDING),
+    ],
+)
 def test_an_order_is_not_taken_for_a_pilots_because_heartbeat_shows_the_mode_before(
-    sortie, autopilot, order, state, flown
+    sortie, autopilot, flown, order, state
 ):
     flight = sortie(autopilot).until(State.READY)
     if flown is State.CLIMBING:

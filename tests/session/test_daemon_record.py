@@ -91,9 +91,7 @@ def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
 
 def test_a_full_disk_is_reported_once_and_the_flight_continues_without_a_record(base, recorder_of, tmp_path):
     recorder = recorder_of(60_000)
-    one, bare = base(record=recorder), base()
-    for each in (one, bare):
-        each.engaged().run(3.0)
+    one, bare = base(record=recorder).engaged().run(3.0), base.engaged().run(3.0)
     recorder.close()
     one.run(0.1)
     assert one.log.messages().count(STOPPED) == 1

@@ -4,8 +4,8 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.flight import Authority, Event, State
-from guidance.session.daemon import Equipment
 from guidance.session import mission
+from guidance.session.daemon import Equipment
 from guidance.session.fly import fly
 from guidance.session.orders import Mailbox
 from guidance.session.sequencer import MOCKED, MissionPolicy
@@ -71,8 +71,10 @@ def by_operator(result):
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
-@pytest.mark.parametrize("runner", RUNNERS)
+@pytest.mark.parametrize(
+    ("runner", "autopilot"),
+    [("fly", "px4"), ("fly --vehicle", "arducopter"), ("scenario run --as vehicle", "px4")],
+)
 def test_a_hold_in_the_game_is_kept_for_30_s_until_land_is_ordered(runner, autopilot):
     operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, STANDS_S, "land"))
     result = operator.fly(RUNNERS[runner], autopilot=autopilot)
@@ -87,8 +89,15 @@ def test_a_hold_in_the_game_is_kept_for_30_s_until_land_is_ordered(runner, autop
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize("order", ["return", "land", "abort"])
-@pytest.mark.parametrize("before", [State.CLIMBING, State.STANDING_BY, State.ON_STATION])
+@pytest.mark.parametrize(
+    ("before", "order"),
+    [
+        (State.CLIMBING, "abort"),
+        (State.STANDING_BY, "return"),
+        (State.ON_STATION, "return"),
+        (State.ON_STATION, "land"),
+    ],
+)
 def test_return_land_and_abort_stand_from_any_phase_of_a_mission(order, before):
     result = Operator((before, 0.0, order)).fly()
     (ordered, (after,)), *_ = by_operator(result)
@@ -152,7 +161,7 @@ def test_a_hold_outlasts_the_longest_mission(monkeypatch):
 @pytest.mark.parametrize("order", LEADS_TO)
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_a_daemon_without_a_mission_keeps_every_order_too(base, autopilot, order):
-    base = base(parameters=SET_UP[autopilot], vehicle={"autopilot": autopilot}).engaged()
+    base = base.engaged(parameters=SET_UP[autopilot], vehicle={"autopilot": autopilot})
     assert base.order(order)["accepted"]
     state = base.state
     assert state is LEADS_TO[order]

@@ -111,8 +111,7 @@ def test_where_the_cursor_cannot_move_there_are_lines(vehicle, monkeypatch):
     assert isinstance(shown([vehicle], Pipe()), ChangeLines)
 
 
-@pytest.mark.parametrize("columns", [80, 120])
-@pytest.mark.parametrize("plain", [False, True])
+@pytest.mark.parametrize(("columns", "plain"), [(80, False), (120, True)])
 def test_on_a_terminal_a_table_fits_and_has_no_colour_where_none_is_wanted(columns, plain):
     controller, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 30, columns, 0, 0))

@@ -19,7 +19,7 @@ KEY = bytes(range(32))
 FLAVOURS = ("px4", "arducopter", "rover")
 GUIDED = {"px4": (1.0, 6.0), "arducopter": (1.0, 4.0), "rover": (1.0, 15.0)}
 STEP_S = 0.05
-TICKS = 300
+TICKS = 200
 FRAMES_PER_TICK = 60
 SETUP_SIGNING = 256
 NEWER_CRC_EXTRA = {8: 117, 300: 217, 380: 232, 410: 160, 411: 106, 412: 33, 413: 77}
@@ -95,10 +95,9 @@ def test_a_vehicle_under_fire_does_what_its_twin_does_in_peace(flavour, key):
         assert signing.streams == calm_signing.streams
 
 
-@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("flavour", FLAVOURS)
-def test_valid_frames_with_random_fields_never_raise_and_heartbeats_continue(flavour, seed):
-    mock, client, traffic = vehicle(flavour), Client(flavour), HostileTraffic(seed)
+def test_valid_frames_with_random_fields_never_raise_and_heartbeats_continue(flavour):
+    mock, client, traffic = vehicle(flavour), Client(flavour), HostileTraffic(seed=1)
     beats = Decoder()
     heard = 0
     for tick in range(TICKS):

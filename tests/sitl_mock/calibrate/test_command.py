@@ -33,8 +33,7 @@ def good_rows_fixture():
     return [row(0.1 * number) for number in range(20)]
 
 
-@pytest.mark.parametrize("more", [[], ["--dynamics-only"]], ids=["mavlink", "dynamics"])
-@pytest.mark.parametrize("name", ["px4", "arducopter"])
+@pytest.mark.parametrize(("name", "more"), [("px4", ["--dynamics-only"]), ("arducopter", [])])
 def test_a_recorded_file_passes_and_prints_its_table(name, more):
     result = RUNNER.invoke(app, ["calibrate", str(DATA / f"{name}_steps.csv"), *more])
     assert result.exit_code == 0

@@ -128,7 +128,7 @@ def test_a_flavour_is_guessed_from_the_name_or_from_the_fit(flavour):
 @each_file
 def test_a_flight_along_a_log_repeats_itself(flavour):
     log = recorded(flavour)
-    short = StepLog(log.time_s[:300], log.command_ned_m_s[:300], log.velocity_ned_m_s[:300], log.position_ned_m[:300])
+    short = StepLog(log.time_s[:150], log.command_ned_m_s[:150], log.velocity_ned_m_s[:150], log.position_ned_m[:150])
     assert np.array_equal(fly_log(short, flavour), fly_log(short, flavour))
     assert np.array_equal(replay(short, vehicle_of(flavour)), replay(short, vehicle_of(flavour)))
 

@@ -177,7 +177,7 @@ def test_row_07_two_minutes_after_leaving_the_ground_home_stays(fly):
 
 
 def test_row_07_the_local_frame_stays_and_equal_seeds_wander_equally(fly):
-    flights = [hovering(fly, seed).run(20.0) for seed in (5, 5, 6)]
+    flights = [hovering(fly, seed).run(10.0) for seed in (5, 5, 6)]
     origins = []
     for flight in flights:
         flight.command(512, 49.0)
