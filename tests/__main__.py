@@ -1,4 +1,8 @@
-"""Runs all checks that a change must pass, in order, or the named ones. Stops after the first group with a failure."""
+"""Runs all checks that a change must pass, or the named ones.
+
+Format, lint and layers come first. Then three lanes run side by side, each one step after another; a lane ends at its
+first failure. Two lanes compute, at a low priority. The third keeps real time and mostly waits.
+"""
 
 import argparse
 import json
@@ -15,10 +19,9 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
 PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
+CACHE = ".pytest_cache/real_time"
+"""Of the real-time tests, with the list of the inconclusive ones."""
 QUICK = "not slow and not flight and not arrays"
-FAILED_IN = ".pytest_cache/real_time"
-TESTS_FAILED = 1
-"""Exit code of pytest when tests ran and some failed."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,7 @@ class Step:
         environment: Additional environment variables.
         arguments: Example arguments, if the step accepts arguments when it is run alone.
         gives_way: Whether it runs at low priority beside other steps, which must keep real time.
-        again: If at most this many tests fail, they are run again alone after the parallel steps have ended, because
-            a busy machine can make real-time flights fail.
+        again: Whether its inconclusive tests are run again alone after all lanes have ended.
     """
 
     what: str
@@ -42,7 +44,7 @@ class Step:
     environment: tuple[tuple[str, str], ...] = ()
     arguments: str = ""
     gives_way: bool = False
-    again: int = 0
+    again: bool = False
 
 
 STEPS = {
@@ -62,8 +64,7 @@ STEPS = {
     ),
     # Compiles all test files once; otherwise each worker would compile them at the same time.
     "collect": Step("every test file can be imported", (*PYTEST[:3], "-qq", "--collect-only"), gives_way=True),
-    # Some tests wait for sockets and processes; a third worker uses the processors meanwhile.
-    "tests": Step("the quick tests", (*PYTEST, "-n", "3", "--dist", "loadfile", "-m", QUICK)),
+    "tests": Step("the quick tests", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK), gives_way=True),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow and not long"),
@@ -73,9 +74,9 @@ STEPS = {
     # Tests with real clients mostly wait.
     "real time": Step(
         "other people's clients",
-        (*PYTEST, "-n", "3", "--dist", "worksteal", "-m", "slow", "--cache-clear", "-o", f"cache_dir={FAILED_IN}"),
+        (*PYTEST, "-n", "3", "--dist", "worksteal", "-m", "slow", "--cache-clear", "-o", f"cache_dir={CACHE}"),
         marked="slow",
-        again=3,
+        again=True,
     ),
     "acceptance": Step(
         "the service's promises, on a mock over UDP or on running SITLs (docs/acceptance.md)",
@@ -89,13 +90,13 @@ STEPS = {
         gives_way=True,
     ),
 }
-TOGETHER = (
-    ("format", "lint"),
-    ("types", "layers", "docs", "faults", "arrays", "collect"),
-    ("tests",),
-    ("flights", "real time", "acceptance"),
+FIRST = ("format", "lint", "layers")
+LANES = (
+    ("collect", "tests", "flights"),
+    ("types", "docs", "arrays", "faults"),
+    ("real time", "acceptance"),
 )
-"""Which steps run at the same time."""
+"""The steps of a lane run one after another; the lanes run at the same time, once the first steps have passed."""
 
 _ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 """The environment with bytecode caches, because hundreds of processes import the same modules."""
@@ -129,16 +130,19 @@ def main(arguments: Sequence[str]) -> int:
     if unknown := [name for name in chosen if name not in steps]:
         print(f"unknown step {', '.join(unknown)}: allowed are {', '.join(steps)}", file=sys.stderr)
         return 2
-    groups = [tuple(name for name in named if name in chosen) for named in TOGETHER]
-    for group in (*filter(None, groups), *((name,) for name in chosen if name in ASKED_FOR)):
-        with ThreadPoolExecutor(len(group)) as executor:
-            codes = list(executor.map(_run, group, [len(group) > 1] * len(group)))
-        codes = [
-            _by_themselves(name) if code == TESTS_FAILED else code for name, code in zip(group, codes, strict=True)
-        ]
-        if any(codes):
-            return next(code for code in codes if code)
-    return 0
+    if code := _one_by_one([name for name in FIRST if name in chosen], alone=True):
+        return code
+    lanes = [names for lane in LANES if (names := [name for name in lane if name in chosen])]
+    with ThreadPoolExecutor(len(LANES)) as executor:
+        codes = list(executor.map(lambda names: _one_by_one(names, alone=len(lanes) == 1), lanes))
+    if any(STEPS[name].again for lane in lanes for name in lane):
+        codes.append(_again())
+    return next(filter(None, codes), 0) or _one_by_one([name for name in chosen if name in ASKED_FOR], alone=True)
+
+
+def _one_by_one(names: Sequence[str], *, alone: bool) -> int:
+    """Run steps until one fails; return its exit code, or 0."""
+    return next(filter(None, (_run(name, beside_another=not alone) for name in names)), 0)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -158,7 +162,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _run(name: str, beside_another: bool) -> int:
+def _run(name: str, *, beside_another: bool) -> int:
     """Run one step. If other steps run at the same time, its output is printed at its end."""
     step = (STEPS | ASKED_FOR)[name]
     command = [str(part) for part in step.command]
@@ -183,14 +187,14 @@ def _run(name: str, beside_another: bool) -> int:
     return done.returncode
 
 
-def _by_themselves(name: str) -> int:
-    """Run a step's failed tests once more, one after another, if the step allows it (`Step.again`)."""
-    most, listed = (STEPS | ASKED_FOR)[name].again, ROOT / FAILED_IN / "v/cache/lastfailed"
-    failed = json.loads(listed.read_text(encoding="utf-8")) if most and listed.is_file() else ()
-    if not 0 < len(failed) <= most:
-        return TESTS_FAILED
-    print(f"── {name}: run again alone: {', '.join(failed)}", flush=True)
-    return subprocess.run([*map(str, PYTEST), *failed], cwd=ROOT, check=False, env=_ENVIRONMENT).returncode
+def _again() -> int:
+    """Run the inconclusive real-time tests once more; what stays inconclusive is counted and is no failure."""
+    listed = ROOT / CACHE / "v/inconclusive"
+    found = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else []
+    if not found:
+        return 0
+    print(f"── inconclusive, run again alone: {', '.join(found)}", flush=True)
+    return subprocess.run([*map(str, PYTEST), *found], cwd=ROOT, check=False, env=_ENVIRONMENT).returncode
 
 
 def _files_with(mark: str) -> list[str]:

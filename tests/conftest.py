@@ -9,6 +9,10 @@ import pytest
 from hypothesis import settings
 
 from tests.harness.examples import PROFILE, drawn
+from tests.harness.starved import Waiting
+
+INCONCLUSIVE = "inconclusive"
+WAITING = pytest.StashKey[Waiting]()
 
 settings.register_profile("same", derandomize=True, deadline=None, max_examples=drawn(100))
 settings.register_profile("all", derandomize=True, deadline=None)
@@ -25,6 +29,42 @@ def pytest_collection():
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Measure whether a real-time test has a processor when it needs one."""
+    if item.get_closest_marker("slow") is None:
+        return (yield)
+    with Waiting() as item.stash[WAITING]:
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    """Take a failure of a starved real-time test for no result: neither passed nor failed."""
+    report = yield
+    if report.failed and (waited := WAITING in item.stash and item.stash[WAITING].starved()):
+        report.sections.append((f"inconclusive: {waited}", str(report.longrepr)))
+        report.outcome, report.inconclusive = "skipped", waited
+        report.longrepr = (str(item.path), item.location[1], f"Skipped: {waited}")
+    return report
+
+
+def pytest_report_teststatus(report):
+    if getattr(report, INCONCLUSIVE, ""):
+        return INCONCLUSIVE, "I", "INCONCLUSIVE"
+    return None
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Show what was inconclusive, and keep the list: `python -m tests` runs those tests again alone."""
+    found = terminalreporter.stats.get(INCONCLUSIVE, [])
+    for report in found:
+        terminalreporter.section(f"inconclusive: {report.nodeid}: {report.inconclusive}")
+        terminalreporter.write_line(report.sections[-1][1])
+    if cache := getattr(terminalreporter.config, "cache", None):
+        cache.set(INCONCLUSIVE, sorted({report.nodeid for report in found}))
 
 
 @pytest.fixture(scope="session")
