@@ -40,7 +40,7 @@ import json, pathlib, re
 from importlib.metadata import distributions
 weighed = {}
 for one in distributions():
-    files = [pathlib.Path(one.locate_file(file)) for file in one.files or ()]
+    files = [pathlib.Path(one.locate_file(file)) for file in one.files or () if file.suffix != ".pyc"]
     needs = [re.match(r"[\\w.-]+", need)[0] for need in one.requires or () if "extra ==" not in need]
     name = one.metadata["Name"].lower().replace("_", "-")
     weighed[name] = sum(file.stat().st_size for file in files if file.exists()) / 1e6, needs

