@@ -131,10 +131,11 @@ def test_a_landing_can_be_held_and_returned_and_a_return_held(autopilot):
 
 @pytest.mark.flight
 def test_a_game_engaged_again_after_a_hold_is_judged_by_itself():
-    operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, 90.0, "engage"))
-    result = operator.fly()
+    limit_s = 15.0
+    operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, limit_s + 5.0, "engage"))
+    result = operator.fly(scenario=NEAR.model_copy(update={"time_limit_s": limit_s}))
     assert (result.captured, result.timed_out, result.ended) == (True, False, State.LANDED)
-    assert result.capture_time_s < 60.0
+    assert result.capture_time_s < limit_s
     engaged = [one for one in result.happenings if one.after is State.ENGAGED]
     assert len(engaged) == 2
 

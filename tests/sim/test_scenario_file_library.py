@@ -37,7 +37,7 @@ FLOWN_ELSEWHERE = ("pe", "tad")
 
 MATHEMATICS_SUFFICE = (
     "hover_chase", "evader_turns", "evader_stops", "barrier_pure_pursuit", "barrier_pursuer", "slower_than_declared",
-    "crossing",
+    "crossing", "crossing_proportional_navigation", "barrier_evader", "faster_than_declared",
 )  # fmt: skip
 """Played as mathematics in every run, and flown by the step `long`: no fault, wind, fence or sensor is part of them.
 
