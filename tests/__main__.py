@@ -21,7 +21,7 @@ BIN = Path(sys.executable).parent
 PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
 CACHE = ".pytest_cache/real_time"
 """Of the real-time tests, with the list of the inconclusive ones."""
-QUICK = "not slow and not flight and not arrays"
+QUICK = "not slow and not flight and not arrays and not long"
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,18 @@ STEPS = {
     # Tests with real clients mostly wait.
     "real time": Step(
         "other people's clients",
-        (*PYTEST, "-n", "3", "--dist", "worksteal", "-m", "slow", "--cache-clear", "-o", f"cache_dir={CACHE}"),
+        (
+            *PYTEST,
+            "-n",
+            "4",
+            "--dist",
+            "worksteal",
+            "-m",
+            "slow and not long",
+            "--cache-clear",
+            "-o",
+            f"cache_dir={CACHE}",
+        ),
         marked="slow",
         again=True,
     ),
@@ -107,7 +118,7 @@ ASKED_FOR = {
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),
-    "long": Step("flights of minutes in virtual time, too long for every change", (*PYTEST, "-m", "long")),
+    "long": Step("more flights, and longer ones, than every change needs", (*PYTEST, "-m", "long")),
     "install": Step(
         "the wheel in an empty environment of every installed Python, and a flight there",
         (sys.executable, "-m", "tests.install"),

@@ -29,7 +29,7 @@ from tests.acceptance.relay import Relay, wait
 AUTOPILOTS = ("px4", "arducopter")
 READY_WITHIN_S = 120.0
 DOWN_WITHIN_S = 240.0
-AT_A_TIME = 3
+AT_A_TIME = 4
 SIM_HEIGHT_M, STAND_IN_HEIGHT_M = 20.0, 8.0
 LASTING = ("BATT_CAPACITY", 50_000.0)
 """ArduPilot's simulator empties its 3,300 mAh in four of these flights, and preflight refuses the fifth."""

@@ -19,7 +19,7 @@ from rich.table import Table
 from tests.faults.drawing import AUTOPILOTS, KINDS, SHARED, draw_case
 from tests.faults.flying import Row, Starts, fly
 
-FLIGHTS = 60
+FLIGHTS = 40
 TOLD_EVERY = 20
 WALLS = ("fence", "polygon", "floor", "ceiling", "stand-off")
 

@@ -24,8 +24,8 @@ def with_evader_at(scenario, x, y):
 
 
 @pytest.mark.parametrize(
-    ("bearing", "offset"),
-    [("east", (30.0, 0.0)), ("south", (0.0, -30.0))],
+    ("autopilot", "bearing", "offset"),
+    [("px4", "east", (30.0, 0.0)), ("arducopter", "south", (0.0, -30.0))],
 )
 def test_10_the_velocity_points_at_the_evader_whatever_the_heading(sortie, autopilot, bearing, offset):
     x, y, _ = SHORT.pursuer.position_m
@@ -68,7 +68,7 @@ def rebuild(flight, monkeypatch, **options):
     flight.mock = mock
 
 
-@pytest.mark.parametrize("ground_amsl_m", [200.0, -20.0])
+@pytest.mark.parametrize(("autopilot", "ground_amsl_m"), [("px4", 200.0), ("arducopter", -20.0)])
 def test_13_heights_are_above_the_evaders_plane_wherever_sea_level_is(sortie, autopilot, ground_amsl_m):
     site = SHORT.site.model_copy(update={"altitude_amsl_m": ground_amsl_m})
     flight = sortie.engaged(autopilot, scenario=SHORT.model_copy(update={"site": site}))
@@ -79,7 +79,7 @@ def test_13_heights_are_above_the_evaders_plane_wherever_sea_level_is(sortie, au
     assert truth == pytest.approx(5.0, abs=1.2)
 
 
-@pytest.mark.parametrize("yaw_deg", [90.0, -135.0])
+@pytest.mark.parametrize(("autopilot", "yaw_deg"), [("px4", 90.0), ("arducopter", -135.0)])
 def test_14_the_heading_at_engagement_is_held(sortie, autopilot, yaw_deg, monkeypatch):
     flight = sortie(autopilot)
     rebuild(flight, monkeypatch, yaw_deg=yaw_deg)

@@ -33,9 +33,17 @@ def restarted(flight):
     return flight
 
 
-@pytest.mark.parametrize(("order", "state"), ENDED_BY)
-def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, autopilot, order, state):
-    found_in = State.CHECKING if order in {Event.RETURN, Event.LAND} else State.READY
+@pytest.mark.parametrize(
+    ("autopilot", "found_in", "order", "state"),
+    [
+        ("px4", State.READY, Event.HOLD, State.HOLDING),
+        ("px4", State.CHECKING, Event.LAND, State.LANDING),
+        ("arducopter", State.CHECKING, Event.HOLD, State.HOLDING),
+        ("arducopter", State.CHECKING, Event.RETURN, State.RETURNING),
+        ("arducopter", State.READY, Event.ABORT, State.LANDING),
+    ],
+)
+def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, autopilot, found_in, order, state):
     flight = sortie.after(restarted, autopilot).until(found_in, limit_s=10.0)
     assert flight.mock.armed
     flight.cycle(order)
@@ -107,12 +115,12 @@ def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(so
 
 
 @pytest.mark.parametrize(
-    ("flown", "order", "state"),
+    ("autopilot", "flown", "order", "state"),
     [
-        (State.CLIMBING, Event.HOLD, State.HOLDING),
-        (State.CLIMBING, Event.RETURN, State.RETURNING),
-        (State.RETURNING, Event.HOLD, State.HOLDING),
-        (State.RETURNING, Event.LAND, State.LANDING),
+        ("px4", State.CLIMBING, Event.HOLD, State.HOLDING),
+        ("px4", State.RETURNING, Event.LAND, State.LANDING),
+        ("arducopter", State.CLIMBING, Event.RETURN, State.RETURNING),
+        ("arducopter", State.RETURNING, Event.HOLD, State.HOLDING),
     ],
 )
 def test_an_order_is_not_taken_for_a_pilots_because_heartbeat_shows_the_mode_before(

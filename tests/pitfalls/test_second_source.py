@@ -33,7 +33,7 @@ def joined_by(flight, rate_hz, phase_s, velocity=(-3.0, -3.0, 0.0)):
     return begun_s
 
 
-@pytest.mark.parametrize("rate_hz", [2.0, 3.3, 5.0, 10.0, 20.0, 50.0])
+@pytest.mark.parametrize("rate_hz", [2.0, 5.0, 20.0])
 @pytest.mark.parametrize("phase_s", [0.003, 0.015])
 def test_a_second_source_is_noticed_within_two_seconds(sortie, autopilot, rate_hz, phase_s):
     flight = sortie.engaged(autopilot).run(2.5)

@@ -67,7 +67,7 @@ def readable_messages(path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("link", ["mavsdk", "pymavlink"])
+@pytest.mark.parametrize("link", ["mavsdk", pytest.param("pymavlink", marks=pytest.mark.long)])
 def test_a_pursuit_is_flown_in_real_time_over_mavlink_and_zenoh(tmp_path, link):
     process = start(tmp_path / "out", "--link", link)
     out, err = process.communicate(timeout=120)

@@ -158,7 +158,7 @@ def sortie():
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_and_comes_home(sortie, autopilot):
     world = World(autopilot)
     flown = sortie(world).run()

@@ -146,7 +146,7 @@ def test_estimation_noise_has_the_measured_size():
     for command in ((176, 1.0, 6.0), (400, 1.0, 0.0)):
         vehicle.step(2.0, [encoder.pack("COMMAND_LONG", 1, 1, command[0], 0, *command[1:], *[0.0] * 5)])
     errors = []
-    for tick in range(101, 20_000):
+    for tick in range(101, 10_000):
         vehicle.step(tick * 0.02, [stream] if tick % 10 == 0 else [])
         if tick > 1000 and tick % 10 == 0:
             state, body = vehicle.autopilot.state, vehicle.truth

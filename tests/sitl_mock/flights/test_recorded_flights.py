@@ -65,8 +65,13 @@ FLIGHTS = {
 }
 """Stated as measured, and a third more."""
 
-NAMES = [pytest.param(name, marks=pytest.mark.long) if name == "px4_goto" else name for name in FLIGHTS]
-"""One lasts as long as three others."""
+RARELY = {
+    "px4_goto", "px4_offboard_position_ned", "px4_offboard_velocity_body", "px4_offboard_attitude", "px4_mission_raw",
+    "px4_offboard_acceleration", "px4_do_orbit", "px4_manual_control", "arducopter_setyaw", "arducopter_circle",
+    "arducopter_rally",
+}  # fmt: skip
+"""Flown by the step `long`: the others use the same modes and messages."""
+NAMES = [pytest.param(name, marks=pytest.mark.long) if name in RARELY else name for name in FLIGHTS]
 
 
 @functools.cache
