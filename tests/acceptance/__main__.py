@@ -25,6 +25,7 @@ from sitl_mock.errors import MockError
 from tests.acceptance.cases import Case, cases, toml
 from tests.acceptance.flying import GUIDANCE, Line, fly, fly_in_virtual_time
 from tests.acceptance.relay import Relay, wait
+from tests.harness.starved import Waiting
 
 AUTOPILOTS = ("px4", "arducopter")
 READY_WITHIN_S = 120.0
@@ -48,6 +49,7 @@ SOON_UP_AND_DOWN = {
 }  # fmt: skip
 """Parameters of the mocks only. They shorten take-off and landing, which no condition is about."""
 
+VERDICTS = {True: "ok", False: "NO", None: "inconclusive"}
 Tell = Callable[[Line], None]
 
 
@@ -140,7 +142,7 @@ def _slug(case: Case) -> str:
 
 
 def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
-    """Fly on mocks, several at a time. A failed flight is repeated alone: the machine may have been too busy."""
+    """Fly on mocks, several at a time. A failed flight is repeated; if it fails again, starved, it is inconclusive."""
     flights = [
         (autopilot, case)
         for autopilot in AUTOPILOTS
@@ -152,7 +154,11 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
         place = folder / f"{autopilot}-{_slug(case)}{again}"
         if case.virtual and not everything:
             return fly_in_virtual_time(case, autopilot, place)
-        return on_the_mock(autopilot, case, place)
+        with Waiting() as waiting:
+            lines = on_the_mock(autopilot, case, place)
+        if again and (starved := waiting.starved()):
+            return [line if line.held else line._replace(got=f"{line.got}; {starved}", held=None) for line in lines]
+        return lines
 
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         for (autopilot, case), lines in zip(flights, pool.map(lambda flight: flown(*flight), flights), strict=True):
@@ -182,7 +188,7 @@ def main(arguments: Sequence[str]) -> int:
     def tell(line: Line) -> None:
         with lock:
             lines.append(line)
-            mark = "[green]ok[/green]" if line.held else "[bold red]NO[/bold red]"
+            mark = "[green]ok[/green]" if line.held else f"[bold red]{VERDICTS[line.held]}[/bold red]"
             words = f"{line.autopilot}, {line.flight} ({line.link}): wanted {line.wanted}, got {line.got}"
             console.print(f"{time.monotonic() - began_s:6.0f} s ", mark, words, highlight=False, soft_wrap=True)
 
@@ -204,8 +210,10 @@ def main(arguments: Sequence[str]) -> int:
         lines.sort(key=lambda line: (line.autopilot, line.flight, line.link))
         (folder / "acceptance.html").write_text(_page(lines, folder), encoding="utf-8")
     Console(width=max(console.width, 170)).print(_table(lines))
-    failed = sum(not line.held for line in lines)
-    console.print(f"{len(lines) - failed} of {len(lines)} as wanted, in {time.monotonic() - began_s:.0f} s")
+    unknown = sum(line.held is None for line in lines)
+    failed = sum(not line.held for line in lines) - unknown
+    held = f"{len(lines) - failed - unknown} of {len(lines)} as wanted, {unknown} inconclusive"
+    console.print(f"{held}, in {time.monotonic() - began_s:.0f} s")
     return 0 if lines and not failed else 1
 
 
@@ -214,7 +222,7 @@ def _table(lines: Sequence[Line]) -> Table:
     for heading in (*Line._fields[:-1], ""):
         table.add_column(heading, overflow="fold")
     for line in lines:
-        table.add_row(*line[:-1], "ok" if line.held else "NO", style="" if line.held else "bold red")
+        table.add_row(*line[:-1], VERDICTS[line.held], style="" if line.held else "bold red")
     return table
 
 
@@ -222,7 +230,7 @@ def _page(lines: Sequence[Line], folder: Path) -> str:
     """The same table as a page, with every flight's picture."""
     rows = "".join(
         f"<tr style='color:{'inherit' if line.held else '#b00'}'>"
-        + "".join(f"<td>{html.escape(cell)}</td>" for cell in (*line[:-1], "ok" if line.held else "NO"))
+        + "".join(f"<td>{html.escape(cell)}</td>" for cell in (*line[:-1], VERDICTS[line.held]))
         + "</tr>"
         for line in lines
     )

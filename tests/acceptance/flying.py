@@ -39,14 +39,14 @@ _UNSAFE = {"px4": ("GF_MAX_VER_DIST", 0.0), "arducopter": ("GUID_TIMEOUT", 5.0)}
 
 
 class Line(NamedTuple):
-    """One line of the table."""
+    """One line of the table; `held` is None if the machine was too busy to tell."""
 
     autopilot: str
     flight: str
     link: str
     wanted: str
     got: str
-    held: bool
+    held: bool | None
 
 
 @dataclass

@@ -16,7 +16,7 @@ LEADS_TO = {
     Event.ABORT: State.LANDING,
 }
 IN_THE_AIR = sorted(OUR_MODES)
-STANDS_S = 20.0
+STANDS_S = 8.0
 SLOW_S = 0.2
 
 
