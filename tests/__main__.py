@@ -21,6 +21,7 @@ BIN = Path(sys.executable).parent
 PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
 CACHE = ".pytest_cache/real_time"
 """Of the real-time tests, with the list of the inconclusive ones."""
+KEPT_APART = ("--cache-clear", "-o", f"cache_dir={CACHE}")
 QUICK = "not slow and not flight and not arrays and not long"
 
 
@@ -34,7 +35,7 @@ class Step:
         marked: Only test files with this mark are collected; collecting all of them costs each worker some seconds.
         environment: Additional environment variables.
         arguments: Example arguments, if the step accepts arguments when it is run alone.
-        gives_way: Whether it runs at low priority beside other steps, which must keep real time.
+        nice: Its priority beside other steps, which must keep real time: 19 is the lowest.
         again: Whether its inconclusive tests are run again alone after all lanes have ended.
     """
 
@@ -43,49 +44,40 @@ class Step:
     marked: str = ""
     environment: tuple[tuple[str, str], ...] = ()
     arguments: str = ""
-    gives_way: bool = False
+    nice: int = 0
     again: bool = False
 
 
 STEPS = {
     "format": Step("ruff's format", (BIN / "ruff", "format", "--check", ".")),
     "lint": Step("ruff's rules", (BIN / "ruff", "check", ".")),
-    "types": Step("mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",)),
+    "types": Step("mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=19),
     "layers": Step("imports point down only", (BIN / "lint-imports",)),
     "docs": Step(
         "the documentation as a site, where any warning is an error",
         (BIN / "mkdocs", "build", "--strict", "--config-file", ".mkdocs.yml", "--site-dir", "site"),
         environment=(("NO_MKDOCS_2_WARNING", "1"),),  # suppresses a notice that the theme prints at every start
+        nice=19,
     ),
     "arrays": Step(
         "the games on PyTorch and JAX, in an environment that has both",
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
-        gives_way=True,
+        nice=19,
     ),
     # Compiles all test files once; otherwise each worker would compile them at the same time.
-    "collect": Step("every test file can be imported", (*PYTEST[:3], "-qq", "--collect-only"), gives_way=True),
-    "tests": Step("the quick tests", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK), gives_way=True),
+    "collect": Step("every test file can be imported", (*PYTEST[:3], "-qq", "--collect-only"), nice=19),
+    # Some of them wait for sockets and processes, but each has seconds.
+    "tests": Step("the quick tests", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK), nice=5),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow and not long"),
         marked="flight",
-        gives_way=True,
+        nice=19,
     ),
     # Tests with real clients mostly wait.
     "real time": Step(
         "other people's clients",
-        (
-            *PYTEST,
-            "-n",
-            "4",
-            "--dist",
-            "worksteal",
-            "-m",
-            "slow and not long",
-            "--cache-clear",
-            "-o",
-            f"cache_dir={CACHE}",
-        ),
+        (*PYTEST, "-n", "4", "--dist", "worksteal", "-m", "slow and not long", *KEPT_APART),
         marked="slow",
         again=True,
     ),
@@ -98,7 +90,7 @@ STEPS = {
         "flights with faults, checked against the mock's true state (docs/faults.md)",
         (sys.executable, "-m", "tests.faults", "--jobs", "1"),
         arguments="--flights 1000 --seed 7",
-        gives_way=True,
+        nice=19,
     ),
 }
 FIRST = ("format", "lint", "layers")
@@ -181,8 +173,8 @@ def _run(name: str, *, beside_another: bool) -> int:
     print(f"── {name}: {shown}", flush=True)
     if step.marked:
         command += _files_with(step.marked)
-    if beside_another and step.gives_way and shutil.which("nice"):
-        command = ["nice", "-n", "19", *command]
+    if beside_another and step.nice and shutil.which("nice"):
+        command = ["nice", "-n", str(step.nice), *command]
     started = time.perf_counter()
     done = subprocess.run(
         command,
