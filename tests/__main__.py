@@ -110,7 +110,10 @@ ASKED_FOR = {
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),
-    "long": Step("more flights, and longer ones, than every change needs", (*PYTEST, "-m", "long")),
+    "long": Step(
+        "more flights, and longer ones, than every change needs",
+        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "long"),
+    ),
     "install": Step(
         "the wheel in an empty environment of every installed Python, and a flight there",
         (sys.executable, "-m", "tests.install"),
