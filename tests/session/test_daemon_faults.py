@@ -34,7 +34,7 @@ def corrupt(message, chance):
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize(("autopilot", "seed"), [("px4", 0), ("arducopter", 1)])
+@pytest.mark.parametrize(("autopilot", "seed"), [("px4", 0), pytest.param("arducopter", 1, marks=pytest.mark.long)])
 def test_a_whole_flight_on_a_wire_that_spoils_one_number_in_thirty_messages(base, monkeypatch, autopilot, seed):
     fenced = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_RADIUS": 150.0}
     given = {"parameters": fenced} if autopilot == "arducopter" else {}

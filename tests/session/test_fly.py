@@ -141,12 +141,12 @@ def test_one_setpoint_goes_out_a_cycle_and_none_outside_of_the_guided_states(pe)
     assert not any("setpoint" in row for row in silent)
 
 
-def test_two_runs_with_one_seed_are_one_record_and_another_seed_is_another(tmp_path):
-    paths = [tmp_path / name for name in ("a.mcap", "b.mcap", "c.mcap")]
-    flown(NEAR, paths[0])
-    flown(NEAR, paths[1])
-    flown(NEAR.model_copy(update={"seed": 7}), paths[2])
-    first, again, other = (path.read_bytes() for path in paths)
+def test_two_runs_with_one_seed_are_one_record_and_another_seed_is_another(tmp_path, short_flight):
+    flown(NEAR, tmp_path / "again.mcap")
+    flown(NEAR.model_copy(update={"seed": 7}), tmp_path / "other.mcap")
+    first, again, other = (
+        path.read_bytes() for path in (short_flight[1], tmp_path / "again.mcap", tmp_path / "other.mcap")
+    )
     assert first == again
     assert first != other
 

@@ -73,7 +73,11 @@ def by_operator(result):
 @pytest.mark.flight
 @pytest.mark.parametrize(
     ("runner", "autopilot"),
-    [("fly", "px4"), ("fly --vehicle", "arducopter"), ("scenario run --as vehicle", "px4")],
+    [
+        ("fly", "px4"),
+        ("fly --vehicle", "arducopter"),
+        pytest.param("scenario run --as vehicle", "px4", marks=pytest.mark.long),
+    ],
 )
 def test_a_hold_in_the_game_is_kept_for_30_s_until_land_is_ordered(runner, autopilot):
     operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, STANDS_S, "land"))
@@ -94,7 +98,6 @@ def test_a_hold_in_the_game_is_kept_for_30_s_until_land_is_ordered(runner, autop
     [
         (State.CLIMBING, "abort"),
         (State.STANDING_BY, "return"),
-        (State.ON_STATION, "return"),
         (State.ON_STATION, "land"),
     ],
 )
@@ -106,7 +109,7 @@ def test_return_land_and_abort_stand_from_any_phase_of_a_mission(order, before):
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_a_landing_can_be_held_and_returned_and_a_return_held(autopilot):
     operator = Operator(
         (State.ENGAGED, 0.5, "land"),
