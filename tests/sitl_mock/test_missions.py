@@ -40,7 +40,7 @@ def reached(flight):
     return [m.seq for _, m in flight.all("MISSION_ITEM_REACHED")]
 
 
-@pytest.mark.parametrize("flavour", ["px4", "arducopter"])
+@pytest.mark.parametrize("flavour", [pytest.param("px4", marks=pytest.mark.long), "arducopter"])
 def test_a_mission_of_25_items_is_flown_in_order_and_landed(fly, flavour):
     flight = fly(flavour).run(1.0)
     home = [item(flight, 16, 0, 0, 0.0)] if flavour == "arducopter" else []

@@ -60,6 +60,7 @@ def test_large_steps_over_the_corner_that_nothing_was_fitted_on_are_followed(who
     assert max(compare(log, FlavourName.ARDUCOPTER, answers).rms_ned_m_s) <= 0.15
 
 
+@pytest.mark.long
 def test_px4_follows_large_steps_of_all_axes_at_once():
     """The second half was not used for fitting."""
     log = read_step_log(DATA / "px4_large_steps.csv")

@@ -45,7 +45,7 @@ def recorded(path, flavour="arducopter", *, commands=(*RATES, GUIDED, ARM, TAKE_
     return path
 
 
-@pytest.mark.parametrize("flavour", ["px4", "arducopter"])
+@pytest.mark.parametrize("flavour", [pytest.param("px4", marks=pytest.mark.long), "arducopter"])
 def test_a_recording_of_the_mock_itself_is_no_different(tmp_path, flavour):
     commands = (ARM,) if flavour == "px4" else (*RATES, GUIDED, ARM, TAKE_OFF)
     file = recorded(tmp_path / "flight.tlog", flavour, commands=commands, seconds=12.0)

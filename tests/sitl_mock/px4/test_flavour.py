@@ -168,6 +168,7 @@ def test_row_07_home_jumps_in_height_in_flight_and_nothing_else_of_it_does(fly, 
     assert max(abs(b - a) for a, b in itertools.pairwise(relative)) > 900, "heights above home jump along"
 
 
+@pytest.mark.long
 def test_row_07_two_minutes_after_leaving_the_ground_home_stays(fly):
     flight = hovering(fly, 4).run(130.0)
     settled_s = flight.now_s

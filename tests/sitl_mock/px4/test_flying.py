@@ -149,7 +149,7 @@ def differences(flown, name):
 @pytest.mark.parametrize(
     ("name", "level_m", "height_m"),
     [
-        ("goto", 0.8, 0.7),
+        pytest.param("goto", 0.8, 0.7, marks=pytest.mark.long),
         ("goto at 2 m/s", 2.8, 0.2),
         ("orbit", 1.1, 0.2),
         ("follow", 3.6, 0.6),
