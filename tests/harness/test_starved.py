@@ -1,5 +1,6 @@
 """A real-time test that fails while it has no processor is inconclusive; any other failure is one."""
 
+import json
 import os
 import subprocess
 import sys
@@ -48,22 +49,14 @@ def test_a_failure_of_a_starved_test_is_counted_as_inconclusive(tmp_path):
     (tmp_path / "conftest.py").write_text("from tests.conftest import *\n")
     (tmp_path / "test_three.py").write_text(FAILING)
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = slow\n")
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "--rootdir",
-        str(tmp_path),
-        str(tmp_path),
-        "-p",
-        "no:cacheprovider",
-    ]
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "1", "--rootdir", str(tmp_path), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=here())
     assert done.returncode == 1
     assert "1 failed, 1 passed, 1 inconclusive" in done.stdout
     assert "for want of a processor" in done.stdout
     assert "FAILED test_three.py::test_wrong" in done.stdout
+    listed = tmp_path / ".pytest_cache/v/inconclusive"  # `python -m tests` runs these again
+    assert json.loads(listed.read_text()) == ["test_three.py::test_starved"]
 
 
 def here():
