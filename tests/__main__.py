@@ -19,9 +19,6 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
 PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
-CACHE = ".pytest_cache/real_time"
-"""Of the real-time tests, with the list of the inconclusive ones."""
-KEPT_APART = ("--cache-clear", "-o", f"cache_dir={CACHE}")
 QUICK = "not slow and not flight and not arrays and not long"
 
 
@@ -36,7 +33,6 @@ class Step:
         environment: Additional environment variables.
         arguments: Example arguments, if the step accepts arguments when it is run alone.
         nice: Its priority beside other steps, which must keep real time: 19 is the lowest.
-        again: Whether its inconclusive tests are run again alone after all lanes have ended.
     """
 
     what: str
@@ -45,7 +41,6 @@ class Step:
     environment: tuple[tuple[str, str], ...] = ()
     arguments: str = ""
     nice: int = 0
-    again: bool = False
 
 
 STEPS = {
@@ -77,9 +72,8 @@ STEPS = {
     # Tests with real clients mostly wait.
     "real time": Step(
         "other people's clients",
-        (*PYTEST, "-n", "4", "--dist", "worksteal", "-m", "slow and not long", *KEPT_APART),
+        (*PYTEST, "-n", "4", "--dist", "worksteal", "-m", "slow and not long"),
         marked="slow",
-        again=True,
     ),
     "acceptance": Step(
         "the service's promises, on a mock over UDP or on running SITLs (docs/acceptance.md)",
@@ -141,8 +135,7 @@ def main(arguments: Sequence[str]) -> int:
     lanes = [names for lane in LANES if (names := [name for name in lane if name in chosen])]
     with ThreadPoolExecutor(len(LANES)) as executor:
         codes = list(executor.map(lambda names: _one_by_one(names, alone=len(lanes) == 1), lanes))
-    if any(STEPS[name].again for lane in lanes for name in lane):
-        codes.append(_again())
+    codes.append(_again([name for lane in lanes for name in lane]))
     return next(filter(None, codes), 0) or _one_by_one([name for name in chosen if name in ASKED_FOR], alone=True)
 
 
@@ -174,6 +167,8 @@ def _run(name: str, *, beside_another: bool) -> int:
     command = [str(part) for part in step.command]
     shown = " ".join(command[1:] if command[0] == sys.executable else command)
     print(f"── {name}: {shown}", flush=True)
+    if command[: len(PYTEST)] == [*PYTEST]:
+        command += ["--cache-clear", "-o", f"cache_dir={_cache(name)}"]
     if step.marked:
         command += _files_with(step.marked)
     if beside_another and step.nice and shutil.which("nice"):
@@ -193,10 +188,15 @@ def _run(name: str, *, beside_another: bool) -> int:
     return done.returncode
 
 
-def _again() -> int:
-    """Run the inconclusive real-time tests once more; what stays inconclusive is counted and is no failure."""
-    listed = ROOT / CACHE / "v/inconclusive"
-    found = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else []
+def _cache(name: str) -> str:
+    """Return the folder in which a step of pytest keeps its results apart from those of the steps beside it."""
+    return f".pytest_cache/{name.replace(' ', '_')}"
+
+
+def _again(names: Sequence[str]) -> int:
+    """Run the inconclusive tests of these steps once more; what stays inconclusive is counted and is no failure."""
+    listed = [ROOT / _cache(name) / "v/inconclusive" for name in names]
+    found = [test for path in listed if path.is_file() for test in json.loads(path.read_text(encoding="utf-8"))]
     if not found:
         return 0
     print(f"── inconclusive, run again alone: {', '.join(found)}", flush=True)

@@ -13,6 +13,8 @@ from tests.harness.starved import Waiting
 
 INCONCLUSIVE = "inconclusive"
 WAITING = pytest.StashKey[Waiting]()
+REAL = {"asyncio", "running", "slow", "socket", "subprocess", "threading", "time", "zenoh"}
+"""Marks of a test, or names in its module, that let it wait for real time, another process or a socket."""
 
 settings.register_profile("same", derandomize=True, deadline=None, max_examples=drawn(100))
 settings.register_profile("all", derandomize=True, deadline=None)
@@ -33,8 +35,9 @@ def pytest_collection():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
-    """Measure whether a real-time test has a processor when it needs one."""
-    if item.get_closest_marker("slow") is None:
+    """Measure whether a test that may wait for the real world has a processor when it needs one."""
+    marks = {mark.name for mark in item.iter_markers()}
+    if REAL.isdisjoint(marks.union(vars(item.module))):
         return (yield)
     with Waiting() as item.stash[WAITING]:
         return (yield)
@@ -42,7 +45,7 @@ def pytest_runtest_protocol(item):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
-    """Take a failure of a starved real-time test for no result: neither passed nor failed."""
+    """Take a failure of a starved test for no result: neither passed nor failed."""
     report = yield
     if report.failed and (waited := WAITING in item.stash and item.stash[WAITING].starved()):
         report.sections.append((f"inconclusive: {waited}", str(report.longrepr)))

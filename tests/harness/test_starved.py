@@ -14,16 +14,13 @@ import time
 import pytest
 from tests.harness import starved
 
-@pytest.mark.slow
 def test_starved(monkeypatch):
     monkeypatch.setattr(starved.Waiting, "starved", lambda _: "a thread waited 9 s")
     raise AssertionError("for want of a processor")
 
-@pytest.mark.slow
 def test_wrong():
     raise AssertionError("for a defect")
 
-@pytest.mark.slow
 def test_right():
     pass
 """
@@ -48,7 +45,7 @@ def test_a_failure_of_a_starved_test_is_counted_as_inconclusive(tmp_path):
     """The conftest of these tests, in a folder of its own."""
     (tmp_path / "conftest.py").write_text("from tests.conftest import *\n")
     (tmp_path / "test_three.py").write_text(FAILING)
-    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = slow\n")
+    (tmp_path / "pytest.ini").write_text("[pytest]\n")
     command = [sys.executable, "-m", "pytest", "-q", "-n", "1", "--rootdir", str(tmp_path), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=here())
     assert done.returncode == 1
