@@ -16,13 +16,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator
 
 from guidance.autopilots.arducopter import ARDUCOPTER, ROVER
-from guidance.autopilots.description import (
-    Autopilot,
-    AutopilotProfile,
-    Bound,
-    Handling,
-    Mode,
-)
+from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Handling, Mode
 from guidance.autopilots.px4 import PX4
 from guidance.autopilots.rules import Finding, Preflight, Verdict, Wants
 from guidance.errors import ConfigError

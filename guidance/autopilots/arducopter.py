@@ -5,8 +5,9 @@ simulated quadrotor, default parameters).
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from guidance.autopilots import rules
 from guidance.autopilots.description import (
@@ -110,12 +111,6 @@ def _lean(value: float, wants: Wants, _: Parameters) -> Judgement:
     return passes(value >= 2000.0, "at least 2000 (20°)", 3000, why, otherwise=Verdict.WARN)
 
 
-def _return_height(value: float, _: Wants, parameters: Parameters) -> Judgement:
-    fence_m = parameters.get("FENCE_ALT_MAX", math.inf)
-    why = "RTL would climb through the fence"
-    return passes(value * _CENTI < fence_m, "below FENCE_ALT_MAX", 100.0 * (fence_m - 5.0), why, otherwise=Verdict.WARN)
-
-
 _TIMEOUT: Final = rules.loss_time("the last velocity is flown for this long when setpoints stop (3 s by default)")
 _OPTIONS: Final = rules.mask(
     "without bits 4 and 5",
@@ -138,11 +133,9 @@ RULES: Final = (
     Rule("FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
     Rule("FENCE_RADIUS", _fence_radius, "{:g} m".format),
     Rule(
-        "FENCE_ALT_MAX",
-        lambda value, wants, _: rules.fence_size(value, wants.limits.ceiling_m, wants),
-        "{:g} m".format,
+        "FENCE_ALT_MAX", lambda value, wants, _: rules.fence_size(value, wants.limits.ceiling_m, wants), "{:g} m".format
     ),
-    Rule("RTL_ALT", _return_height, "{:g} cm".format, needed=False),
+    Rule("RTL_ALT", rules.return_height("FENCE_ALT_MAX", "RTL", _CENTI), "{:g} cm".format, needed=False),
     Rule("FS_THR_ENABLE", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS), needed=False),
     Rule("FS_EKF_ACTION", _ESTIMATOR, named(_ESTIMATOR_ACTIONS), needed=False),
     Rule("WPNAV_SPEED", _not_enforced("speed_m_s"), "{:g} cm/s".format, needed=False),
@@ -151,20 +144,25 @@ RULES: Final = (
     Rule("ANGLE_MAX", _lean, "{:g} cdeg".format, needed=False),
 )
 
+_ARDUPILOT: Final[Mapping[str, Any]] = {
+    "autopilot_id": 3,
+    "arming_mode": Mode.GUIDED,
+    "projection": Equirectangular(),
+    "unused": 0.0,
+    "takeoff_frame": MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    "stream_before_guided": False,
+    "setpoint_timeout_s": 3.0,
+    "waits_in_guided": True,
+    "prearm_always_told": False,
+}
+"""The protocol that copter and rover share."""
+
 ARDUCOPTER: Final = Autopilot(
+    **_ARDUPILOT,
     name="arducopter",
-    autopilot_id=3,
     custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
     mode_titles={Mode.HOLD: "BRAKE", Mode.RETURN: "RTL"},
-    arming_mode=Mode.GUIDED,
-    projection=Equirectangular(),
-    unused=0.0,
-    takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    stream_before_guided=False,
     loss_parameter="GUID_TIMEOUT",
-    setpoint_timeout_s=3.0,
-    waits_in_guided=True,
-    prearm_always_told=False,
     streams_hz=STREAMS_HZ,
     handling=HANDLING,
     rules=RULES,
@@ -182,19 +180,11 @@ ARDUCOPTER: Final = Autopilot(
 )
 
 ROVER: Final = AutopilotProfile(
+    **_ARDUPILOT,
     name="rover",
-    autopilot_id=3,
     custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
     mode_titles={Mode.RETURN: "RTL"},
-    arming_mode=Mode.GUIDED,
-    projection=Equirectangular(),
-    unused=0.0,
-    takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    stream_before_guided=False,
     loss_parameter="FS_TIMEOUT",
-    setpoint_timeout_s=3.0,
-    waits_in_guided=True,
-    prearm_always_told=False,
     streams_hz={LOCAL_POSITION_NED: 20.0, GLOBAL_POSITION_INT: 20.0},
 )
 """The ground vehicle that plays the evader in mocked flights."""

@@ -130,14 +130,6 @@ def _at_least(value: float, wanted_m_s: float) -> Judgement:
     return passes(enough, f"at least {wanted_m_s:g} m/s", wanted_m_s, "or play with less: PX4 cuts setpoints to it")
 
 
-def _return_height(value: float, _: Wants, parameters: Parameters) -> Judgement:
-    fence_m = parameters.get("GF_MAX_VER_DIST", 0.0)
-    if fence_m <= 0.0:
-        return Judgement(Verdict.PASS, "below the fence, where there is one")
-    why = "Return would climb through the fence"
-    return passes(value < fence_m, f"below GF_MAX_VER_DIST = {fence_m:g} m", fence_m - 5.0, why, otherwise=Verdict.WARN)
-
-
 _LOSS_TIME: Final = rules.loss_time("the last velocity is flown for this long when setpoints stop")
 _RADIO_EXCEPTIONS: Final = rules.mask(
     "without Offboard, where a pilot has a radio",
@@ -168,7 +160,7 @@ RULES: Final = (
     Rule("GF_ACTION", _fence_action, named(_FENCE_ACTIONS)),
     Rule("GF_MAX_HOR_DIST", _fence_distance, "{:g} m".format),
     Rule("GF_MAX_VER_DIST", _fence_height, "{:g} m".format),
-    Rule("RTL_RETURN_ALT", _return_height, "{:g} m".format, needed=False),
+    Rule("RTL_RETURN_ALT", rules.return_height("GF_MAX_VER_DIST", "Return"), "{:g} m".format, needed=False),
     Rule("MPC_XY_VEL_MAX", _speed, _M_S),
     Rule("MPC_Z_VEL_MAX_UP", lambda value, wants, _: _at_least(value, wants.game_speeds.climb_m_s), _M_S),
     Rule("MPC_Z_VEL_MAX_DN", lambda value, wants, _: _at_least(value, wants.game_speeds.descent_m_s), _M_S),

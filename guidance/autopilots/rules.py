@@ -28,6 +28,13 @@ class Finding(NamedTuple):
     verdict: Verdict
     advice: str = ""
 
+    @classmethod
+    def of(
+        cls, passed: bool, name: str, value: str, wanted: str, advice: str, otherwise: Verdict = Verdict.REFUSE
+    ) -> "Finding":
+        """Return a condition that passes without advice, or else has the verdict `otherwise`."""
+        return cls(name, value, wanted, Verdict.PASS if passed else otherwise, "" if passed else advice)
+
 
 class Preflight(Section):
     """The `[preflight]` section of a vehicle file: what preflight demands of the autopilot."""
@@ -109,12 +116,7 @@ def _row(rule: Rule, parameters: Parameters, wants: Wants) -> Finding:
 
 
 def passes(
-    condition: bool,
-    wanted: str,
-    set_to: float | None = None,
-    why: str = "",
-    *,
-    otherwise: Verdict = Verdict.REFUSE,
+    condition: bool, wanted: str, set_to: float | None = None, why: str = "", *, otherwise: Verdict = Verdict.REFUSE
 ) -> Judgement:
     """Pass if the condition holds.
 
@@ -162,6 +164,26 @@ def loss_time(why: str) -> Judge:
         limit_s = wants.preflight.loss_time_limit_s
         wanted = f"{SHORTEST_LOSS_S:g} to {limit_s:g} s"
         return passes(SHORTEST_LOSS_S <= value <= limit_s, wanted, min(1.0, limit_s), why)
+
+    return judged
+
+
+def return_height(fence: str, action: str, unit_m: float = 1.0) -> Judge:
+    """Judge the height of the autopilot's return: below its fence, whose parameter is in metres.
+
+    Args:
+        fence: Name of the fence's parameter.
+        action: Name of the return.
+        unit_m: Unit of the judged parameter.
+    """
+
+    def judged(value: float, _: Wants, parameters: Parameters) -> Judgement:
+        fence_m = parameters.get(fence, 0.0)
+        if fence_m <= 0.0:
+            return Judgement(Verdict.PASS, "below the fence, where there is one")
+        wanted, set_to = f"below {fence} = {fence_m:g} m", (fence_m - 5.0) / unit_m
+        why = f"{action} would climb through the fence"
+        return passes(value * unit_m < fence_m, wanted, set_to, why, otherwise=Verdict.WARN)
 
     return judged
 

@@ -1,14 +1,20 @@
 """The `guidance` command. Orders take a fast path; all other commands are in `guidance.cli.program`."""
 
 import sys
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
 
 from guidance.cli.streams import open_outlets, printable
-from guidance.errors import GuidanceError, OutputError
+from guidance.errors import FlightError, GuidanceError, OutputError
+from guidance.session.control_socket import ENDPOINT, ask_here, own_name
 
 INTERRUPTED = 130
 FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
+
+_ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
+_OPTIONS: Final = frozenset({"--endpoint", "--token-file", "--name"})
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, imported lazily
@@ -41,9 +47,7 @@ def main() -> None:
 
 def _run() -> None:
     try:
-        from guidance.cli.short_order import short_order  # noqa: PLC0415 - here a Ctrl-C prints no traceback
-
-        code = short_order(sys.argv[1:])
+        code = _short_order(sys.argv[1:])
         if code is None:
             from guidance.cli.program import app  # noqa: PLC0415 - typer takes a third of a second
 
@@ -51,6 +55,65 @@ def _run() -> None:
         sys.exit(code)
     finally:
         sys.stdout.flush()
+
+
+def _short_order(arguments: Sequence[str]) -> int | None:
+    """Give `guidance ctl ORDER` and return the exit code; None, and nothing is done, for every other command line.
+
+    It needs none of the command line's libraries, whose import takes longer than the order.
+    """
+    if arguments[:1] != ["ctl"] or len(arguments) % 2 or arguments[1] not in _ORDERS:
+        return None
+    given = dict(zip(arguments[2::2], arguments[3::2], strict=True))
+    if not given.keys() <= _OPTIONS:
+        return None
+    endpoint, token = given.get("--endpoint", ENDPOINT), given.get("--token-file")
+    token_file = None if token is None else Path(token)
+    return show(ask(arguments[1], endpoint=endpoint, name=given.get("--name"), token_file=token_file))
+
+
+def ask(
+    order: str, *, endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None = None
+) -> Mapping[str, Any]:
+    """Give an order to a daemon: by its socket if it has one on this computer, else over Zenoh.
+
+    Args:
+        order: An order or a query of a daemon.
+        endpoint: The daemon's control endpoint.
+        name: The daemon's; None takes the only one there is.
+        token_file: Where its token lies, if not in the usual place.
+        zenoh: Our settings for a router that judges certificates, in place of a token.
+
+    Raises:
+        ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
+        LinkError: If the daemon has another name, does not know the token or does not answer.
+    """
+    given: dict[str, Any] = {"endpoint": endpoint, "name": name, "token_file": token_file, "by": own_name("ctl")}
+    answer = ask_here(order, **given) if zenoh is None else None
+    if answer is not None:
+        return answer
+    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
+    from guidance.session import control_bus  # noqa: PLC0415
+
+    return control_bus.ask(order, **given, credentials=read_credentials(zenoh))
+
+
+def show(answer: Mapping[str, Any]) -> int:
+    """Say in a line what became of an order, in red where it was refused; return the exit code."""
+    words = answer_words(answer)
+    if answer["accepted"]:
+        print(words)  # noqa: T201 - the command's answer
+        return 0
+    print(f"\033[1;31m{words}\033[0m" if sys.stdout.isatty() else words)  # noqa: T201
+    return FlightError.exit_code
+
+
+def answer_words(answer: Mapping[str, Any]) -> str:
+    """Say in a line what became of an order."""
+    name, state = answer.get("name", "the daemon"), answer.get("state", "")
+    if answer["accepted"]:
+        return f"{name}: {answer['order']} accepted, {state}"
+    return f"{name}: {answer['order']} refused, {state}: {answer.get('reason', '')}"
 
 
 def _end(words: str, code: int) -> None:

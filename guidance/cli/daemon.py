@@ -2,19 +2,22 @@
 
 import contextlib
 import json
-from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Annotated, Any, Final
 
 import typer
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.text import Text
 
+from guidance.cli import ask, show
 from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
-from guidance.cli.short_order import show
-from guidance.errors import FlightError
-from guidance.session.control_socket import ENDPOINT, ask_here, own_name
-
-if TYPE_CHECKING:
-    from guidance.session.vehicle_file import Config
+from guidance.config import find
+from guidance.errors import ConfigError, FlightError
+from guidance.screen import Cell, console, pairs, redraws
+from guidance.session.control_socket import ENDPOINT
 
 
 def run(
@@ -35,23 +38,23 @@ def run(
     - `guidance run config/vehicles/px4.toml --panel`: with the operator's page beside it
     """
     from guidance.session.service import run_vehicle  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
+    path = find(config, "vehicles")
+    own = load_vehicle(path)
     with contextlib.ExitStack() as closing:
+        if panel:
+            from guidance.viz.subprocesses import PanelBeside, options_of  # noqa: PLC0415 - an extra
 
-        def beside(found: "Config") -> None:
-            from guidance.errors import ConfigError  # noqa: PLC0415
-            from guidance.viz.subprocesses import PanelBeside, options_of  # noqa: PLC0415
-
-            control = found.control
-            if control.by_tls:
+            endpoint = own.control.endpoint
+            if own.control.by_tls:
                 raise ConfigError(
-                    f"--panel with control.endpoint = {control.endpoint!r}: that router judges who may order; "
-                    f"leave it out, and run guidance panel --endpoint {control.endpoint} --zenoh FILE (an operator's)"
+                    f"--panel with control.endpoint = {endpoint!r}: that router judges who may order; leave it out, "
+                    f"and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
                 )
-            options = options_of(control.token_file, found.record.folder)
-            closing.callback(PanelBeside(control.endpoint, *options).close)
-
-        run_vehicle(config, beside if panel else lambda _: None)
+            options = options_of(own.control.token_file, own.record.folder)
+            closing.callback(PanelBeside(endpoint, *options).close)
+        run_vehicle(path, own)
 
 
 def ctl(
@@ -88,21 +91,15 @@ def ctl(
         refuse_others(f"{order} --json" if as_json else order, {"--watch": watch}, {"--watch": said})
 
     def asked() -> Mapping[str, Any]:
-        return _ask(order, endpoint, name, token_file, zenoh)
+        return ask(order, endpoint=endpoint, name=name, token_file=token_file, zenoh=zenoh)
 
     if watch:
-        from guidance.cli.daemon_status import watch as show_again  # noqa: PLC0415 - rich takes a fifth of a second
-        from guidance.screen import console  # noqa: PLC0415
-
-        show_again(console(), asked)
+        watch_status(console(), asked)
         return
     answer = asked()
     if as_json:
         typer.echo(json.dumps(answer, indent=2))
     elif order == "status":
-        from guidance.cli.daemon_status import status_table  # noqa: PLC0415 - likewise
-        from guidance.screen import console  # noqa: PLC0415
-
         console().print(status_table(answer))
     else:
         show(answer)
@@ -110,16 +107,104 @@ def ctl(
         raise typer.Exit(FlightError.exit_code)
 
 
-def _ask(order: str, endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None) -> Mapping[str, Any]:
-    """Ask by the socket on this computer if there is one, else over Zenoh, which takes a second to import and open."""
-    by = own_name("ctl")
-    answer = None
-    if zenoh is None:
-        answer = ask_here(order, endpoint=endpoint, name=name, token_file=token_file, by=by)
-    if answer is not None:
-        return answer
-    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415
-    from guidance.session.control_bus import ask  # noqa: PLC0415
+WATCH_S: Final = 1.0
+Status = Mapping[str, Any]
 
-    credentials = read_credentials(zenoh)
-    return ask(order, endpoint=endpoint, name=name, token_file=token_file, credentials=credentials, by=by)
+
+def status_table(status: Status) -> RenderableType:
+    """Lay out a daemon's status: state, telemetry, game and failed checks."""
+    return Group(pairs(_rows(status)), *_to_do(status))
+
+
+def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
+    yield "vehicle", str(status.get("name", "-"))
+    yield "state", Text(str(status.get("state", "-")), "bold")
+    if "waiting_for" in status:
+        limit = status["connect_timeout_s"]
+        yield "waiting", f"for {status['waiting_for']}, {status['waited_s']:.0f} s so far, {limit:.0f} s at most"
+        return
+    if status.get("next"):
+        yield "next", Text(str(status["next"]), "yellow")
+    armed = "armed" if status.get("armed") else "disarmed"
+    streaming = "setpoints are sent" if status.get("streaming") else "no setpoints are sent"
+    yield "autopilot", f"{status.get('autopilot_mode', status.get('mode'))}, {armed}, {streaming}"
+    yield "heard", f"HEARTBEAT {_age(status, 'heartbeat_age_s')}, position {_age(status, 'position_age_s')}"
+    yield from _flown(status)
+    yield "evader", f"heard {_age(status, 'evader_silence_s')}"
+    yield from _game(status)
+    yield "record", str(status.get("recording", "-"))
+
+
+def _flown(status: Status) -> Iterator[tuple[str, Cell]]:
+    if "height_m" not in status:
+        return
+    north, east, down = status["velocity_ned_m_s"]
+    yield "height", f"{_tenths(status['height_m'])} m above home"
+    n, e, _ = status["position_ned_m"]
+    yield "position", f"{_tenths(n)} m north, {_tenths(e)} m east of the origin"
+    yield "speed", f"{math.hypot(north, east):.1f} m/s level, {_tenths(-down)} m/s up"
+    battery = status.get("battery")
+    yield "battery", "not told" if battery is None else f"{battery:.0%}"
+
+
+def _game(status: Status) -> Iterator[tuple[str, Cell]]:
+    game = status.get("certificate")
+    if not game:
+        return
+    yield "range", f"{status['range_m']:.1f} m to the evader, {_number(game, 'gap_m')} m to the stand-off disc's rim"
+    value = f"{_number(game, 'value')} {status['value_unit']}"
+    promised = "value to go" if status["value_unit"] == "s" else "evader's distance from its target"
+    yield "ideal game", f"winner {game['winner']}; {promised} {value}"
+    needs = f"needs {_number(game, 'time_needed_s')} s, reaches {_number(game, 'reachable_speed_m_s')} m/s"
+    yield "this vehicle", f"winner {game.get('vehicle_winner', 'undecided')}; {needs}"
+    if game.get("active_limits"):
+        yield "limited by", ", ".join(game["active_limits"])
+
+
+def _to_do(status: Status) -> Iterator[Text]:
+    for row in status.get("to_do", ()):
+        style = "bold red" if row["verdict"] == "refuse" else "yellow"
+        wanted = f", wanted {row['wanted']}" if row["wanted"] else ""
+        advice = f": {row['advice']}" if row["advice"] else ""
+        yield Text(f"{row['verdict']:6}  {row['name']} is {row['found']}{wanted}{advice}", style)
+
+
+def _tenths(value: float) -> str:
+    return f"{round(value, 1) + 0.0:.1f}"  # no -0.0
+
+
+def _age(status: Status, key: str) -> str:
+    age_s = status.get(key)
+    return "never" if age_s is None else f"{age_s:.1f} s ago"
+
+
+def _number(game: Status, key: str) -> str:
+    value = game.get(key)
+    return "-" if value is None else f"{value:.1f}"
+
+
+def watch_status(
+    there: Console, ask: Callable[[], Status], sleep: Callable[[float], None] = time.sleep, *, times: int | None = None
+) -> None:
+    """Show a status once a second until Ctrl-C; without a terminal, one below the other.
+
+    Args:
+        there: The console.
+        ask: Returns the daemon's status.
+        sleep: Waits, s.
+        times: How often; None for ever.
+
+    Raises:
+        LinkError: If the daemon stops answering.
+    """
+    count = 0
+    with Live(console=there, auto_refresh=False, transient=False) as live:
+        while times is None or count < times:
+            table = status_table(ask())
+            if redraws(there):
+                live.update(table, refresh=True)
+            else:
+                there.print(table)
+                there.print("")
+            count += 1
+            sleep(WATCH_S)

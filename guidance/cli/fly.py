@@ -117,8 +117,7 @@ def fly(
 
         try:
             from guidance.cli.fly_scenario import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
-            from guidance.session.fly import MockOptions  # noqa: PLC0415
-            from guidance.session.fly_vehicle import Asked  # noqa: PLC0415
+            from guidance.session.fly import Asked, MockOptions  # noqa: PLC0415
 
             client = link or "mavsdk"
             mock = MockOptions(fast=fast, link=client, port=port or 0)
@@ -127,9 +126,9 @@ def fly(
                 scenario, how, out=out, seed=seed, on_record=on_record, on_control=on_control, as_json=as_json
             )
         except KeyboardInterrupt:
-            kept = f", and the record so far is {records[0]}" if records else "; nothing was recorded"
-            ended = f"the mock was ended{kept}" if vehicle is None else "nothing was armed"
-            typer.echo(f"interrupted: {ended}", err=True)
+            nothing = "nothing was recorded" if vehicle is None else "nothing was armed"
+            kept = f"the record so far is {records[0]}" if records else nothing
+            typer.echo(f"interrupted: {'the mock was ended; ' if vehicle is None else ''}{kept}", err=True)
             raise typer.Exit(INTERRUPTED) from None
         _stay(beside)
     raise typer.Exit(code)

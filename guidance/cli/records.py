@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.text import Text
 
 from guidance.cli.arguments import CommandGroup
 from guidance.cli.streams import printable
 from guidance.extras import require
+from guidance.screen import console, pairs, sheet
 
 if TYPE_CHECKING:
     from guidance.log import Comparison, ReplayedCycle
@@ -36,28 +38,27 @@ def info(file: File, as_json: Json = False) -> None:
     with record_errors(file):
         items = (item for item in scan(file, survey) if item.topic == EVADER_TOPIC)
         reports = Counter(_source(entry_of(REPORT, item, file)) for item in items)
-        title = title_of(survey.metadata)
+        title, topics = title_of(survey.metadata), sorted(survey.messages)
     if as_json:
-        channels = {
-            topic: {"messages": survey.messages[topic], "bytes": survey.data_bytes[topic]}
-            for topic in sorted(survey.messages)
-        }
-        summary = {"title": title, "duration_s": round(survey.duration_s, 3), "channels": channels}
+        counts = {topic: {"messages": survey.messages[topic], "bytes": survey.data_bytes[topic]} for topic in topics}
+        summary = {"title": title, "duration_s": round(survey.duration_s, 3), "channels": counts}
         summary |= {"evader_reports": dict(reports), "metadata": dict(survey.metadata)}
         typer.echo(json.dumps({**summary, "missing_messages": survey.missing, "torn": survey.torn}, indent=2))
         return
-    lines = [f"{title}: {survey.duration_s:.2f} s"]
-    lines += [
-        f"{count:9d} messages {survey.data_bytes[topic] / 1024:10.1f} KiB  {topic}"
-        for topic, count in sorted(survey.messages.items())
+    there = console()
+    there.print(Text(printable(f"{title}: {survey.duration_s:.2f} s")))
+    rows = [
+        (f"{survey.messages[topic]}", f"{survey.data_bytes[topic] / 1024:.1f}", Text(printable(topic)))
+        for topic in topics
     ]
-    lines += [f"{count:9d} reports of the evader by {source}" for source, count in reports.items()]
+    there.print(sheet(("messages", "KiB", "channel"), rows, left=(2,)))
+    for source, count in reports.items():
+        there.print(Text(f"{count} reports of the evader by {printable(source)}"))
     shortened = {name: text if len(text) < 100 else text[:97] + "..." for name, text in survey.metadata.items()}
-    lines += [f"{name:>12}  {text}" for name, text in shortened.items()]
+    there.print(pairs((printable(name), Text(printable(text))) for name, text in shortened.items()))
     if survey.missing:
-        lines.append(f"{survey.missing} messages are missing: the file is damaged")
-    lines.append("whole" if survey.torn is None else f"torn ({survey.torn}): counted up to there")
-    typer.echo("\n".join(map(printable, lines)))
+        there.print(f"{survey.missing} messages are missing: the file is damaged")
+    there.print("whole" if survey.torn is None else Text(f"torn ({printable(survey.torn)}): counted up to there"))
 
 
 def _source(report: "EvaderReport") -> str:
@@ -76,14 +77,13 @@ def events(file: File, as_json: Json = False) -> None:
     if as_json:
         typer.echo(json.dumps([event._asdict() for event in events], indent=2))
         return
-    for event in events:
-        typer.echo(printable(f"{event.now_s:10.3f} s  {event.event}  {event.detail}".rstrip()))
+    rows = [(f"{event.now_s:.3f}", Text(printable(event.event)), Text(printable(event.detail))) for event in events]
+    console().print(sheet(("time, s", "event", "detail"), rows, left=(1, 2)))
 
 
 @log.command()
 def export(
-    file: File,
-    out: Annotated[Path, typer.Argument(help="Name ending in .tlog, .csv, .parquet, .geojson or .kml.")],
+    file: File, out: Annotated[Path, typer.Argument(help="Name ending in .tlog, .csv, .parquet, .geojson or .kml.")]
 ) -> None:
     """Write a record in another format, chosen by the ending of OUT.
 
@@ -103,8 +103,7 @@ def export(
 def replay(
     file: File,
     changes: Annotated[
-        list[str] | None,
-        typer.Option("--with", help="KEY=VALUE: replay with another setting; may be repeated."),
+        list[str] | None, typer.Option("--with", help="KEY=VALUE: replay with another setting; may be repeated.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="CSV for both velocities of each cycle.")] = None,
     as_json: Json = False,

@@ -1,25 +1,29 @@
 """`guidance scenario`: runs, lists and explains scenario files."""
 
 import json
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from guidance.cli.arguments import CommandGroup
+from guidance.cli.arguments import CommandGroup, agree, refuse_others
 from guidance.cli.streams import printable
-from guidance.config import config_folder
+from guidance.config import config_folder, find
+from guidance.errors import ConfigError
 from guidance.extras import require
-from guidance.screen import console, pairs, sheet
-from guidance.sim.expect import Expectations
-from guidance.sim.maths import opening
-from guidance.sim.outcome import winner_name
+from guidance.files import private_file, writing
+from guidance.screen import Cell, console, pairs, sheet
+from guidance.sim.expect import CheckedExpectation, Expectations
+from guidance.sim.maths import opening, play
+from guidance.sim.outcome import Outcome, outcome_json, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
-from guidance.sim.team_maths import opening_of
+from guidance.sim.team_maths import TeamOutcome, opening_of, play_teams, summary_of
 from guidance.sim.teams import TeamScenario
 
 scenario = typer.Typer(
@@ -31,6 +35,19 @@ Name = Annotated[str, typer.Argument(help="A scenario file, or the name of a bun
 _GAMES: Final = {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}
 _WIDE: Final = 120
 """Columns from which on the list shows the expectations."""
+
+_WAYS: Final = ("maths", "fast", "live", "vehicle")
+_ONLY_WITH: Final = {
+    **dict.fromkeys(("--config", "--engage", "--yes"), ("vehicle",)),
+    **dict.fromkeys(("--link", "--over", "--port"), ("live",)),
+    "--out": ("fast", "live", "vehicle"),
+}
+"""Options of `guidance scenario run`: the ways to which each belongs."""
+
+_REPORTED: Final = "reported"
+"""Evader policy in the row of a run `--as vehicle`, where the evader is only reported."""
+
+_STANDARD_OUTPUT: Final = Path("-")
 
 
 @scenario.command()
@@ -60,8 +77,7 @@ def run(
         ),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(help="New folder for a flight's record.", show_default="flights/SCENARIO-NUMBER"),
+        Path | None, typer.Option(help="New folder for a flight's record.", show_default="flights/SCENARIO-NUMBER")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed; default: the scenario's.")] = None,
     json_file: Annotated[
@@ -79,10 +95,140 @@ def run(
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, after
       the orders `guidance ctl start` and `guidance ctl engage`; `--engage` **arms** without them
     """
-    from guidance.cli.scenario_run import STANDARD_OUTPUT, Run, run_scenario  # noqa: PLC0415 - slow import
+    given = {"--config": config, "--engage": engage, "--yes": yes, "--link": link, "--over": over, "--port": port}
+    _refuse_others(way, given | {"--out": out})
+    path, played = load_any(name)
+    if seed is not None:
+        played = played.model_copy(update={"seed": seed})
+    there = console(stderr=json_file == _STANDARD_OUTPUT)
+    there.print(f"[bold]{played.title}[/bold]  ({path.name}, as {way})")
+    if isinstance(played, TeamScenario):
+        if way != "maths":
+            raise ConfigError(f"--as {way}: {path.name} has teams, which only the mathematics plays; use --as maths")
+        verdicts, row = _run_teams(played, there)
+    else:
+        if config is not None:
+            outcome = _run_vehicle(played, str(config), out, there, engage=engage, yes=yes)
+        elif way == "maths":
+            outcome = _run_maths(played, there)
+        else:
+            options = {"link": link or "mavsdk", "port": port or 0, "over": over or "zenoh"}
+            outcome = _run_mock(played, path.stem, {"fast": way == "fast", **options}, out, there)
+        there.print(_outcome_table(outcome))
+        verdicts, row = played.expect.of(outcome._asdict()), outcome_json(outcome)
+    _print_verdicts(verdicts, there)
+    _write(json.dumps(row, indent=2) + "\n", json_file)
+    raise typer.Exit(0 if all(verdict.held for verdict in verdicts) else 1)
 
-    asked = Run(way, config, engage, yes, link, port, out, seed, json_file, over)
-    raise typer.Exit(run_scenario(name, asked, console(stderr=json_file == STANDARD_OUTPUT)))
+
+def _refuse_others(way: str, given: Mapping[str, Any]) -> None:
+    if way not in _WAYS:
+        raise ConfigError(f"--as {way}: allowed are {', '.join(_WAYS)}")
+    if given["--config"] is None and way == "vehicle":
+        raise ConfigError("--config: missing; --as vehicle needs a vehicle file")
+    elsewhere = {option: f"with --as {' or '.join(of)}" for option, of in _ONLY_WITH.items() if way not in of}
+    refuse_others(f"--as {way}", given, elsewhere)
+    if not given["--engage"]:
+        refuse_others("orders by hand", given, {"--yes": "with --engage, which arms"})
+
+
+def _print_verdicts(verdicts: Sequence[CheckedExpectation], there: Console) -> None:
+    """Show which expectations hold."""
+    rows: list[Sequence[Cell]] = []
+    for verdict in verdicts:
+        held = Text("holds", "green") if verdict.held else Text("FAILS", "red")
+        rows.append([verdict.column, verdict.expected, _shown(verdict.value), held])
+    if rows:
+        there.print(sheet(("column", "expected", "came out", "verdict"), rows, left=range(4), title="expected"))
+
+
+def _write(text: str, json_file: Path | None) -> None:
+    if json_file == _STANDARD_OUTPUT:
+        sys.stdout.write(text)
+    elif json_file is not None:
+        with writing(json_file):
+            private_file(json_file).write_text(text, encoding="utf-8")
+
+
+def _run_teams(scenario: TeamScenario, there: Console) -> tuple[Sequence[CheckedExpectation], Any]:
+    """Play teams and show one row per evader; return the expectations and the rows as plain values."""
+    rows = play_teams([scenario])[0]
+    there.print(_row_table(rows))
+    summary = summary_of(rows)
+    unit = "s" if scenario.game == "pe" else "m"
+    words = f"{summary['captured']} of {summary['evaders']} captured by {summary['pursuers']}"
+    there.print(f"{words}; {summary['guaranteed']} were guaranteed, with {summary['total']:.3f} {unit} in all")
+    return scenario.expect.verdicts(summary), [outcome_json(row) for row in rows]
+
+
+def _row_table(rows: Sequence[TeamOutcome]) -> Table:
+    """Return the table of a team game, one row per evader."""
+    shown = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
+    cells = []
+    for row in rows:
+        values = row._asdict()
+        cells.append(["-" if values[name] == -1 else _shown(values[name]) for name in shown])
+    return sheet(shown, cells, left=(1,))
+
+
+def _run_maths(scenario: Scenario, there: Console) -> Outcome:
+    if scenario.fault:
+        there.print("the mathematics ignores faults")
+    return play([scenario])[0]
+
+
+def _run_vehicle(
+    scenario: Scenario, config: str, out: Path | None, there: Console, *, engage: bool, yes: bool
+) -> Outcome:
+    from guidance.session.flight_files import flight_folder  # noqa: PLC0415 - slow imports
+    from guidance.session.fly import fly_vehicle  # noqa: PLC0415
+    from guidance.session.result import outcome_of_flight  # noqa: PLC0415
+    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
+
+    def say(words: str) -> None:
+        there.print(words, soft_wrap=True, highlight=False)
+
+    own = load_vehicle(find(config, "vehicles"))
+    if engage and not yes:  # also on loopback: a real vehicle may be behind a router
+        agree(f"{config}: {own.vehicle.url} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
+    with flight_folder(out, own.name) as folder:
+        result = fly_vehicle(scenario, own, folder, say, engage=engage)
+    # The evader is out there, and does what it wants: no policy of the file's is its.
+    return outcome_of_flight(result, "vehicle")._replace(evader_policy=_REPORTED)
+
+
+def _run_mock(scenario: Scenario, stem: str, options: dict[str, Any], out: Path | None, there: Console) -> Outcome:
+    from guidance.cli.fly_scenario import flown  # noqa: PLC0415 - slow imports
+    from guidance.session.flight_files import RECORD, flight_folder  # noqa: PLC0415
+    from guidance.session.fly import MockOptions  # noqa: PLC0415
+    from guidance.session.result import outcome_of_flight  # noqa: PLC0415
+
+    how = MockOptions(**options)
+    with flight_folder(out, stem) as folder:
+        result = flown(there, scenario, folder, how)
+    there.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
+    return outcome_of_flight(result, how.way)
+
+
+def _outcome_table(outcome: Outcome) -> Table:
+    unit = "s" if outcome.game == "pe" else "m"
+    shown = ((name, value) for name, value in outcome._asdict().items() if name != "scenario")
+    return pairs((name, _shown(value, unit if name == "regret" else _unit(name))) for name, value in shown)
+
+
+def _unit(column: str) -> str:
+    """Return the unit that ends the name of a column, or that its name implies."""
+    if column.endswith("_m_s"):
+        return "m/s"
+    return {"s": "s", "m": "m"}.get(column.rpartition("_")[2], "")
+
+
+def _shown(value: Any, unit: str = "") -> str:  # noqa: ANN401 - any column
+    if isinstance(value, tuple):
+        return ", ".join(value) or "none"
+    if isinstance(value, float):
+        return "-" if value != value else f"{round(value, 3) + 0.0:.3f} {unit}".rstrip()  # noqa: PLR0124 - NaN
+    return str(value) or "-"
 
 
 @scenario.command(name="list")

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -30,15 +29,12 @@ _NEXT: Final = """next
 
 
 def init(
-    url: Annotated[
-        str | None, typer.Argument(help="URL of the autopilot, which is only read; asked for if missing.")
-    ] = None,
+    url: Annotated[str | None, typer.Argument(help="URL of the autopilot, which is only read.")] = None,
     out: Annotated[Path, typer.Option(help="The file to write; existing files are not overwritten.")] = Path(
         "vehicle.toml"
     ),
     autopilot: Annotated[
-        str | None,
-        typer.Option(help="px4 or arducopter; default: from HEARTBEAT. Needed without a URL."),
+        str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT. Needed without a URL.")
     ] = None,
 ) -> None:
     """Write a commented vehicle file for the autopilot at a URL, and print the next steps.
@@ -58,7 +54,7 @@ def init(
     if out.exists():
         raise ConfigError(f"--out {out}: exists and is not overwritten; choose another name")
     if url is None and autopilot is None:
-        url, autopilot = _asked()
+        raise ConfigError("no autopilot given: give its URL, or --autopilot px4 or arducopter")
     surveyed = None
     if url is not None:
         parse(url)  # report a wrong URL before waiting
@@ -69,14 +65,6 @@ def init(
         typer.echo(f"found    {autopilot}, system {surveyed.found.system_id}: {read}")
     write_new(out, vehicle_file(str(autopilot), name=out.stem, url=url, surveyed=surveyed))
     typer.echo(f"written  {out}\n{_NEXT.format(out=out)}")
-
-
-def _asked() -> tuple[str | None, str | None]:
-    """Ask for a URL, or for an autopilot if there is none yet."""
-    if not sys.stdin.isatty():
-        raise ConfigError("no autopilot given: give its URL, or --autopilot px4 or arducopter")
-    url = typer.prompt("URL of the autopilot (empty if there is none yet)", default="", show_default=False)
-    return (url, None) if url else (None, typer.prompt("Autopilot (px4 or arducopter)", default="px4"))
 
 
 def doctor(
@@ -110,8 +98,7 @@ def check(
         ),
     ] = None,
     vehicle: Annotated[
-        str | None,
-        typer.Option(help="URL of a running autopilot; no vehicle file is needed.", metavar="URL"),
+        str | None, typer.Option(help="URL of a running autopilot; no vehicle file is needed.", metavar="URL")
     ] = None,
     autopilot: Annotated[
         str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT (with --vehicle).")
@@ -160,7 +147,7 @@ def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: 
     from guidance.links.port import parse  # noqa: PLC0415 - slow import
     from guidance.session.checkup import checkup_of  # noqa: PLC0415
     from guidance.session.discovery import FOUND_WITHIN_S  # noqa: PLC0415
-    from guidance.session.fly_vehicle import Asked, checkup_at  # noqa: PLC0415
+    from guidance.session.fly import Asked, checkup_at  # noqa: PLC0415
     from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
@@ -243,9 +230,7 @@ def _print_table(lines: Iterable[tuple[str, str, str]]) -> None:
         console().print(sheet(("verdict", "name", "value"), rows, left=range(3)))
 
 
-def schema(
-    kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.")],
-) -> None:
+def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.")]) -> None:
     """Print the JSON Schema of a file, for editors that complete and check TOML (Even Better TOML, Taplo).
 
     It gives the meaning, range and allowed names of every key. The end of a key's name is its unit.

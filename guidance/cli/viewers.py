@@ -9,6 +9,7 @@ import typer
 
 from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
 from guidance.extras import require
+from guidance.session.control_socket import ENDPOINT
 
 if TYPE_CHECKING:
     from guidance.log.broadcast import LiveFlight
@@ -21,15 +22,12 @@ def view(
     live: Annotated[bool, typer.Option("--live", help="Show a daemon (`guidance run`) instead of a record.")] = False,
     follow: Annotated[bool, typer.Option("--follow", help="Follow a record that is still being written.")] = False,
     save: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun's viewer instead of serving.")] = None,
-    endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = "tcp/127.0.0.1:7448",
+    endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = ENDPOINT,
     name: Annotated[
         str | None, typer.Option(help="With --live: the vehicle's name; not needed if there is only one.")
     ] = None,
-    token_file: Annotated[Path | None, typer.Option(help="With --live: the daemon's control.token_file.")] = None,
-    zenoh: Annotated[
-        Path | None,
-        typer.Option(help="With --live and a router's endpoint (tls/…): our file from `guidance zenoh keys`."),
-    ] = None,
+    token_file: TokenFile = None,
+    zenoh: ZenohFile = None,
     port: Annotated[int, typer.Option(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
     web_port: Annotated[int, typer.Option(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
     with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
@@ -79,7 +77,7 @@ def _live(endpoint: str, name: str | None, token_file: Path | None, zenoh: Path 
 def panel(
     endpoint: Annotated[
         list[str] | None,
-        typer.Option(help="A daemon's control endpoint; may be repeated.", show_default="tcp/127.0.0.1:7448"),
+        typer.Option(help="A daemon's control endpoint; may be repeated.", show_default=ENDPOINT),
     ] = None,
     port: Annotated[int, typer.Option(help="TCP port of the page; 0 picks a free one.")] = 8088,
     host: Annotated[
@@ -117,7 +115,7 @@ def panel(
     require("guidance panel", "panel")
     from guidance.viz.panel.server import PanelOptions, serve_panel  # noqa: PLC0415 - slow import
 
-    endpoints = endpoint or ["tcp/127.0.0.1:7448"]
+    endpoints = endpoint or [ENDPOINT]
     options = PanelOptions(
         endpoints, token_file, host, port, look, records, certificate, key, password_file, tiles, zenoh
     )

@@ -9,14 +9,7 @@ BEFORE_FLIGHT, FINAL: states before take-off, and end states.
 """
 
 from guidance.flight.machine import Flight
-from guidance.flight.settings import (
-    Authority,
-    EngageOn,
-    FlightSettings,
-    Happening,
-    Inputs,
-    Outputs,
-)
+from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
 from guidance.flight.table import BEFORE_FLIGHT, FINAL, ORDERS, Event, State, is_done
 
 __all__ = [

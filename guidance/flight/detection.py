@@ -9,14 +9,121 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from guidance.autopilots import Mode
+from guidance.autopilots import AutopilotProfile, Mode
 from guidance.certificate import Certificate
 from guidance.control import Limiter
 from guidance.flight.heard import Heard
-from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks, telemetry_gap
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, Event, State
-from guidance.messages import Heartbeat, LocalPosition, SystemStatus
+from guidance.flight.tracking import Tracking
+from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
+from guidance.vehicle import VehicleState
+
+# MAV_SYS_STATUS_SENSOR bits that must be healthy if the autopilot reports them.
+_PREARM_CHECK = 1 << 28
+
+HEARTBEAT_LIMIT_S = 3.0
+TELEMETRY_LIMIT_S = 1.0
+
+
+class Check(NamedTuple):
+    """One condition: name, result, and the value found."""
+
+    name: str
+    passed: bool
+    found: str
+
+
+def checks(
+    vehicle: VehicleState, profile: AutopilotProfile, now_s: float, *, battery_minimum: float
+) -> tuple[Check, ...]:
+    """Evaluate every condition for arming and engaging.
+
+    Args:
+        vehicle: Last known state of the vehicle.
+        profile: The expected autopilot.
+        now_s: The present, on the clock that stamped the messages.
+        battery_minimum: Least battery remaining, 0 to 1; unknown (NaN) passes, since not every vehicle measures it.
+    """
+    heartbeat = vehicle.last(Heartbeat)
+    return (
+        Check(
+            "autopilot",
+            heartbeat is not None and heartbeat.autopilot == profile.autopilot_id,
+            "not heard" if heartbeat is None else f"MAV_AUTOPILOT {heartbeat.autopilot}, want {profile.autopilot_id}",
+        ),
+        _fresh(vehicle, Heartbeat, now_s, HEARTBEAT_LIMIT_S),
+        _fresh(vehicle, LocalPosition, now_s, TELEMETRY_LIMIT_S),
+        _fresh(vehicle, Attitude, now_s, TELEMETRY_LIMIT_S),
+        _fresh(vehicle, LandedState, now_s, 2.0 * TELEMETRY_LIMIT_S),
+        _fresh(vehicle, Home, now_s, math.inf),
+        *_status(vehicle, profile, battery_minimum),
+    )
+
+
+def evader_refusal(tracking: Tracking, settings: FlightSettings, now_s: float) -> str:
+    """Return why this evader may not be engaged now; empty if it may."""
+    silence_s, limit_s = tracking.silence_s(now_s), settings.cycle.evader_timeout_s
+    if silence_s > limit_s:
+        heard = "was never heard" if math.isinf(silence_s) else f"was last heard {silence_s:.1f} s ago"
+        return f"the evader {heard}; at most {limit_s:g} s is allowed"
+    rival = tracking.rival(now_s)
+    if rival and settings.hold_on_rival:
+        return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
+    return ""
+
+
+def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
+    """Return the missing messages of the vehicle, and for how long."""
+    ages_s = {
+        "HEARTBEAT": vehicle.age_s(Heartbeat, now_s),
+        "LOCAL_POSITION_NED": vehicle.age_s(LocalPosition, now_s),
+        "ATTITUDE": vehicle.age_s(Attitude, now_s),
+    }
+    limits_s = {"HEARTBEAT": HEARTBEAT_LIMIT_S, "LOCAL_POSITION_NED": TELEMETRY_LIMIT_S}
+    everything_s = min(ages_s.values())
+    if everything_s > 0.5 * TELEMETRY_LIMIT_S:  # a message that still came would be younger than that
+        return f"no telemetry for {everything_s:.1f} s"
+    missing = [name for name, limit_s in limits_s.items() if ages_s[name] > limit_s]
+    return "; ".join(f"no {name} for {ages_s[name]:.1f} s" for name in missing) or "telemetry is back"
+
+
+def _fresh(
+    vehicle: VehicleState,
+    kind: type[Heartbeat | LocalPosition | Attitude | LandedState | Home],
+    now_s: float,
+    limit_s: float,
+) -> Check:
+    age_s = vehicle.age_s(kind, now_s)
+    heard = math.isfinite(age_s)
+    return Check(kind.__name__, heard and age_s <= limit_s, f"{age_s:.1f} s old" if heard else "not heard")
+
+
+def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: float) -> tuple[Check, Check]:
+    status = vehicle.last(SystemStatus)
+    if status is None:
+        return Check("prearm", passed=False, found="not heard"), Check("battery", passed=False, found="not heard")
+    reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
+    healthy = bool(status.sensors_health & _PREARM_CHECK)
+    found = "healthy" if healthy else "the autopilot's own checks fail"
+    if reported and not healthy and _waits_in_guided(vehicle, profile):
+        # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
+        # refuses by itself what really is wrong.
+        reported, found = False, "of a mode that misses setpoints; asked again as it arms"
+    battery = status.battery_remaining
+    return (
+        Check("prearm", healthy or not reported, found),
+        Check("battery", not battery < battery_minimum, "unknown" if math.isnan(battery) else f"{battery:.0%} left"),
+    )
+
+
+def _waits_in_guided(vehicle: VehicleState, profile: AutopilotProfile) -> bool:
+    """Whether a disarmed vehicle is in the guided mode of an autopilot that needs a stream for it."""
+    heartbeat = vehicle.last(Heartbeat)
+    if heartbeat is None or heartbeat.armed or not profile.stream_before_guided:
+        return False
+    return profile.mode_of(heartbeat.custom_mode) is Mode.GUIDED
+
 
 LATE_LOOP_S = 0.25
 _AT_START_M = 1.0
@@ -25,14 +132,6 @@ _AT_HEIGHT_M = 0.7
 
 BREACH_M = 0.5
 """Distance beyond floor, ceiling or stand-off that counts as a breach. A hover wanders by less."""
-
-_BREACHES: Final[Mapping[Limiter, tuple[Event, float]]] = {
-    Limiter.FENCE_RADIUS: (Event.FENCE, 0.0),
-    Limiter.FENCE_POLYGON: (Event.FENCE, 0.0),
-    Limiter.FLOOR: (Event.FLOOR, BREACH_M),
-    Limiter.CEILING: (Event.CEILING, BREACH_M),
-    Limiter.STAND_OFF: (Event.STAND_OFF, BREACH_M),
-}
 
 LEFT_WITHIN_S = 5.0
 """For this long after an order, HEARTBEAT may show the pilot's old mode. It is up to 2 s late."""
@@ -96,7 +195,7 @@ class Moment(NamedTuple):
 
 def events(now: Moment) -> Iterator[Event]:
     """Yield the events of this cycle, the most severe first; only those that are in the table for this state."""
-    return (event for read in _READINGS for event in read(now) if (now.stage.state, event) in TRANSITIONS)
+    return (event for event, happens in _CONDITIONS_IN[now.stage.state] if happens(now))
 
 
 def detail_of(event: Event, now: Moment) -> str:
@@ -121,23 +220,6 @@ def fit(now: Moment) -> bool:
     settings = now.settings
     rows = checks(now.heard.vehicle, settings.autopilot, now.now_s, battery_minimum=now.battery_needed)
     return not now.refusals and all(row.passed for row in rows)
-
-
-def _vehicle(now: Moment) -> Iterator[Event]:
-    """Check who commands the vehicle, and whether it is in contact."""
-    vehicle = now.heard.vehicle
-    if _external_mode_change(now):
-        yield Event.PILOT
-    if vehicle.reboots != now.stage.reboots_seen:
-        yield Event.REBOOTED
-    if _telemetry_lost(now):
-        yield Event.TELEMETRY_LOST
-    if not vehicle.armed and now.heard_since_entry:
-        yield Event.DISARMED
-    if now.dt_s >= now.settings.autopilot.setpoint_timeout_s:
-        yield Event.LOOP_STOPPED
-    if now.heard.foreign:
-        yield Event.FOREIGN
 
 
 def _external_mode_change(now: Moment) -> bool:
@@ -169,29 +251,25 @@ def _telemetry_lost(now: Moment) -> bool:
     return flying and age_s > TELEMETRY_LIMIT_S
 
 
-def _place(now: Moment) -> Iterator[Event]:
-    """Check fence, floor, ceiling and stand-off."""
-    view = now.heard.view(now.now_s) if now.stage.state in SETPOINT_STATES else None
-    walls = () if view is None else view.walls
-    for limiter, (event, allowed_m) in _BREACHES.items():
-        if any(wall.limiter is limiter and wall.gap_m + wall.margin_m < -allowed_m for wall in walls):
-            yield event
+def _beyond(allowed_m: float, *limiters: Limiter) -> "Condition":
+    """Return whether a wall of these kinds has been crossed by more than the allowed distance."""
+
+    def crossed(now: Moment) -> bool:
+        view = now.heard.view(now.now_s)
+        walls = () if view is None else view.walls
+        return any(wall.limiter in limiters and wall.gap_m + wall.margin_m < -allowed_m for wall in walls)
+
+    return crossed
 
 
-def _trust(now: Moment) -> Iterator[Event]:
-    """Check rival sources, the operator and the battery."""
-    settings, timeout_s = now.settings, now.settings.operator_timeout_s
-    if settings.hold_on_rival and now.rival:
-        yield Event.RIVAL
-    if timeout_s is not None:
-        silence_s = now.stage.operator_silence_s(now.now_s)
-        if silence_s > timeout_s:
-            yield Event.OPERATOR_LOST
-        if silence_s > timeout_s + settings.operator_return_s:
-            yield Event.OPERATOR_GONE
+def _operator_silent(now: Moment, longer_s: float = 0.0) -> bool:
+    timeout_s = now.settings.operator_timeout_s
+    return timeout_s is not None and now.stage.operator_silence_s(now.now_s) > timeout_s + longer_s
+
+
+def _battery_low(now: Moment) -> bool:
     status = now.heard.vehicle.last(SystemStatus)
-    if not now.stage.battery_was_low and battery_low(status, now.battery_needed):
-        yield Event.BATTERY_LOW
+    return not now.stage.battery_was_low and battery_low(status, now.battery_needed)
 
 
 def battery_low(status: SystemStatus | None, needed: float) -> bool:
@@ -199,46 +277,24 @@ def battery_low(status: SystemStatus | None, needed: float) -> bool:
     return status is not None and status.battery_remaining < needed
 
 
-def _missing(now: Moment) -> Iterator[Event]:
-    """Check the inputs of the game."""
-    if now.heard.vehicle.resets != now.stage.resets_seen:
-        yield Event.ESTIMATOR_RESET
-    if now.dt_s > LATE_LOOP_S:
-        yield Event.LOOP_LATE
-    if now.heard.tracking.silence_s(now.now_s) > now.settings.cycle.evader_timeout_s:
-        yield Event.EVADER_LOST
+def _evader_lost(now: Moment) -> bool:
+    return now.heard.tracking.silence_s(now.now_s) > now.settings.cycle.evader_timeout_s
 
 
-def _game(now: Moment) -> Iterator[Event]:
-    """Check the last certificate, and whether the pilot engages."""
-    certificate = now.certificate
-    if certificate is not None:
-        if certificate.no_game:
-            yield Event.NO_GAME
-        if certificate.evader_arrived:
-            yield Event.ESCAPED
-        if certificate.captured:
-            yield Event.CAPTURED
+def _certified(field: str) -> "Condition":
+    """Return what the last certificate says, if there is one."""
+    return lambda now: now.certificate is not None and getattr(now.certificate, field)
+
+
+def _invited(now: Moment) -> bool:
     # Only a change of mode counts.
     chosen = now.stage.other_mode_seen and now.heard.mode is Mode.GUIDED
-    if chosen and _waits_for_pilot(now) and not now.refusals:
-        yield Event.INVITED
-    if now.stage.state is State.ON_STATION and now.settings.after_capture is AfterCapture.RETURN:
-        yield Event.DONE
-    if certificate is not None and certificate.strayed:
-        yield Event.STRAYED
+    return chosen and _waits_for_pilot(now) and not now.refusals
 
 
-def _phase(now: Moment) -> Iterator[Event]:
-    """Check whether the state has reached its end or its time limit."""
-    ended = _PHASE_ENDS.get(now.stage.state)
-    if ended is not None and ended[1](now):
-        yield ended[0]
-    if now.in_state_s > now.settings.limits_s.get(now.stage.state, math.inf):
-        yield Event.TIMED_OUT
+def _chase_too_long(now: Moment) -> bool:
     longest_s = now.settings.longest_chase_s
-    if longest_s is not None and now.now_s - now.stage.chase_began_s > longest_s:
-        yield Event.CHASE_TIMED_OUT
+    return longest_s is not None and now.now_s - now.stage.chase_began_s > longest_s
 
 
 def _armed(now: Moment) -> bool:
@@ -269,8 +325,7 @@ def _clear(now: Moment) -> bool:
     settings = now.settings
     waited = now.in_state_s >= settings.settle_s
     settled = now.now_s - now.heard.vehicle.reset_s >= settings.settle_s
-    heard = now.heard.tracking.silence_s(now.now_s) <= settings.cycle.evader_timeout_s
-    return waited and settled and heard and not _telemetry_lost(now)
+    return waited and settled and not _evader_lost(now) and not _telemetry_lost(now)
 
 
 def _in_contact(now: Moment) -> bool:
@@ -278,20 +333,52 @@ def _in_contact(now: Moment) -> bool:
     return waited and not _telemetry_lost(now) and fit(now)
 
 
-_READINGS: Final = (_vehicle, _place, _trust, _missing, _game, _phase)
+Condition = Callable[[Moment], bool]
 
-_PHASE_ENDS: Final[Mapping[State, tuple[Event, Callable[[Moment], bool]]]] = {
-    State.CONNECTING: (
-        Event.HEARD,
-        lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S,
-    ),
-    State.CHECKING: (Event.FIT, fit),
-    State.READY: (Event.UNFIT, lambda now: not fit(now)),
-    State.ARMING: (Event.ARMED, _armed),
-    State.CLIMBING: (Event.AT_HEIGHT, _at_height),
-    State.POSITIONING: (Event.AT_START, _at_start),
-    State.ENTERING: (Event.GUIDED, lambda now: now.heard_since_entry and now.heard.mode is Mode.GUIDED),
-    State.PAUSED: (Event.CLEAR, _clear),
-    State.OUT_OF_CONTACT: (Event.CONTACT, _in_contact),
+_CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
+    # Who commands the vehicle, and whether it is in contact.
+    (Event.PILOT, _external_mode_change),
+    (Event.REBOOTED, lambda now: now.heard.vehicle.reboots != now.stage.reboots_seen),
+    (Event.TELEMETRY_LOST, _telemetry_lost),
+    (Event.DISARMED, lambda now: not now.heard.vehicle.armed and now.heard_since_entry),
+    (Event.LOOP_STOPPED, lambda now: now.dt_s >= now.settings.autopilot.setpoint_timeout_s),
+    (Event.FOREIGN, lambda now: now.heard.foreign),
+    # Its position.
+    (Event.FENCE, _beyond(0.0, Limiter.FENCE_RADIUS, Limiter.FENCE_POLYGON)),
+    (Event.FLOOR, _beyond(BREACH_M, Limiter.FLOOR)),
+    (Event.CEILING, _beyond(BREACH_M, Limiter.CEILING)),
+    (Event.STAND_OFF, _beyond(BREACH_M, Limiter.STAND_OFF)),
+    # Rival sources, the operator and the battery.
+    (Event.RIVAL, lambda now: now.settings.hold_on_rival and bool(now.rival)),
+    (Event.OPERATOR_LOST, _operator_silent),
+    (Event.OPERATOR_GONE, lambda now: _operator_silent(now, now.settings.operator_return_s)),
+    (Event.BATTERY_LOW, _battery_low),
+    # The inputs of the game.
+    (Event.ESTIMATOR_RESET, lambda now: now.heard.vehicle.resets != now.stage.resets_seen),
+    (Event.LOOP_LATE, lambda now: now.dt_s > LATE_LOOP_S),
+    (Event.EVADER_LOST, _evader_lost),
+    # The game.
+    (Event.NO_GAME, _certified("no_game")),
+    (Event.ESCAPED, _certified("evader_arrived")),
+    (Event.CAPTURED, _certified("captured")),
+    (Event.INVITED, _invited),
+    (Event.DONE, lambda now: now.settings.after_capture is AfterCapture.RETURN),
+    (Event.STRAYED, _certified("strayed")),
+    # The end of the phase, and its time limit.
+    (Event.HEARD, lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S),
+    (Event.FIT, fit),
+    (Event.UNFIT, lambda now: not fit(now)),
+    (Event.ARMED, _armed),
+    (Event.AT_HEIGHT, _at_height),
+    (Event.AT_START, _at_start),
+    (Event.GUIDED, lambda now: now.heard_since_entry and now.heard.mode is Mode.GUIDED),
+    (Event.CLEAR, _clear),
+    (Event.CONTACT, _in_contact),
+    (Event.TIMED_OUT, lambda now: now.in_state_s > now.settings.limits_s.get(now.stage.state, math.inf)),
+    (Event.CHASE_TIMED_OUT, _chase_too_long),
+)
+"""The condition of every detected event, the most severe event first."""
+
+_CONDITIONS_IN: Final[Mapping[State, Sequence[tuple[Event, Condition]]]] = {
+    state: [one for one in _CONDITIONS if (state, one[0]) in TRANSITIONS] for state in State
 }
-"""The event that ends each phase, and its condition."""

@@ -9,9 +9,9 @@ import math
 from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Mode
-from guidance.flight.detection import Moment, Stage, battery_low, detail_of, events, fit
+from guidance.flight import detection
+from guidance.flight.detection import TELEMETRY_LIMIT_S, Check, Moment, Stage, battery_low, detail_of, events, fit
 from guidance.flight.heard import Heard
-from guidance.flight.readiness import TELEMETRY_LIMIT_S, Check, checks, evader_refusal
 from guidance.flight.sending import Asking, HoldHandover, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
 from guidance.flight.table import (
@@ -114,11 +114,11 @@ class Flight:
 
     def checks(self, now_s: float) -> tuple[Check, ...]:
         """Return the readiness checks."""
-        return checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.battery_needed)
+        return detection.checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.battery_needed)
 
     def evader_refusal(self, now_s: float) -> str:
         """Return why this evader may not be engaged now; empty if it may."""
-        return evader_refusal(self.tracking, self.settings, now_s)
+        return detection.evader_refusal(self.tracking, self.settings, now_s)
 
     def follows(self, order: Event, now_s: float, refusals: Sequence[str] = ()) -> bool:
         """Return whether an order would change the state now."""
@@ -167,13 +167,9 @@ class Flight:
         outputs = self._hand_over(inputs, self._fault_handover)
         if not begun:
             return outputs
-        failed = Happening(
-            inputs.now_s, Event.FAULT, before, self._stage.state, detail=self._fault_handover.fault or ""
-        )
-        self.cause = failed
-        return outputs._replace(
-            happenings=(*outputs.happenings, failed), fault=self._fault_handover.fault, cause=self.cause
-        )
+        fault, after = self._fault_handover.fault, self._stage.state
+        self.cause = Happening(inputs.now_s, Event.FAULT, before, after, detail=fault or "")
+        return outputs._replace(happenings=(*outputs.happenings, self.cause), fault=fault, cause=self.cause)
 
     def _hand_over(self, inputs: Inputs, handover: HoldHandover) -> Outputs:
         unheeded = tuple(
@@ -269,17 +265,9 @@ class Flight:
         self._stage.mode_left = mode if known and after in HANDING_OVER else None
 
     def _moment(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Moment:
-        return Moment(
-            now_s,
-            dt_s,
-            self.settings,
-            self._heard,
-            self._stage,
-            self._playing.certificate,
-            refusals,
-            rival=self._heard.tracking.rival(now_s),
-            battery_needed=self.battery_needed,
-        )
+        heard, stage, certificate = self._heard, self._stage, self._playing.certificate
+        rival, needed = heard.tracking.rival(now_s), self.battery_needed
+        return Moment(now_s, dt_s, self.settings, heard, stage, certificate, refusals, rival, needed)
 
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
         """Return a setpoint: to command, to hover until the guided mode is left, or to invite a pilot.

@@ -12,7 +12,7 @@ from guidance.flight.detection import Stage
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, SETPOINT_STATES, State
-from guidance.frames import Amsl, Vector
+from guidance.frames import Amsl, Vector, difference
 from guidance.messages import Heartbeat, Home, Message, Request, Setpoint
 from guidance.monitor import Alarm, MonitorMemory, watch
 from guidance.vehicle import VehicleState
@@ -150,11 +150,8 @@ class Asking:
 
     def _is_due(self, stage: Stage, now_s: float, *, fresh_heartbeat: bool) -> bool:
         """Whether the state's requests are due now."""
-        in_state_s, entering, repeated = (
-            now_s - stage.since_s,
-            stage.state is State.ENTERING,
-            self._asked_s >= stage.since_s,
-        )
+        in_state_s, entering = now_s - stage.since_s, stage.state is State.ENTERING
+        repeated = self._asked_s >= stage.since_s
         if repeated and now_s - self._asked_s < REPEAT_S:
             return False
         if repeated and (stage.state is State.STANDING_BY or stage.mode_left is Mode.OTHER):
@@ -219,8 +216,7 @@ class Playing:
         memory = self._memory
         drift, place, height = memory.follow.drift, memory.place, memory.height
         if drift.position_ned_m is not None:
-            north, east, down = drift.position_ned_m
-            drift = drift._replace(position_ned_m=(north + north_m, east + east_m, down + down_m))
+            drift = drift._replace(position_ned_m=difference(drift.position_ned_m, (-north_m, -east_m, -down_m)))
         self._memory = memory._replace(
             follow=memory.follow._replace(drift=drift),
             place=None if place is None else (place[0] + north_m, place[1] + east_m),

@@ -30,9 +30,7 @@ class State(StrEnum):
     RETURNING = "returning"
     LANDING = "landing"
     LANDED = "landed"  # on the ground, disarmed: the end
-    YIELDED = (
-        "yielded"  # a pilot, another program or the autopilot has the vehicle, or contact is lost: silent for good
-    )
+    YIELDED = "yielded"  # a pilot, another program or the autopilot has the vehicle, or contact is lost: silent
     FAILED = "failed"  # could not be flown: silent for good
 
 
@@ -117,11 +115,7 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     ((State.ENGAGED,), (Event.CAPTURED,), State.ON_STATION),
     ((State.ON_STATION,), (Event.STRAYED,), State.ENGAGED),
     ((State.ON_STATION,), (Event.DONE,), State.RETURNING),
-    (
-        (State.ENGAGED, State.ON_STATION),
-        (Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE),
-        State.PAUSED,
-    ),
+    ((State.ENGAGED, State.ON_STATION), (Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE), State.PAUSED),
     ((State.PAUSED,), (Event.CLEAR,), State.ENGAGED),
     ((State.ENTERING, State.PAUSED), (Event.TIMED_OUT,), State.HOLDING),
     ((State.ENGAGED, State.PAUSED), (Event.CHASE_TIMED_OUT,), State.HOLDING),
@@ -140,33 +134,14 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     (_FOUND, (Event.RETURN_ARMED,), State.RETURNING),
     (_FOUND, (Event.LAND_ARMED,), State.LANDING),
     # Interruptions.
-    (
-        _COMMANDING,
-        (
-            Event.FENCE,
-            Event.FLOOR,
-            Event.CEILING,
-            Event.STAND_OFF,
-            Event.FOREIGN,
-            Event.RIVAL,
-            Event.OPERATOR_LOST,
-        ),
-        State.HOLDING,
-    ),
-    (
-        (*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING),
-        (Event.BATTERY_LOW,),
-        State.RETURNING,
-    ),
+    (_COMMANDING, (Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF), State.HOLDING),
+    (_COMMANDING, (Event.FOREIGN, Event.RIVAL, Event.OPERATOR_LOST), State.HOLDING),
+    ((*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING), (Event.BATTERY_LOW,), State.RETURNING),
     ((State.STANDING_BY, State.HOLDING), (Event.OPERATOR_GONE,), State.RETURNING),
     # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
     (_COMMANDING, (Event.LOOP_STOPPED,), State.YIELDED),
     ({State.ARMING, *_FLOWN}, (Event.PILOT, Event.REBOOTED, Event.FAULT), State.YIELDED),
-    (
-        {State.ARMING, *_FLOWN} - {State.STANDING_BY, State.OUT_OF_CONTACT},
-        (Event.TELEMETRY_LOST,),
-        State.YIELDED,
-    ),
+    ({State.ARMING, *_FLOWN} - {State.STANDING_BY, State.OUT_OF_CONTACT}, (Event.TELEMETRY_LOST,), State.YIELDED),
     # Nothing was commanded, so the flight may continue, but only an order begins the game.
     ((State.STANDING_BY,), (Event.TELEMETRY_LOST,), State.OUT_OF_CONTACT),
     ((State.OUT_OF_CONTACT,), (Event.CONTACT,), State.STANDING_BY),
@@ -202,6 +177,11 @@ OUR_MODES: Mapping[State, frozenset[Mode]] = {
 def next_state(state: State, event: Event) -> State:
     """Look up the transition; without one the state stays."""
     return TRANSITIONS.get((state, event), state)
+
+
+def state_words(state: State, *, airborne: bool) -> str:
+    """Return a state for people. A vehicle that was found in the air is not "ready" but not taken over yet."""
+    return "not taken over" if state is State.READY and airborne else str(state)
 
 
 def is_done(order: Event, state: State) -> bool:

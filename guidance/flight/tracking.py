@@ -180,7 +180,10 @@ def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> 
     return math.dist(then, frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, altitude))
 
 
-def polygon_about_home(corners_deg: Sequence[tuple[float, float]], home_ned_m: Vector, frame: LocalFrame) -> Polygon:
+Corner = tuple[float, float]
+
+
+def polygon_about_home(corners_deg: Sequence[Corner], home_ned_m: Vector, frame: LocalFrame) -> Polygon:
     """Return the polygon in metres about home, with the autopilot's map projection.
 
     Args:
@@ -191,6 +194,11 @@ def polygon_about_home(corners_deg: Sequence[tuple[float, float]], home_ned_m: V
     Raises:
         ConfigError: If the corners are not a polygon.
     """
+    return Polygon(corners_about_home(corners_deg, home_ned_m, frame))
+
+
+def corners_about_home(corners_deg: Sequence[Corner], home_ned_m: Vector, frame: LocalFrame) -> tuple[Corner, ...]:
+    """Return places in metres north and east of home; arguments as of `polygon_about_home`."""
     north_m, east_m, _ = home_ned_m
     places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
-    return Polygon(tuple((north - north_m, east - east_m) for north, east, _ in places))
+    return tuple((north - north_m, east - east_m) for north, east, _ in places)

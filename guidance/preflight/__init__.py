@@ -8,7 +8,9 @@ refusals: names of the refused rows. advice: their fixes in one line. changes: t
 """
 
 from guidance.preflight.judging import (
+    Facts,
     ParameterChange,
+    PreflightMemory,
     advice,
     another_autopilot,
     changes,
@@ -18,7 +20,6 @@ from guidance.preflight.judging import (
     refusals,
     rows,
 )
-from guidance.preflight.survey import Facts, PreflightMemory
 
 __all__ = [
     "Facts",

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 from guidance.autopilots import Finding, Verdict, Wants
 from guidance.control import Polygon
 from guidance.errors import ConfigError
+from guidance.flight.tracking import corners_about_home
 from guidance.frames import LocalFrame
 from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Home, Message
 
@@ -130,7 +131,7 @@ def about_home(wants: Wants, home: Home | None, frame: LocalFrame | None) -> Wan
     corners_deg = wants.limits.fence_polygon_deg
     if corners_deg is None or home is None or frame is None:
         return wants
-    corners = _about(home, frame, corners_deg)
+    corners = corners_about_home(corners_deg, home.position_ned_m, frame)
     limits = wants.limits.model_copy(update={"fence_polygon_ne_m": corners, "fence_polygon_deg": None})
     return wants._replace(limits=limits)
 
@@ -140,8 +141,8 @@ def home_row(wants: Wants) -> Iterator[Finding]:
     if wants.limits.fence_polygon_ne_m is None:
         return
     inside = Polygon(wants.limits.fence_polygon_ne_m).contains((0.0, 0.0))
-    found, verdict = ("inside", Verdict.PASS) if inside else ("outside", Verdict.REFUSE)
-    yield Finding("home in our fence", found, "inside", verdict, "" if inside else "is this the right field?")
+    found = "inside" if inside else "outside"
+    yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
 
 
 def uploaded_row(
@@ -195,14 +196,8 @@ def outline(wants: Wants) -> list[Point]:
     return [point for point in points if radius_m is None or math.hypot(*point) <= radius_m + 1e-6]
 
 
-def _about(home: Home, frame: LocalFrame, corners_deg: Sequence[Point]) -> tuple[Point, ...]:
-    north_m, east_m, _ = home.position_ned_m
-    places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
-    return tuple((north - north_m, east - east_m) for north, east, _ in places)
-
-
 def _shape(area: Area, home: Home, frame: LocalFrame) -> Shape:
-    corners = _about(home, frame, area.corners_deg)
+    corners = corners_about_home(area.corners_deg, home.position_ned_m, frame)
     return (corners[0], area.radius_m) if area.radius_m > 0.0 else Polygon(corners)
 
 

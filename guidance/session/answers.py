@@ -1,12 +1,14 @@
 """Replies to operators: the status of a flight, reasons of refused orders, and advice."""
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from guidance.autopilots import Finding, Verdict
 from guidance.clock import Clock
-from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, Event, Flight, Outputs, State, is_done
+from guidance.flight import BEFORE_FLIGHT, ORDERS, Event, Flight, Outputs, State, is_done
+from guidance.flight.table import state_words
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
@@ -42,6 +44,13 @@ _TO_DO: Final[Mapping[str, str]] = {
 }
 """Advice for each failed readiness check, by its name."""
 
+_ENDED: Final[Mapping[State, str]] = {
+    State.LANDED: "the flight is over",
+    State.YIELDED: "guidance has yielded and is silent ({})",
+    State.FAILED: "the flight could not be flown ({})",
+}
+"""How each final state is described, with its cause."""
+
 _GOES_ON: Final[Mapping[State, tuple[str, str]]] = {
     State.HOLDING: ("held", "engage, return or land"),
     State.RETURNING: ("returning", "hold or land"),
@@ -64,34 +73,21 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
     state = flight.state
     if flight.fault is not None:
         return f"guidance failed ({flight.fault}), and is silent since: order reset to begin another"
-    if state in FINAL:
-        return f"{_ended(flight)}: order reset to begin another"
+    if state in _ENDED:
+        cause = "unknown cause" if flight.cause is None else flight.cause.words
+        return f"{_ENDED[state].format(cause)}: order reset to begin another"
     if state in BEFORE_FLIGHT:
         return _not_begun(order, flight, missing(flight, now_s, rows))
     if order is Event.ENGAGE and state in {State.HOLDING, State.STANDING_BY}:
-        return _not_engaged(flight, now_s, rows)
+        if flight.leaving_mode:
+            return f"its autopilot is still in {flight.mode_title}: order again once it holds"
+        return flight.evader_refusal(now_s) or f"not ready: {missing(flight, now_s, rows)}"
     return f"under way already: {_WHY[state]}" if order is Event.START else _WHY[state]
 
 
-def _not_engaged(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
-    if flight.leaving_mode:
-        return f"its autopilot is still in {flight.mode_title}: order again once it holds"
-    return flight.evader_refusal(now_s) or f"not ready: {missing(flight, now_s, rows)}"
-
-
 def shown_state(flight: Flight) -> str:
-    """Return the state in words. A vehicle that was found in the air is not "ready" but not taken over yet."""
-    airborne = flight.vehicle.armed and not flight.vehicle.on_ground
-    return "not taken over" if flight.state is State.READY and airborne else str(flight.state)
-
-
-def _ended(flight: Flight) -> str:
-    if flight.state is State.LANDED:
-        return "the flight is over"
-    why = "unknown cause" if flight.cause is None else flight.cause.words
-    if flight.state is State.YIELDED:
-        return f"guidance has yielded and is silent ({why})"
-    return f"the flight could not be flown ({why})"
+    """Return the state in words."""
+    return state_words(flight.state, airborne=flight.vehicle.armed and not flight.vehicle.on_ground)
 
 
 def next_words(flight: Flight) -> str:
@@ -113,15 +109,8 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
         return "the vehicle is not heard: check its power, the link and system_id"
     if order in _ENDING:
         return "there is no flight to end: the vehicle is not armed"
-    if state is State.CHECKING:
-        return f"not ready: {lacking}"
-    if state is State.ARMING:
-        return f"under way already: {_WHY[state]}"
-    return _not_taken(order, flight)
-
-
-def _not_taken(order: Event, flight: Flight) -> str:
-    """Return why a ready vehicle neither starts nor engages."""
+    if state is not State.READY:
+        return f"not ready: {lacking}" if state is State.CHECKING else f"under way already: {_WHY[state]}"
     if not flight.vehicle.armed or flight.vehicle.on_ground:
         return "on the ground: order start first"
     if order is Event.START:
@@ -161,11 +150,11 @@ def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequ
         rows: What preflight found.
         barred: Names of what bars the vehicle from flying.
     """
-    reasons = {str(order): "" for order in sorted(ORDERS)}
-    for order in ORDERS:
-        if not (is_done(order, flight.state) or flight.follows(order, now_s, barred)):
-            reasons[str(order)] = refusal(order, flight, now_s, rows)
-    return reasons
+
+    def accepted(order: Event) -> bool:
+        return is_done(order, flight.state) or flight.follows(order, now_s, barred)
+
+    return {str(order): "" if accepted(order) else refusal(order, flight, now_s, rows) for order in sorted(ORDERS)}
 
 
 def status(
@@ -191,7 +180,7 @@ def status(
     """
     vehicle = flight.vehicle
     certificate = None if outputs is None else outputs.certificate
-    shown: dict[str, Any] = plain(
+    shown = _rounded(
         {
             "name": name,
             "state": shown_state(flight),
@@ -220,7 +209,6 @@ def status(
             "certificate": certificate,
         }
     )
-    shown = rounded(shown)
     if certificate is not None:
         range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
         reason = None if certificate.reason is None else Reason(certificate.reason).word
@@ -270,13 +258,10 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
     return "  ".join(parts)
 
 
-def rounded(value: Any) -> Any:  # noqa: ANN401 - plain values
-    """Round all numbers of plain values to four decimals."""
-    if isinstance(value, float):
-        return round(value, 4)
-    if isinstance(value, dict):
-        return {name: rounded(part) for name, part in value.items()}
-    return [rounded(part) for part in value] if isinstance(value, list) else value
+def _rounded(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return plain values for JSON, their numbers with four decimals; NaN and infinities become null."""
+    rounded: dict[str, Any] = json.loads(json.dumps(plain(values)), parse_float=lambda text: round(float(text), 4))
+    return rounded
 
 
 def startup_answers(name: str, waiting_for: str, limit_s: float, clock: Clock) -> Callable[[str], Answer]:

@@ -4,23 +4,13 @@ import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
+from guidance import messages
 from guidance.autopilots import Finding, Verdict
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import find
 from guidance.errors import FlightError
-from guidance.messages import (
-    GlobalPosition,
-    Heartbeat,
-    Home,
-    LandedState,
-    LocalPosition,
-    Origin,
-    Parameter,
-    ParameterRequest,
-)
 from guidance.preflight import ParameterChange, another_autopilot, changes
-from guidance.preflight.judging import single
-from guidance.preflight.survey import COUNTED_S
+from guidance.preflight.judging import COUNTED_S, single
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.log import Log, Logger
 from guidance.session.loop import PERIOD_S
@@ -34,10 +24,10 @@ SET_WITHIN_S: Final = 5.0
 
 _FRESH_S: Final = 2.5
 _HEARD: Final = {
-    Home: "HOME_POSITION",
-    Origin: "GPS_GLOBAL_ORIGIN",
-    GlobalPosition: "GLOBAL_POSITION_INT",
-    LocalPosition: "LOCAL_POSITION_NED",
+    messages.Home: "HOME_POSITION",
+    messages.Origin: "GPS_GLOBAL_ORIGIN",
+    messages.GlobalPosition: "GLOBAL_POSITION_INT",
+    messages.LocalPosition: "LOCAL_POSITION_NED",
 }
 """Messages needed before anything is judged, by their MAVLink names."""
 
@@ -110,7 +100,7 @@ class Checkup:
             self._refuse_in_flight()
             self._link.request(change.request)
             self._read(change.name)  # the announcement after setting is not proof: read the value
-            self._link.request(ParameterRequest(change.name))
+            self._link.request(messages.ParameterRequest(change.name))
             value = self._read(change.name)
             told(Applied(change.name, value, value is not None and single(value) == change.request.value))
 
@@ -119,7 +109,7 @@ class Checkup:
         while self._clock.now_s() < until_s:
             self._step()
             for message in self._daemon.heard:
-                if isinstance(message, Parameter) and message.name == name:
+                if isinstance(message, messages.Parameter) and message.name == name:
                     return message.value
         return None
 
@@ -127,7 +117,7 @@ class Checkup:
         vehicle, now_s = self._daemon.flight.vehicle, self._clock.now_s()
         if vehicle.armed:
             raise FlightError("the vehicle is armed: parameters are set on the ground only, disarmed")
-        if vehicle.age_s(Heartbeat, now_s) > _FRESH_S or vehicle.last(LandedState) is None:
+        if vehicle.age_s(messages.Heartbeat, now_s) > _FRESH_S or vehicle.last(messages.LandedState) is None:
             raise FlightError("the vehicle does not say whether it is on the ground: no parameter is set")
         if not vehicle.on_ground:
             raise FlightError("the vehicle is in the air: parameters are set on the ground only")

@@ -6,35 +6,22 @@ A liveliness token says that the vehicle has an owner. It vanishes with the owne
 import contextlib
 import json
 import socket
-import threading
-import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import zenoh
 
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_wire import is_over, open_session
-from guidance.log.broadcast import Broadcast
+from guidance.links.zenoh_wire import open_session
 from guidance.session import control_token
-from guidance.session.control_socket import (
-    ANSWER_LIMIT_S,
-    STATUS,
-    TIMEOUT_S,
-    WORDS,
-    ControlSocket,
-    ask_here,
-    late_answer,
-    name_in,
-)
+from guidance.session.control_socket import STATUS, TIMEOUT_S, ControlSocket, Exchanges, ask_here, name_in
 from guidance.session.control_token import ControlToken
-from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Answer, Mailbox, Question
+from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
 
 JOIN_LIMIT_S: Final = 3.0
-_LOOK_EVERY_S: Final = 0.5
 
 
 def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Session":
@@ -94,20 +81,11 @@ class OwnerToken:
 
     def close(self) -> None:
         """Give the vehicle up."""
-        with contextlib.suppress(zenoh.ZError):
-            self._token.undeclare()  # type: ignore[no-untyped-call]
-
-
-class _Given(NamedTuple):
-    """A query of the bus, the question put to the loop, and when."""
-
-    query: Any
-    question: Question
-    since_s: float
+        _quietly(self._token.undeclare)
 
 
 class ControlBus:
-    """Takes orders to the mailbox, and answers back, on a thread of its own.
+    """Takes orders to the mailbox and answers back; on this computer by a socket too.
 
     Args:
         name: The vehicle's.
@@ -137,89 +115,57 @@ class ControlBus:
     ) -> None:
         self._name = name
         self._mailbox = mailbox
-        self._orders: deque[Any] = deque(maxlen=MOST_ORDERS)
-        self._queries: deque[Any] = deque(maxlen=MOST_QUERIES)
-        self._asked = threading.Event()
-        self._stop = threading.Event()
-        self._issued: ControlToken | None = None
-        self._socket: ControlSocket | None = None
-        if host:
-            self.session, self._issued = _hosted(endpoint, token_file or control_token.default_path(endpoint))
-        else:
-            self.session = join_session(endpoint, token_file, credentials)
-        self._closed = False
-        try:
-            self._token = OwnerToken(self.session, f"guidance/{name}")
-            self._queryable = self.session.declare_queryable(control_key(name, "*"), self._hear)
-            if self._issued is not None:
-                self._socket = ControlSocket(name, mailbox, self._issued)
-        except BaseException:
-            self.session.close()  # type: ignore[no-untyped-call]
-            raise
-        self._thread = threading.Thread(target=self._serve, name="control")
-        self._thread.start()
-
-    def _hear(self, query: "zenoh.Query") -> None:
-        """On Zenoh's thread, which must not wait: only queue it."""
-        word = str(query.key_expr).rpartition("/")[2]
-        (self._queries if word in QUERIES else self._orders).append(query)
-        self._asked.set()
-
-    def _serve(self) -> None:
-        """Orders come first, and none waits for the answer to another: an abort does not wait for an engage order."""
-        given: list[_Given] = []
-        while not is_over(self._stop):
-            self._asked.wait(_LOOK_EVERY_S)
-            self._asked.clear()
-            while self._orders or self._queries:
-                given.append(self._give((self._orders or self._queries).popleft()))
-            given = [one for one in given if not self._is_answered(one)]
-
-    def _give(self, query: "zenoh.Query") -> _Given:
-        order = str(query.key_expr).rpartition("/")[2]
-        by = "" if query.payload is None else name_in(query.payload.to_bytes())
-        return _Given(query, self._mailbox.ask(order, by, self._asked.set), time.monotonic())
-
-    def _is_answered(self, given: _Given) -> bool:
-        order, answer = given.question.order, given.question.wait(0.0)
-        if answer is None and time.monotonic() - given.since_s < ANSWER_LIMIT_S:
-            return False
-        self._reply(given.query, order, late_answer(order, self._name) if answer is None else answer)
-        return True
-
-    def _reply(self, query: "zenoh.Query", order: str, answer: Answer) -> None:
-        with contextlib.suppress(zenoh.ZError):  # who asked may be gone
-            # Under our own key: one query may be answered by several daemons.
-            query.reply(control_key(self._name, order), json.dumps(answer), encoding=zenoh.Encoding.APPLICATION_JSON)
-            query.drop()  # type: ignore[no-untyped-call]
+        self._orders, self._queries = Exchanges(MOST_ORDERS), Exchanges(MOST_QUERIES)
+        with contextlib.ExitStack() as closing:
+            if host:
+                self.session, token = closing.enter_context(_hosted(endpoint, token_file))
+                closing.enter_context(contextlib.closing(ControlSocket(name, mailbox.answer, token)))
+            else:
+                self.session = join_session(endpoint, token_file, credentials)
+                closing.callback(_quietly, self.session.close)
+            closing.enter_context(contextlib.closing(OwnerToken(self.session, f"guidance/{name}")))
+            queryable = self.session.declare_queryable(control_key(name, "*"), self._hear)
+            closing.callback(_quietly, queryable.undeclare)
+            self._closing = closing.pop_all()
 
     def close(self) -> None:
         """Take no more orders and give the vehicle up. May be called twice."""
-        if self._closed:
-            return
-        self._closed = True
-        self._stop.set()
-        self._asked.set()
-        self._thread.join()
-        if self._socket is not None:
-            self._socket.close()
-        self._token.close()
-        with contextlib.suppress(zenoh.ZError):
-            self._queryable.undeclare()  # type: ignore[no-untyped-call]
-            self.session.close()  # type: ignore[no-untyped-call]
-        if self._issued is not None:
-            control_token.discard(self._issued)
+        self._closing.close()
+
+    def _hear(self, query: "zenoh.Query") -> None:
+        """On Zenoh's thread, which must not wait. Queries never keep an order out."""
+        word = str(query.key_expr).rpartition("/")[2]
+        exchanges = self._queries if word in QUERIES else self._orders
+        exchanges.begin(partial(self._answer, query, word))
+
+    def _answer(self, query: "zenoh.Query", order: str) -> None:
+        by = "" if query.payload is None else name_in(query.payload.to_bytes())
+        answer = json.dumps({"name": self._name, **self._mailbox.answer(order, by)})
+        with contextlib.suppress(zenoh.ZError):  # who asked may be gone
+            # Under our own key: one query may be answered by several daemons.
+            query.reply(control_key(self._name, order), answer, encoding=zenoh.Encoding.APPLICATION_JSON)
+            query.drop()  # type: ignore[no-untyped-call]
 
 
-def _hosted(endpoint: str, path: Path) -> tuple["zenoh.Session", ControlToken]:
+def _quietly(close: Callable[[], None]) -> None:
+    with contextlib.suppress(zenoh.ZError):
+        close()
+
+
+@contextlib.contextmanager
+def _hosted(endpoint: str, token_file: Path | None) -> Iterator[tuple["zenoh.Session", ControlToken]]:
     """Listen at an endpoint with a new token; publish the token once that works."""
-    drawn = control_token.draw(path)
+    path = token_file or control_token.default_path(endpoint)
+    token = control_token.draw(path)
     try:
-        session = host_session(endpoint, drawn)
-    except LinkError:
-        control_token.discard(drawn)
-        raise
-    return session, control_token.publish(drawn, path)
+        session = host_session(endpoint, token)
+        try:
+            token = control_token.publish(token, path)
+            yield session, token
+        finally:
+            _quietly(session.close)
+    finally:
+        control_token.discard(token)
 
 
 @contextlib.contextmanager
@@ -245,16 +191,6 @@ def opened(
     with contextlib.closing(control):
         on_open(endpoint)
         yield control
-
-
-@contextlib.contextmanager
-def broadcasting(name: str, control: ControlBus | None, metadata: Mapping[str, str]) -> Iterator[Broadcast | None]:
-    """Broadcast a flight on its control bus, if it has one."""
-    if control is None:
-        yield None
-        return
-    with contextlib.closing(Broadcast(name, control.session, metadata)) as broadcast:
-        yield broadcast
 
 
 def free_endpoint() -> str:
@@ -320,11 +256,9 @@ def ask(
         by: Name of the person or program, for log and record.
 
     Raises:
-        ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
+        ConfigError: If there are several daemons and no name, or the token may not be read.
         LinkError: If no answer comes, or the token is wrong.
     """
-    if order not in WORDS:
-        raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
     session = join_session(endpoint, token_file, credentials)
     try:
         if name is None:

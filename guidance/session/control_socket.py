@@ -13,9 +13,10 @@ import os
 import socket
 import stat
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from guidance.errors import ConfigError, LinkError, OutputError
 from guidance.session import control_token
@@ -29,7 +30,8 @@ ENDPOINT: Final = "tcp/127.0.0.1:7448"
 """Default control endpoint of daemons and flights."""
 
 TIMEOUT_S: Final = 4.0
-ANSWER_LIMIT_S: Final = 2.0
+"""Time limit for the answer, longer than the mailbox waits for the loop."""
+
 LONGEST_NAME: Final = 64
 """Longest name of a sender, in characters; it is recorded."""
 
@@ -41,20 +43,6 @@ _BUFFER_BYTES: Final = 65536
 _MOST_AT_ONCE: Final = 64
 _LONGEST_PATH: Final = 100
 """Bytes of a socket's path that the kernel takes, with some to spare."""
-
-
-class Asked(Protocol):
-    """A question that was put to the loop."""
-
-    def wait(self, timeout_s: float) -> Mapping[str, Any] | None:
-        """Wait for the answer; None if there is none in time."""
-
-
-class Asking(Protocol):
-    """The interface of `guidance.session.orders.Mailbox`."""
-
-    def ask(self, order: str, by: str = "") -> Asked:
-        """Put an order to the loop."""
 
 
 def socket_path(token: Path) -> Path:
@@ -74,12 +62,6 @@ def name_in(data: bytes) -> str:
     """Return the sender's name as printable text of bounded length; the data may be anything."""
     text = data[: 4 * LONGEST_NAME].decode("utf-8", errors="replace")
     return "".join(one for one in text if one.isprintable())[:LONGEST_NAME].strip()
-
-
-def late_answer(order: str, name: str) -> Mapping[str, Any]:
-    """Return the answer to an order that the loop does not answer in time."""
-    reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
-    return {"accepted": False, "order": order, "name": name, "reason": reason}
 
 
 def ask_here(
@@ -123,24 +105,48 @@ def ask_here(
     return dict(answer)
 
 
+class Exchanges:
+    """Runs each exchange with a client on a thread of its own, `most` at once.
+
+    No exchange waits for another one: an abort does not wait until an engage order is answered.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._free = threading.BoundedSemaphore(most)
+
+    def begin(self, exchange: Callable[[], None]) -> bool:
+        """Start one; False if too many are under way."""
+        if not self._free.acquire(blocking=False):
+            return False
+
+        def run() -> None:
+            try:
+                exchange()
+            finally:
+                self._free.release()
+
+        threading.Thread(target=run, name="order", daemon=True).start()
+        return True
+
+
 class ControlSocket:
-    """Takes orders at a socket to the mailbox, and answers. Every connection has a thread for one order.
+    """Takes orders at a socket, and answers. Every connection has a thread for one order.
 
     Args:
         name: The daemon's.
-        mailbox: Where orders go.
+        answer: Answers an order or a query, given with the name of its sender.
         token: What who orders must know; the socket gets the rights of its file.
 
     Raises:
         OutputError: If the socket cannot be made.
     """
 
-    def __init__(self, name: str, mailbox: Asking, token: ControlToken) -> None:
+    def __init__(self, name: str, answer: Callable[[str, str], Mapping[str, Any]], token: ControlToken) -> None:
         self._name = name
-        self._mailbox = mailbox
+        self._answer = answer
         self._token = token
         self._path = socket_path(token.path)
-        self._slots = threading.BoundedSemaphore(_MOST_AT_ONCE)
+        self._exchanges = Exchanges(_MOST_AT_ONCE)
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._path.unlink(missing_ok=True)  # of a daemon that was killed: the endpoint is ours by now
@@ -172,30 +178,22 @@ class ControlSocket:
                 there, _ = self._listener.accept()
             except OSError:
                 return
-            if self._slots.acquire(blocking=False):
-                threading.Thread(target=self._answer, args=(there,), name="order", daemon=True).start()
-            else:
+            if not self._exchanges.begin(partial(self._exchange, there)):
                 there.close()
 
-    def _answer(self, there: socket.socket) -> None:
-        try:
-            with there:
-                there.settimeout(_ASKED_WITHIN_S)
-                with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # the data may be anything
-                    asked = json.loads(there.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
-                    there.sendall(json.dumps(self._answer_to(asked)).encode() + b"\n")
-        finally:
-            self._slots.release()
+    def _exchange(self, there: socket.socket) -> None:
+        with there, contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # the data may be anything
+            there.settimeout(_ASKED_WITHIN_S)
+            asked = json.loads(there.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
+            there.sendall(json.dumps(self._answer_to(asked)).encode() + b"\n")
 
     def _answer_to(self, asked: Mapping[str, Any]) -> Mapping[str, Any]:
         if not hmac.compare_digest(str(asked.get("token")).encode(), self._token.secret.encode()):
             return {"error": "the token is not this daemon's"}
         if asked.get("name") not in {None, self._name}:
             return {"error": f"--name {asked['name']}: the daemon there is {self._name}"}
-        order = str(asked.get("order"))
-        question = self._mailbox.ask(order, name_in(str(asked.get("by", "")).encode()))
-        answer = question.wait(ANSWER_LIMIT_S)
-        return late_answer(order, self._name) if answer is None else answer
+        answer = self._answer(str(asked.get("order")), name_in(str(asked.get("by", "")).encode()))
+        return {"name": self._name, **answer}
 
 
 @contextlib.contextmanager

@@ -3,7 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable, Iterator
-from typing import Final, NamedTuple
+from typing import Final
 
 from guidance.autopilots import AUTOPILOTS, Autopilot, AutopilotProfile, autopilot_named, autopilots_of
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
@@ -23,8 +23,7 @@ _CONNECTED_WITHIN_S: Final = 5.0
 PLACED_WITHIN_S: Final = 120.0
 """Longest wait for a position. An ArduCopter takes 25 to 45 s after its start."""
 
-_ASK_EVERY_S: Final = 1.5
-_BEAT_EVERY_S: Final = 1.0
+_ASK_EVERY_S: Final = 1.0
 _LOOK_EVERY_S: Final = 0.05
 _LANDED_STATE_WITHIN_S: Final = 3.0
 _NAMES: Final[dict[type[Message], str]] = {
@@ -35,16 +34,8 @@ _NAMES: Final[dict[type[Message], str]] = {
 }
 
 
-class AtUrl(NamedTuple):
-    """An autopilot that answered: its wire, what its HEARTBEAT said, and its description."""
-
-    wire: Wire
-    found: Found
-    autopilot: Autopilot
-
-
 @contextlib.contextmanager
-def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iterator[AtUrl]:
+def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iterator[tuple[Wire, Found, Autopilot]]:
     """Find the autopilot at a URL; the wire is closed in the end.
 
     Args:
@@ -53,13 +44,16 @@ def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iter
         clock: The clock.
         who: Names it in errors.
 
+    Yields:
+        Its wire, what its HEARTBEAT said, and its description.
+
     Raises:
         ConfigError: If the URL is wrong, or `identify` refuses the autopilot.
         LinkError: If nothing answers.
     """
     with contextlib.closing(open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)) as wire:
         found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=who)
-        yield AtUrl(wire, found, identify(found, url, asked))
+        yield wire, found, identify(found, url, asked)
 
 
 def identify(found: Found, url: str, asked: str | None) -> Autopilot:
@@ -109,14 +103,14 @@ def wait_until_placed(
     """
     state, said = VehicleState(), ""
     begun_s = now_s = clock.now_s()
-    asked_s = beat_s = float("-inf")
+    asked_s = float("-inf")
+    asked = (*profile.stream_requests(), *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN)))
     while True:
-        if now_s - beat_s >= _BEAT_EVERY_S:
-            beat_s = now_s
-            link.send_heartbeat()
         if now_s - asked_s >= _ASK_EVERY_S:
             asked_s = now_s
-            _ask(link, profile)
+            link.send_heartbeat()
+            for request in asked:
+                link.request(request)
         messages = link.receive()
         state = observe(state, messages)
         said = next((each.text for each in reversed(messages) if isinstance(each, StatusText)), said)
@@ -134,17 +128,11 @@ def wait_until_placed(
         now_s = clock.now_s()
 
 
-def _ask(link: VehicleLink, profile: AutopilotProfile) -> None:
-    for request in (*profile.stream_requests(), *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))):
-        link.request(request)
-
-
 def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
-    if not state.armed:
-        return
-    if state.last(LandedState) is not None and not state.on_ground:
+    told = state.last(LandedState) is not None
+    if state.armed and told and not state.on_ground:
         raise FlightError("the vehicle is in the air already: land and disarm it first; no order was given")
-    if state.last(LandedState) is not None or waited_s > _LANDED_STATE_WITHIN_S:
+    if state.armed and (told or waited_s > _LANDED_STATE_WITHIN_S):
         raise FlightError("the vehicle was armed by someone else: disarm it first; no order was given")
 
 

@@ -1,29 +1,49 @@
-"""Scenarios flown from connecting to the end: in any world, or by the mock in virtual time or as a live process."""
+"""Scenarios flown from connecting to the end: by the mock, by the vehicle of a file, or by one that runs at a URL."""
 
 import contextlib
+import os
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar, Final, NamedTuple, NoReturn
 
+from guidance.autopilots import autopilot_named
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
+from guidance.flight import State
+from guidance.frames import Amsl, LocalFrame, ned_from_game
 from guidance.links.opening import KINDS
+from guidance.links.port import Wire, parse
+from guidance.links.udp import UdpWire
+from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.log.writer import BackgroundRecorder
-from guidance.session.control_bus import broadcasting, opened
+from guidance.messages import Home
+from guidance.session.answers import startup_answers
+from guidance.session.checkup import Checkup
+from guidance.session.control_bus import ControlBus, opened
 from guidance.session.daemon import Equipment
+from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
 from guidance.session.flight_files import RECORD, Stopped, flight_metadata, recording
+from guidance.session.log import Log
 from guidance.session.loop import Signals, World, run
-from guidance.session.mission import Mission, Show
-from guidance.session.orders import Mailbox
-from guidance.session.plan import FlightPlan
+from guidance.session.mission import Mission, Progress, Show
+from guidance.session.orders import ORDER_OF, Mailbox
+from guidance.session.plan import FlightPlan, config_of, plan_of
+from guidance.session.process import Notifier
 from guidance.session.result import FlightResult, MissionResult, closing_detail
 from guidance.session.sequencer import MOCKED, MissionPolicy
+from guidance.session.service import opened_vehicle
+from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_world import VehicleWorld, open_all
 from guidance.sim.live import OVER, ZENOH, LiveWorld
 from guidance.sim.mock_files import check_faults
-from guidance.sim.scenario import PURSUER, Flown, Scenario
-from guidance.sim.stepped import SteppedWorld
+from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Flown, Pursuit, Scenario, Site, Wind
+from guidance.sim.stepped import EvaderHere, SteppedWorld
+
+ENDS: Final = ("return", "land")
+"""Endings of a flight at a URL: fly home and land, or land at once."""
 
 
 def fly(
@@ -80,10 +100,8 @@ class MockOptions:
     over: str = ZENOH
 
     def __post_init__(self) -> None:
-        if self.link not in KINDS:
-            raise ConfigError(f"--link {self.link}: allowed are {', '.join(KINDS)}")
-        if self.over not in OVER:
-            raise ConfigError(f"--over {self.over}: allowed are {', '.join(OVER)}")
+        _check("--link", self.link, KINDS)
+        _check("--over", self.over, OVER)
         if not 0 <= self.port <= 65535:
             raise ConfigError(f"--port {self.port}: allowed is 0 (pick a free one) to 65535")
 
@@ -93,52 +111,279 @@ class MockOptions:
         return "fast" if self.fast else "live"
 
 
-def fly_mock(
-    scenario: Scenario,
-    folder: Path,
-    show: Show,
-    options: MockOptions,
-    *,
-    on_record: Callable[[Path], None] = lambda _: None,
-    control: str | None = None,
-    on_control: Callable[[str], None] = lambda _: None,
-) -> FlightResult:
-    """Fly a scenario against the mock, with the record in a folder.
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A running vehicle and how to talk to it; see `guidance fly --help`.
 
-    Args:
-        scenario: The scenario.
-        folder: For the record.
+    Raises:
+        ConfigError: If an option has an unknown value.
+    """
+
+    url: str
+    autopilot: str | None = None
+    link: str = "mavsdk"
+    end: str = "return"
+    way: ClassVar[str] = "vehicle"
+
+    def __post_init__(self) -> None:
+        _check("--link", self.link, KINDS)
+        _check("--end", self.end, ENDS)
+        parse(self.url)
+
+
+def _check(option: str, value: str, allowed: Sequence[str]) -> None:
+    if value not in allowed:
+        raise ConfigError(f"{option} {value}: allowed are {', '.join(allowed)}")
+
+
+class Onlooker(NamedTuple):
+    """Who watches a flight and gives it orders.
+
+    Attributes:
         show: Called in every cycle.
-        options: In which time and over which links.
         on_record: Called with the record's path when it is open.
-        control: Endpoint for orders and onlookers; a free one if that is in use. None opens none.
+        control: Endpoint for orders and broadcasts; a free one if that is in use. None opens none.
         on_control: Called with the endpoint.
+    """
+
+    show: Show = lambda _: None
+    on_record: Callable[[Path], None] = lambda _: None
+    control: str | None = None
+    on_control: Callable[[str], None] = lambda _: None
+
+
+NOBODY: Final = Onlooker()
+
+
+def fly_mock(scenario: Scenario, folder: Path, options: MockOptions, onlooker: Onlooker = NOBODY) -> FlightResult:
+    """Fly a scenario against the mock, with the record in a folder.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
     check_faults(scenario)
     clock: Clock = VirtualClock() if options.fast else MonotonicClock()
-    metadata = flight_metadata(scenario, None, None if options.fast else clock)
     mailbox = Mailbox()
-    with recording(folder / RECORD, metadata, real_time=not options.fast) as record:
-        on_record(folder / RECORD)
+    with opened(PURSUER, mailbox, onlooker.control, onlooker.on_control) as bus:
+        mock = _mock(scenario, clock, options)
+        return _conducted(scenario, mock, clock, folder, bus, Equipment(mailbox=mailbox), onlooker)
+
+
+@contextlib.contextmanager
+def _mock(scenario: Scenario, clock: Clock, options: MockOptions) -> Iterator[World]:
+    world: SteppedWorld | LiveWorld
+    if options.fast:
+        world = SteppedWorld(scenario, clock)
+    else:
+        world = LiveWorld(scenario, clock, link=options.link, port=options.port, over=options.over)
+    with contextlib.closing(world):
+        yield world
+
+
+def fly_vehicle(
+    scenario: Scenario, own: Config, folder: Path, say: Callable[[str], None], *, engage: bool
+) -> FlightResult:
+    """Fly a scenario with the vehicle of a configuration file; the evader is whatever its evader source reports.
+
+    Preflight must pass. Without `engage` a person has to order `guidance ctl start` and `guidance ctl engage`. Ctrl-C
+    hands the vehicle over as the file says (flight.on_terminate).
+
+    Args:
+        scenario: The scenario.
+        own: The vehicle's file.
+        folder: For the record.
+        say: Prints a line for the person.
+        engage: A person allowed to start and to engage.
+
+    Raises:
+        ConfigError: If the two contradict each other.
+        FlightError: If preflight refuses, or the start is outside of the fence.
+        LinkError: If vehicle or evader cannot be reached.
+    """
+    plan_of(own, scenario)  # refused before anything is opened
+    if scenario.fault:
+        say("faults are a mock's: the vehicle flies without them")
+    clock, hand_over = MonotonicClock(), ORDER_OF[own.flight.on_terminate]
+    signals, policy = Signals(hand_over, _kept), MissionPolicy(engage, hand_over=hand_over)
+    with signals.installed(), opened_vehicle(own, clock, tapped=True) as (world, control, used):
+        say(f"record   {folder / RECORD}")
+        if not engage:
+            say("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
+        used.mailbox.meanwhile(None)
+        real = contextlib.nullcontext(world)
+        return _conducted(scenario, real, clock, folder, control, used, own=own, policy=policy, signals=signals)
+
+
+def fly_url(scenario: Scenario, folder: Path, asked: Asked, onlooker: Onlooker = NOBODY) -> FlightResult:
+    """Fly a scenario with the vehicle that runs at a URL; its evader is simulated here.
+
+    Args:
+        scenario: Who plays what, where and within which limits.
+        folder: For the record.
+        asked: The URL, and how to fly there. Ctrl-C lands it.
+        onlooker: Who watches, and gives orders.
+
+    Raises:
+        ConfigError: If an argument is wrong, or another autopilot is there.
+        LinkError: If there is no vehicle.
+        FlightError: If it is in the air, armed or does not get ready, or preflight refuses.
+    """
+    for_whom = f"a HEARTBEAT at {asked.url}, {FOUND_WITHIN_S:g} s at most"
+    onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom))
+    mailbox = Mailbox()
+    mailbox.meanwhile(startup_answers(PURSUER, for_whom, FOUND_WITHIN_S, MonotonicClock()))
+    with (
+        opened(PURSUER, mailbox, onlooker.control, onlooker.on_control) as bus,
+        reach(scenario, asked) as (own, world, clock, radio),
+    ):
+        began_s = time.perf_counter()
+        autopilot = autopilot_named(own.vehicle.autopilot)
+        home, frame = wait_until_placed(world.links[own.name], autopilot, clock, onlooker.show)
+        laid = laid_about(scenario, home, frame, own.vehicle.autopilot)
+        evader = EvaderHere(laid, clock, radio)
+        world.players[EVADER], world.on_engage = evader, evader.engage
+        hand_over = ORDER_OF[own.flight.on_terminate]
+        signals = Signals(hand_over, _kept)
+        policy = MissionPolicy(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
+        notifier = Notifier.from_environment(os.environ, os.getpid())
         with (
-            contextlib.closing(_mock(scenario, clock, options)) as world,
-            opened(PURSUER, mailbox, control, on_control) as bus,
-            broadcasting(PURSUER, bus, metadata) as broadcast,
+            signals.installed(),
+            contextlib.closing(Log(own.log.format, own.log.level)) as log,
+            contextlib.closing(notifier),
         ):
-            used = Equipment(mailbox=mailbox, record=record, broadcast=broadcast)
-            result = fly(scenario, world, clock, equipment={PURSUER: used}, show=show).vehicles[PURSUER]
-            if broadcast is not None:
-                broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, options.way, folder))
+            mailbox.meanwhile(None)
+            used, real = Equipment(mailbox=mailbox, log=log, notifier=notifier), contextlib.nullcontext(world)
+            result = _conducted(laid, real, clock, folder, bus, used, onlooker, own=own, policy=policy, signals=signals)
+        result.wall_s = time.perf_counter() - began_s
+    return result
+
+
+def _conducted(
+    scenario: Scenario,
+    opening: contextlib.AbstractContextManager[World],
+    clock: Clock,
+    folder: Path,
+    bus: ControlBus | None,
+    used: Equipment,
+    onlooker: Onlooker = NOBODY,
+    *,
+    own: Config | None = None,
+    policy: MissionPolicy = MOCKED,
+    signals: Signals | None = None,
+) -> FlightResult:
+    """Fly in a world, with a record in the folder and a broadcast on the bus; `own` is the file of a real vehicle."""
+    real_time = not isinstance(clock, VirtualClock)
+    metadata = flight_metadata(scenario, own, clock if real_time else None)
+    name, way = (PURSUER, "live" if real_time else "fast") if own is None else (own.name, "vehicle")
+    with contextlib.ExitStack() as closing:
+        record = closing.enter_context(recording(folder / RECORD, metadata, real_time=real_time))
+        onlooker.on_record(folder / RECORD)
+        world = closing.enter_context(opening)
+        broadcast = None if bus is None else Broadcast(name, bus.session, metadata)
+        if broadcast is not None:
+            closing.callback(broadcast.close)
+        flown = fly(
+            (Pursuit(scenario, name),),
+            world,
+            clock,
+            plans={name: plan_of(own, scenario)},
+            equipment={name: replace(used, record=record, broadcast=broadcast)},
+            policy=policy,
+            show=onlooker.show,
+            signals=signals,
+        )
+        result = flown.vehicles[name]
+        if broadcast is not None:
+            broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, way, folder))
     if record.failed is not None and result.record_stopped is None:
         result.record_stopped = Stopped(result.duration_s, record.failed)
     result.record_dropped = record.dropped if isinstance(record, BackgroundRecorder) else 0
     return result
 
 
-def _mock(scenario: Scenario, clock: Clock, options: MockOptions) -> World:
-    if options.fast:
-        return SteppedWorld(scenario, clock)
-    return LiveWorld(scenario, clock, link=options.link, port=options.port, over=options.over)
+@contextlib.contextmanager
+def reach(scenario: Scenario, asked: Asked) -> Iterator[tuple[Config, VehicleWorld, MonotonicClock, Wire]]:
+    """Find the vehicle at a URL and open its link, and a loopback port for the evader's reports.
+
+    Yields:
+        Its configuration, its world, its clock, and the evader's end of the loopback port.
+
+    Raises:
+        ConfigError: If an argument is wrong, or another autopilot is there.
+        LinkError: If there is no vehicle.
+    """
+    clock = MonotonicClock()
+    with contextlib.ExitStack() as closing:
+        at_url = autopilot_at(asked.url, asked.autopilot, clock, who=f"--vehicle {asked.url}")
+        wire, found, autopilot = closing.enter_context(at_url)
+        ears = UdpWire(clock.now_s, host="127.0.0.1", port=0, listen=True, systems=(EVADER_ID,))
+        closing.callback(ears.close)
+        radio = UdpWire(clock.now_s, host="127.0.0.1", port=ears.port, listen=False)
+        closing.callback(radio.close)
+        own = config_of(
+            scenario,
+            url=asked.url,
+            link=asked.link,
+            autopilot=autopilot.name,
+            found=found,
+            evader_url=f"udpin://127.0.0.1:{ears.port}",
+        )
+        world = open_all(own, clock, tapped=True, wire=wire, evader_wire=ears)
+        closing.callback(world.close)
+        yield own, world, clock, radio
+
+
+@contextlib.contextmanager
+def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
+    """Open the vehicle at a URL, to be judged by what a scenario asks of it.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    log = Log("console", "error")
+    try:
+        with reach(scenario, asked) as (own, world, clock, _):
+            pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
+            plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
+            yield Checkup(own.name, plan, world, clock, log=log)
+    finally:
+        log.close()
+
+
+def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:
+    """Return the scenario where the vehicle stands: its home is the scenario's, and the autopilot is its own.
+
+    Faults and wind of the vehicle are a mock's and fall away; those of the evader stay, since it is a mock.
+
+    Args:
+        scenario: With a site of its own.
+        home: Of the vehicle.
+        frame: Its local frame.
+        autopilot: The name of the one that is there.
+    """
+    x, y = scenario.home_m
+    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))
+    north_m, east_m, down_m = (at + by for at, by in zip(home_ned_m, ned_from_game((-x, -y, 0.0)), strict=True))
+    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned((north_m, east_m, down_m))
+    return scenario.model_copy(
+        update={
+            "site": Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres),
+            "pursuer": scenario.pursuer.model_copy(update={"autopilot": autopilot}),
+            "fault": tuple(fault for fault in scenario.fault if fault.vehicle == EVADER),
+            "wind": Wind(),
+        }
+    )
+
+
+def left_out(scenario: Scenario) -> Sequence[str]:
+    """Name what of a scenario a vehicle that is not ours flies without."""
+    words = []
+    if any(fault.vehicle != EVADER for fault in scenario.fault):
+        words.append("faults of the pursuer")
+    if any(scenario.wind.velocity_m_s):
+        words.append("wind")
+    return words
+
+
+def _kept() -> NoReturn:
+    raise ConfigError("a scenario is flown: end it and begin again to fly another configuration")

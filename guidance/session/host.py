@@ -58,14 +58,11 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
     )
 
 
-def _row(name: str, found: str, wanted: str, good: bool, advice: str = "", bad: Verdict = Verdict.WARN) -> Finding:
-    """Return a row; without a fault it has no advice."""
-    return Finding(name, found, wanted, Verdict.PASS if good else bad, "" if good else advice)
-
-
 def _software() -> Finding:
     found = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
-    return _row("software", found, "Linux, Python 3.11 or later", sys.platform == "linux")
+    return Finding.of(
+        sys.platform == "linux", "software", found, "Linux, Python 3.11 or later", "fly on Linux", Verdict.WARN
+    )
 
 
 def _calendar() -> Finding:
@@ -73,9 +70,9 @@ def _calendar() -> Finding:
     try:
         kept = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024)) != _TIME_ERROR
     except (AttributeError, OSError):
-        return _row("calendar", "not known", "synchronized", good=False, advice="see that a time service runs")
-    found = "synchronized" if kept else "not synchronized"
-    return _row("calendar", found, "synchronized", kept, "timedatectl set-ntp true, or the time from GPS")
+        return Finding("calendar", "not known", "synchronized", Verdict.WARN, "see that a time service runs")
+    found, advice = "synchronized" if kept else "not synchronized", "timedatectl set-ntp true, or the time from GPS"
+    return Finding.of(kept, "calendar", found, "synchronized", advice, Verdict.WARN)
 
 
 def _cadence() -> Finding:
@@ -87,21 +84,20 @@ def _cadence() -> Finding:
         worst_s = max(worst_s, time.monotonic() - due_s)
     found = f"{1e3 * worst_s:.1f} ms late at worst in {CYCLES} cycles"
     advice = "end what else runs, or allow real-time scheduling (the next row)"
-    return _row("cadence", found, f"at most {1e3 * LATE_S:g} ms", worst_s <= LATE_S, advice)
+    return Finding.of(worst_s <= LATE_S, "cadence", found, f"at most {1e3 * LATE_S:g} ms", advice, Verdict.WARN)
 
 
 def _scheduling() -> Finding:
     name, wanted = "scheduling", f"realtime {PRIORITY}"
     if not hasattr(os, "sched_setscheduler"):
-        return _row(name, "none on this system", wanted, good=False, advice="fly on Linux")
+        return Finding(name, "none on this system", wanted, Verdict.WARN, "fly on Linux")
     policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
     except PermissionError:
-        advice = "CPUSchedulingPolicy=rr, or rtprio in limits.conf"
-        return _row(name, "not permitted", wanted, good=False, advice=advice)
+        return Finding(name, "not permitted", wanted, Verdict.WARN, "CPUSchedulingPolicy=rr, or rtprio in limits.conf")
     os.sched_setscheduler(0, policy, parameter)
-    return _row(name, "permitted", wanted, good=True)
+    return Finding(name, "permitted", wanted, Verdict.PASS)
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
@@ -141,7 +137,7 @@ def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str)
             probe.bind((host, port))
         except OSError as error:
             found = str(error.strerror)
-    return _row(name, found, "free", found == "free", advice, Verdict.REFUSE)
+    return Finding.of(found == "free", name, found, "free", advice)
 
 
 def _serial_ports(config: Config | None) -> Iterator[Finding]:
@@ -153,7 +149,7 @@ def _serial_ports(config: Config | None) -> Iterator[Finding]:
         good = os.access(port, os.R_OK | os.W_OK)
         bad = Verdict.REFUSE if asked is not None and asked.host == port else Verdict.WARN
         advice = "usermod -aG dialout USER, and log in again"
-        yield _row(port, wanted if good else "no rights", wanted, good, advice, bad)
+        yield Finding.of(good, port, wanted if good else "no rights", wanted, advice, bad)
 
 
 def _record_folder(folder: Path) -> Iterator[Finding]:
@@ -161,11 +157,11 @@ def _record_folder(folder: Path) -> Iterator[Finding]:
     good = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
     found = f"{folder.absolute()}: {'writable' if good else 'not writable'}"
     advice = "set record.folder, or change the rights"
-    yield _row("record folder", found, "writable", good, advice, Verdict.REFUSE)
+    yield Finding.of(good, "record folder", found, "writable", advice)
     free = shutil.disk_usage(there).free
     advice = "make room: a full disk ends the record, never the flight"
     wanted = f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
-    yield _row("disk", f"{free / 1e9:.1f} GB free", wanted, free >= FLIGHT_BYTES, advice)
+    yield Finding.of(free >= FLIGHT_BYTES, "disk", f"{free / 1e9:.1f} GB free", wanted, advice, Verdict.WARN)
 
 
 def _extras() -> Finding:

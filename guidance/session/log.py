@@ -7,9 +7,9 @@ import os
 import queue
 import shutil
 import sys
+import threading
 import time
-from logging.handlers import QueueHandler, QueueListener
-from typing import Any, Final, Protocol, TextIO, cast
+from typing import Any, Final, TextIO
 
 from guidance.flight import Event, Outputs
 from guidance.log.codec import plain
@@ -19,6 +19,9 @@ MOST_WAITING: Final = 1000
 STOP_LIMIT_S: Final = 2.0
 _STALLED_S: Final = 2.5
 """Age of the live line from which it is shown as old; it is updated once a second."""
+
+_DUMB: Final = frozenset({"", "dumb", "unknown"})
+"""Values of TERM without a line that can be redrawn."""
 
 _ANEW: Final = "\r\x1b[K"
 """To the beginning of the line, and nothing in it."""
@@ -32,165 +35,82 @@ _SEVERE: Final = frozenset({
 """Events that end, interrupt or forbid a game: warnings if they change the state."""
 
 
-class _BoundedQueue(QueueHandler):
-    """Queue handler that drops a line if the terminal or journal is blocked."""
+class _Terminal:
+    """Lines on a stream and, on a terminal, a live line below them that is drawn again, with its age once it is old."""
 
-    dropped = 0
-
-    def enqueue(self, record: logging.LogRecord) -> None:
-        """Keep it for the writing thread, if there is room."""
-        try:
-            self.queue.put_nowait(record)
-        except queue.Full:
-            self.dropped += 1
-
-
-class _Terminal(logging.StreamHandler[TextIO]):
-    """Lines on a terminal, and below them one that is drawn again, with its age once it is old."""
-
-    live = ""
-
-    def __init__(self, stream: TextIO) -> None:
-        super().__init__(stream)
+    def __init__(self, stream: TextIO, *, redraws: bool) -> None:
+        self._stream = stream
+        self._anew = _ANEW if redraws else ""
+        self._live = ""
         self._told_s = 0.0
 
-    def emit(self, record: logging.LogRecord) -> None:
-        """Write a line above the live one, or take in another live one."""
-        live = getattr(record, "live", None)
-        with contextlib.suppress(OSError, ValueError):  # a terminal that was closed
-            if live is not None:
-                self.live, self._told_s = live, time.monotonic()
-            else:
-                self.stream.write(f"{_ANEW}{self.format(record)}\n")
-            self.draw()
+    def line(self, words: str) -> None:
+        """Write a line above the live one."""
+        self._write(f"{self._anew}{words}\n")
+        self.draw()
+
+    def show(self, words: str) -> None:
+        """Draw another live line."""
+        self._live, self._told_s = words, time.monotonic()
+        self.draw()
 
     def draw(self) -> None:
-        """Draw the live line."""
-        if not self.live:
-            return
-        silence_s = time.monotonic() - self._told_s
-        words = f"NO NEWS for {silence_s:.0f} s; last {self.live}" if silence_s > _STALLED_S else self.live
-        width = shutil.get_terminal_size().columns
-        with contextlib.suppress(OSError, ValueError):
-            self.stream.write(f"{_ANEW}{words[: width - 1]}")
-            self.stream.flush()
+        """Draw the live line, if there is one."""
+        if self._live:
+            silence_s = time.monotonic() - self._told_s
+            words = f"NO NEWS for {silence_s:.0f} s; last {self._live}" if silence_s > _STALLED_S else self._live
+            self._write(_ANEW + words[: shutil.get_terminal_size().columns - 1])
 
     def end(self) -> None:
         """Leave no live line behind."""
-        if self.live:
-            self.live = ""
-            with contextlib.suppress(OSError, ValueError):
-                self.stream.write(_ANEW)
-                self.stream.flush()
+        if self._live:
+            self._write(_ANEW)
+
+    def _write(self, words: str) -> None:
+        with contextlib.suppress(OSError, ValueError):  # a terminal that was closed
+            self._stream.write(words)
+            self._stream.flush()
 
 
-class _Patient(QueueListener):
-    """Listener that ends even if the stream is blocked: a log must not keep a process alive."""
-
-    def __init__(self, room: "queue.Queue[logging.LogRecord | None]", writing: logging.Handler) -> None:
-        super().__init__(room, writing)
-        self._room = room
-
-    def dequeue(self, block: bool) -> logging.LogRecord:
-        """Return the next line; while there is none, the live one grows old where people see it."""
-        while True:
-            terminals = [handler for handler in self.handlers if isinstance(handler, _Terminal)]
-            try:
-                record = self._room.get(block, _STALLED_S)
-            except queue.Empty:
-                if not block:
-                    raise
-                for terminal in terminals:
-                    terminal.draw()
-                continue
-            if record is None:  # the end: on this thread, which alone may wait for a terminal
-                for terminal in terminals:
-                    terminal.end()
-            return cast("logging.LogRecord", record)
-
-    def enqueue_sentinel(self) -> None:
-        """Make room for it, if there is none."""
-        while True:
-            try:
-                self._room.put_nowait(None)
-            except queue.Full:
-                with contextlib.suppress(queue.Empty):
-                    self._room.get_nowait()
-            else:
-                return
-
-    def stop(self) -> None:
-        """Write what waits, within reason."""
-        thread, self._thread = self._thread, None
-        if thread is not None:
-            self.enqueue_sentinel()
-            thread.join(STOP_LIMIT_S)
-
-
-class JsonLines(logging.Formatter):
-    """One object a line: time (Unix seconds), level, message, and the fields that came with it."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Lay out one record."""
-        row = {"time": round(record.created, 3), "level": record.levelname.lower(), "message": record.getMessage()}
-        return json.dumps({**row, **plain(_fields(record))}, default=str)
-
-
-class ConsoleLines(logging.Formatter):
-    """For people: time of day, message, and the fields behind it."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Lay out one record."""
-        clock = self.formatTime(record, "%H:%M:%S")
-        mark = "" if record.levelno < logging.WARNING else f"{record.levelname} "
-        fields = "".join(f"  {name}={value}" for name, value in _fields(record).items())
-        return f"{clock} {mark}{record.getMessage()}{fields}"
-
-
-class Logger(Protocol):
-    """Interface of the log."""
+class Logger:
+    """The interface of the log, and one that logs nothing: who flies a mock sees it."""
 
     def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
         """Log a message with fields."""
 
-
-class NullLogger:
-    """Logs nothing: who flies a mock sees it."""
-
-    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401
-        """Nothing."""
+    def show(self, words: str) -> None:
+        """Show a live line below the log."""
 
 
-SILENT: Final[Logger] = NullLogger()
+SILENT: Final = Logger()
 
 
-class Log:
-    """Structured logging for one process.
+class Log(Logger, logging.Handler):
+    """Structured logging for one process, as the handler of `LOGGER`.
 
     Args:
         form: "json" or "console".
         level: Lowest level that is written.
         stream: Output stream.
+
+    Attributes:
+        dropped: Number of lines that were dropped because the terminal or journal is blocked.
     """
 
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
-        there = stream if stream is not None else sys.stderr
-        self._terminal = _Terminal(there) if form == "console" and _redraws(there) else None
-        writing = self._terminal if self._terminal is not None else logging.StreamHandler(there)
-        writing.setFormatter(JsonLines() if form == "json" else ConsoleLines())
-        room: queue.Queue[logging.LogRecord | None] = queue.Queue(MOST_WAITING)
-        self._handler = _BoundedQueue(room)
-        self._listener = _Patient(room, writing)
+        super().__init__()
+        stream = sys.stderr if stream is None else stream
+        self._redraws = form == "console" and stream.isatty() and os.environ.get("TERM", "") not in _DUMB
+        self._terminal = _Terminal(stream, redraws=self._redraws)
+        self._line_of = _json_line if form == "json" else _console_line
+        self._waiting: queue.SimpleQueue[logging.LogRecord | str | None] = queue.SimpleQueue()
+        self.dropped = 0
+        self._thread = threading.Thread(target=self._serve, name="log", daemon=True)
+        self._thread.start()
         self._logger = logging.getLogger(LOGGER)
         self._logger.setLevel(level.upper())
         self._logger.propagate = False
-        self._logger.addHandler(self._handler)
-        self._listener.start()
-
-    @property
-    def dropped(self) -> int:
-        """Number of dropped lines."""
-        return self._handler.dropped
+        self._logger.addHandler(self)
 
     def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
         """Log a message with fields."""
@@ -198,22 +118,54 @@ class Log:
 
     def show(self, words: str) -> None:
         """Show the live line below the log, on a terminal only."""
-        if self._terminal is not None:
-            self._handler.handle(logging.makeLogRecord({"live": words, "levelno": logging.CRITICAL}))
+        if self._redraws:
+            self._put(words)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a record for the writing thread."""
+        self._put(record)
 
     def close(self) -> None:
-        """Write what waits, and stop."""
-        self._logger.removeHandler(self._handler)
-        self._listener.stop()
+        """Write what waits, within `STOP_LIMIT_S`, and stop. May be called twice."""
+        self._logger.removeHandler(self)
+        self._waiting.put(None)
+        self._thread.join(STOP_LIMIT_S)
+        super().close()
+
+    def _put(self, item: logging.LogRecord | str) -> None:
+        if self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put(item)
+        else:
+            self.dropped += 1
+
+    def _serve(self) -> None:
+        """Write on a thread of its own, which alone may wait for a terminal."""
+        while True:
+            try:
+                item = self._waiting.get(timeout=_STALLED_S)
+            except queue.Empty:
+                self._terminal.draw()
+                continue
+            if item is None:
+                self._terminal.end()
+                return
+            if isinstance(item, str):
+                self._terminal.show(item)
+            else:
+                self._terminal.line(self._line_of(item, getattr(item, "fields", {})))
 
 
-def _redraws(stream: TextIO) -> bool:
-    return stream.isatty() and os.environ.get("TERM", "") not in {"", "dumb", "unknown"}
+def _json_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
+    """Return one object: time (Unix seconds), level, message, and the fields that came with it."""
+    row = {"time": round(record.created, 3), "level": record.levelname.lower(), "message": record.getMessage()}
+    return json.dumps({**row, **plain(fields)}, default=str)
 
 
-def _fields(record: logging.LogRecord) -> dict[str, Any]:
-    fields = getattr(record, "fields", {})
-    return dict(fields) if isinstance(fields, dict) else {}
+def _console_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
+    """Return a line for people: time of day, message, and the fields behind it."""
+    clock = time.strftime("%H:%M:%S", time.localtime(record.created))
+    mark = "" if record.levelno < logging.WARNING else f"{record.levelname} "
+    return f"{clock} {mark}{record.getMessage()}" + "".join(f"  {name}={value}" for name, value in fields.items())
 
 
 def say_outputs(log: Logger, outputs: Outputs) -> None:

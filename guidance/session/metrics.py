@@ -8,40 +8,19 @@ import threading
 from collections.abc import Mapping
 from typing import Final
 
-from prometheus_client import (
-    CONTENT_TYPE_LATEST,
-    CollectorRegistry,
-    Counter,
-    Gauge,
-    Histogram,
-    generate_latest,
-)
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
-from guidance.clock import Clock, MonotonicClock
 from guidance.errors import LinkError
 from guidance.flight import Flight, Outputs, State
 from guidance.messages import Heartbeat, LocalPosition
-from guidance.session.connections import ConnectionLimit
 
 MAX_CONNECTIONS: Final = 16
 REQUEST_DEADLINE_S: Final = 5.0
-"""Time for a whole exchange: request and answer. Then the connection is closed."""
-
-_DEADLINE_CHECK_INTERVAL_S: Final = 0.2
 _MAX_REQUEST_BYTES: Final = 8192
 _GAME_METRICS: Final = (
-    "value",
-    "time_needed_s",
-    "assured_distance_m",
-    "margin_s",
-    "vehicle_margin_s",
-    "reachable_speed_m_s",
-    "meeting_time_s",
-    "speed_ratio",
-    "evader_age_s",
-    "gap_m",
-    "height_gap_m",
-)
+    "value", "time_needed_s", "assured_distance_m", "margin_s", "vehicle_margin_s", "reachable_speed_m_s",
+    "meeting_time_s", "speed_ratio", "evader_age_s", "gap_m", "height_gap_m",
+)  # fmt: skip
 _BUCKETS_S: Final = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)
 
 
@@ -125,27 +104,26 @@ class Metrics:
 class MetricsServer:
     """Serves a registry at http://127.0.0.1:port/metrics, in one thread for all connections.
 
+    Of too many connections the oldest is closed: idle ones never keep a reader out.
+
     Args:
         metrics: Metrics to serve.
         port: TCP port on loopback.
-        clock: Time of the deadlines.
+        deadline_s: Time for a whole exchange: request and answer. Then the connection is closed.
 
     Raises:
         LinkError: If the port is in use.
     """
 
-    def __init__(self, metrics: Metrics, port: int, clock: Clock | None = None) -> None:
+    def __init__(self, metrics: Metrics, port: int, deadline_s: float = REQUEST_DEADLINE_S) -> None:
         try:
             listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
             raise LinkError(f"metrics.port = {port}: {error.strerror}; choose another") from error
         self.port = int(listener.getsockname()[1])
         self._registry = metrics.registry
-        self._limit = ConnectionLimit(
-            MonotonicClock() if clock is None else clock,
-            max_connections=MAX_CONNECTIONS,
-            deadline_s=REQUEST_DEADLINE_S,
-        )
+        self._deadline_s = deadline_s
+        self._answering: list[asyncio.Task[None] | None] = []
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
         self._thread = threading.Thread(target=self._run, args=(listener,), name="metrics")
@@ -162,26 +140,26 @@ class MetricsServer:
 
     async def _serve(self, listener: socket.socket) -> None:
         server = await asyncio.start_server(self._answer, sock=listener, limit=_MAX_REQUEST_BYTES)
-        while not self._ended.is_set():
-            self._limit.close_late()
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._ended.wait(), _DEADLINE_CHECK_INTERVAL_S)
+        await self._ended.wait()
         server.close()
 
     async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer one request and close the connection."""
         task = asyncio.current_task()
-        if task is not None:
-            self._limit.add(task, task.cancel)
+        self._answering.append(task)
+        if len(self._answering) > MAX_CONNECTIONS and (oldest := self._answering.pop(0)) is not None:
+            oldest.cancel()
         try:
-            with contextlib.suppress(asyncio.LimitOverrunError, asyncio.IncompleteReadError, ConnectionError):
-                request = await reader.readuntil(b"\r\n\r\n")
-                writer.write(self._response(request))
-                writer.close()
-                await writer.wait_closed()
+            with contextlib.suppress(asyncio.LimitOverrunError, asyncio.IncompleteReadError, OSError):
+                async with asyncio.timeout(self._deadline_s):
+                    request = await reader.readuntil(b"\r\n\r\n")
+                    writer.write(self._response(request))
+                    writer.close()
+                    await writer.wait_closed()
         finally:
             writer.transport.abort()
-            self._limit.remove(task)
+            if task in self._answering:
+                self._answering.remove(task)
 
     def _response(self, request: bytes) -> bytes:
         if not request.startswith(b"GET "):

@@ -14,11 +14,11 @@ from guidance.config import config_folder, parse
 from guidance.errors import ConfigError, OutputError
 from guidance.links.opening import Found, open_link
 from guidance.links.port import VehicleLink
-from guidance.messages import Parameter, ParameterRequest
+from guidance.preflight import PreflightMemory
 from guidance.session.discovery import autopilot_at
 from guidance.session.vehicle_file import Config
+from guidance.vehicle import VehicleState
 
-_ASK_EVERY_S: Final = 2.0
 READ_WITHIN_S: Final = 10.0
 _LOOK_EVERY_S: Final = 0.02
 _BEHIND_M: Final = 5.0
@@ -61,23 +61,18 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
             return Surveyed(profile.name, found, _read(link, profile, clock))
 
 
-def _read(link: VehicleLink, profile: Autopilot, clock: Clock) -> dict[str, float]:
+def _read(link: VehicleLink, profile: Autopilot, clock: Clock) -> Mapping[str, float]:
     """Request the parameters until all arrive or `READ_WITHIN_S` is over: an old firmware may lack one."""
-    wanted = {bound.parameter for bound in profile.bounds}
-    read: dict[str, float] = {}
-    begun_s, asked_s, now_s = clock.now_s(), -math.inf, clock.now_s()
-    while wanted - read.keys() and now_s - begun_s < READ_WITHIN_S:
-        if now_s - asked_s >= _ASK_EVERY_S:
-            asked_s = now_s
-            link.send_heartbeat()
-            for name in sorted(wanted - read.keys()):
-                link.request(ParameterRequest(name))
-        for message in link.receive():
-            if isinstance(message, Parameter) and message.name in wanted:
-                read[message.name] = message.value
+    memory = PreflightMemory(sorted({bound.parameter for bound in profile.bounds}))
+    begun_s = now_s = clock.now_s()
+    link.send_heartbeat()
+    while not memory.complete and now_s - begun_s < READ_WITHIN_S:
+        memory.observe(link.receive(), ())
+        for request in memory.requests(now_s):
+            link.request(request)
         clock.sleep_until(now_s + _LOOK_EVERY_S)
         now_s = clock.now_s()
-    return read
+    return memory.facts(VehicleState(), now_s).parameters
 
 
 def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed: Surveyed | None = None) -> str:
@@ -97,19 +92,14 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
     template = next(one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file())
     text = template.read_text(encoding="utf-8")
     text = f"{_head(described, surveyed)}\n{text[text.index('name = ') :]}"
-    changes: list[tuple[str, str, str, str]] = [
-        ("", "name", _quoted(name), "in orders, metrics and records"),
-        ("vehicle", "autopilot", _quoted(autopilot), ""),
-    ]
+    text = _changed(text, "", "name", _quoted(name), "in orders, metrics and records")
+    text = _changed(text, "vehicle", "autopilot", _quoted(autopilot))
     if url is not None:
-        changes.append(("vehicle", "url", _quoted(url), ""))
+        text = _changed(text, "vehicle", "url", _quoted(url))
     if surveyed is not None:
-        changes += [
-            ("vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT"),
-            *_bounded(text, surveyed),
-        ]
-    for change in changes:
-        text = _changed(text, *change)
+        text = _changed(text, "vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT")
+        for change in tuple(_bounded(text, surveyed)):
+            text = _changed(text, *change)
     parse(Config, tomllib.loads(text), source="the vehicle file")
     return text
 
@@ -132,17 +122,16 @@ def write_new(path: Path, text: str) -> None:
 
 
 def _head(autopilot: Autopilot, surveyed: Surveyed | None) -> str:
-    lines = [
-        "# A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."
-    ]
+    head = (
+        "# A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys.\n"
+    )
     if surveyed is None:
-        lines.append(f"# Written without a vehicle: the limits are the bundled ones for {autopilot.name}.")
-        return "\n".join((*lines, ""))
-    lines.append(f"# Read from system {surveyed.found.system_id}, {autopilot.name}:")
+        return f"{head}# Written without a vehicle: the limits are the bundled ones for {autopilot.name}.\n"
+    head += f"# Read from system {surveyed.found.system_id}, {autopilot.name}:\n"
     for limit in autopilot.bounds:
         value = surveyed.parameters.get(limit.parameter)
-        lines.append(f"#   {limit.parameter:<18} {'not read' if value is None else f'{value:g}'}")
-    return "\n".join((*lines, ""))
+        head += f"#   {limit.parameter:<18} {'not read' if value is None else f'{value:g}'}\n"
+    return head
 
 
 def _bounded(text: str, surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
@@ -177,7 +166,7 @@ def _value(text: str, section: str, key: str) -> str:
     return found[3]
 
 
-def _changed(text: str, section: str, key: str, value: str, why: str) -> str:
+def _changed(text: str, section: str, key: str, value: str, why: str = "") -> str:
     """Replace the value of a key, and give the reason in a comment."""
 
     def line(found: re.Match[str]) -> str:

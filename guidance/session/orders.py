@@ -21,6 +21,7 @@ MOST_ORDERS: Final = 64
 MOST_QUERIES: Final = 256
 """Longest queues. The loop empties both every cycle, so only a loop that hangs fills them."""
 
+ANSWER_LIMIT_S: Final = 2.0
 QUERIES: Final = frozenset({STATUS, ALIVE})
 """Words that are answered with the status and change nothing."""
 
@@ -45,13 +46,11 @@ class Question:
     Args:
         order: One of `WORDS`.
         by: Name of the person or program; empty if unknown.
-        told: Called when it is answered.
         authority: Whether a person asks or a mission.
     """
 
     order: str
     by: str = ""
-    told: Callable[[], None] = lambda: None
     authority: Authority = Authority.OPERATOR
     _answer: Answer | None = None
     _answered: threading.Event = field(default_factory=threading.Event)
@@ -60,7 +59,6 @@ class Question:
         """Answer it."""
         self._answer = answer
         self._answered.set()
-        self.told()
 
     def wait(self, timeout_s: float) -> Answer | None:
         """Wait for the answer; None if there is none in time."""
@@ -81,15 +79,9 @@ class Mailbox:
         """Answer everything by `answer`, on the asking thread, while no loop runs; None: the loop answers."""
         self._meanwhile = answer
 
-    def ask(
-        self,
-        order: str,
-        by: str = "",
-        told: Callable[[], None] = lambda: None,
-        authority: Authority = Authority.OPERATOR,
-    ) -> Question:
+    def ask(self, order: str, by: str = "", authority: Authority = Authority.OPERATOR) -> Question:
         """Put an order or a query to the loop. It is answered at once if the queue is full or no loop runs yet."""
-        question = Question(order, by, told, authority)
+        question = Question(order, by, authority)
         meanwhile = self._meanwhile
         if meanwhile is not None:
             question.answer(meanwhile(order))
@@ -101,6 +93,11 @@ class Mailbox:
                 return question
         question.answer({"accepted": False, "order": order, "reason": "too many wait already; does the loop run?"})
         return question
+
+    def answer(self, order: str, by: str) -> Answer:
+        """Put an order or a query to the loop, and wait for the answer, `ANSWER_LIMIT_S` at most."""
+        reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
+        return self.ask(order, by).wait(ANSWER_LIMIT_S) or {"accepted": False, "order": order, "reason": reason}
 
     def take(self) -> tuple[Sequence[Question], Sequence[Question]]:
         """Take all orders and all queries that wait, each oldest first."""

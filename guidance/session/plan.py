@@ -6,7 +6,7 @@ file with the scenario's own limits.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,7 +18,7 @@ from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
 from guidance.flight.settings import LIMITS_S, FlightSection
-from guidance.frames import Amsl, Vector
+from guidance.frames import Amsl
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
 from guidance.game.extent import POINT
 from guidance.session.vehicle_file import Config, EvaderSection, GameSection, LogSection, Vehicle
@@ -61,38 +61,30 @@ def plan_of(config: Config | None = None, scenario: "Scenario | None" = None) ->
         if scenario is None:
             raise ConfigError("neither a vehicle file nor a scenario: give at least one")
         vehicle = Vehicle(autopilot=scenario.pursuer.autopilot, url=_MOCK_URL)
-        settings = _settings(_as_vehicle_file(scenario, vehicle, _MOCK_URL), scenario, _site(scenario), LIMITS_S)
+        settings = _settings(_as_vehicle_file(scenario, vehicle, _MOCK_URL), scenario, mocked=True)
         return FlightPlan(flight=settings, document=scenario.model_dump_json())
-    site = None
-    if scenario is None:
-        target = config.game.target
-        if target is not None:
-            site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
-    else:
-        config = merged(scenario, config)
-        site = _site(scenario) if "site" in scenario.model_fields_set else None
-    limits_s: dict[State, float] = {
-        state: limit_s for state, limit_s in LIMITS_S.items() if state not in _UNLIMITED_WITH_A_PERSON
-    }
-    settings = _settings(config, scenario, site, limits_s)
+    config = config if scenario is None else merged(scenario, config)
+    settings = _settings(config, scenario)
     return FlightPlan(flight=settings, wants=_wants(config, settings), document=config.model_dump_json())
 
 
-def _settings(
-    config: Config, scenario: "Scenario | None", site: tuple[float, float, Amsl] | None, limits_s: Mapping[State, float]
-) -> FlightSettings:
-    autopilot, game = autopilot_named(config.vehicle.autopilot), config.game
+def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = False) -> FlightSettings:
+    autopilot, game, target = autopilot_named(config.vehicle.autopilot), config.game, config.game.target
     speed_set, standoff = _speed_set(game), StandOff(game.standoff_radius_m, game.standoff_height_m)
     strategy, start_game_m, target_game_m = Strategy(game.policy, gain=game.navigation_gain), None, None
-    target_extent = POINT if game.target is None else game.target.extent
+    target_extent, site = POINT if target is None else target.extent, None
     if scenario is not None:
         from guidance.sim import players  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
-        start_game_m, target_game_m = _start_game_m(scenario), players.target_game_m(scenario)
+        x, y, z = scenario.pursuer.position_m
+        start_game_m, target_game_m = (x, y, z - scenario.evader.height_m), players.target_game_m(scenario)
         target_extent = players.target_extent(scenario)
         strategy = players.pursuer_strategy(scenario, np.array(start_game_m), speed_set, scenario.seed)
-    elif game.target is not None:
+        site = players.site(scenario) if mocked or "site" in scenario.model_fields_set else None
+    elif target is not None:
         target_game_m = (0.0, 0.0, 0.0)  # the game frame's zero is the target; only height differences matter
+        site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
+    unlimited = () if mocked else _UNLIMITED_WITH_A_PERSON
     handling = autopilot.handling
     cycle = CycleSettings(
         speed_set=speed_set,
@@ -116,7 +108,7 @@ def _settings(
         limits=config.limits,
         start_game_m=start_game_m,
         hold_on_rival=config.evader.second_source == "hold",
-        limits_s=limits_s,
+        limits_s={state: limit_s for state, limit_s in LIMITS_S.items() if state not in unlimited},
     )
 
 
@@ -128,17 +120,6 @@ def _wants(config: Config, flight: FlightSettings) -> Wants:
     reserve = flight.reserve
     needed = None if reserve is None else reserve.needed(flight.farthest_m, flight.takeoff_height_m)
     return Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
-
-
-def _site(scenario: "Scenario") -> tuple[float, float, Amsl]:
-    from guidance.sim import players  # noqa: PLC0415 - as above
-
-    return players.site(scenario)
-
-
-def _start_game_m(scenario: "Scenario") -> Vector:
-    x, y, z = scenario.pursuer.position_m
-    return (x, y, z - scenario.evader.height_m)
 
 
 def merged(scenario: "Scenario", config: Config) -> Config:

@@ -39,15 +39,14 @@ def claim() -> str:
     policy = os.sched_getscheduler(0)
     if policy in {os.SCHED_FIFO, os.SCHED_RR}:  # set by systemd
         return f"realtime {os.sched_getparam(0).sched_priority}"
+    threads = [int(path.name) for path in Path("/proc/self/task").iterdir()]
     for words, raise_one in ((f"realtime {PRIORITY}", _to_real_time), (f"nice {NICE}", _to_nice)):
-        try:
+        with contextlib.suppress(PermissionError):
             raise_one(0)
-        except PermissionError:
-            continue
-        for thread in _threads():
-            with contextlib.suppress(ProcessLookupError, PermissionError):  # a thread may have just ended
-                raise_one(thread)
-        return words
+            for thread in threads:
+                with contextlib.suppress(ProcessLookupError, PermissionError):  # a thread may have just ended
+                    raise_one(thread)
+            return words
     return "as others"
 
 
@@ -57,10 +56,6 @@ def _to_real_time(thread: int) -> None:
 
 def _to_nice(thread: int) -> None:
     os.setpriority(os.PRIO_PROCESS, thread, NICE)
-
-
-def _threads() -> list[int]:
-    return [int(path.name) for path in Path("/proc/self/task").iterdir()]
 
 
 class GcScheduler:

@@ -4,16 +4,17 @@ import contextlib
 import json
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from guidance.clock import MonotonicClock
-from guidance.config import find
+from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.session.answers import startup_answers
+from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import daemon_recording, flight_metadata
 from guidance.session.log import Log
@@ -23,75 +24,73 @@ from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.process import Notifier, claim
 from guidance.session.vehicle_file import Config, load_vehicle
-from guidance.session.vehicle_world import EVADER, open_all, open_control
+from guidance.session.vehicle_world import EVADER, VehicleWorld, open_all, open_control
 
 _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record")
 """Sections that are opened at the start: a change of these needs a restart."""
 
 
-def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None) -> None:
-    """Run the daemon of a configuration until it is ended.
+@contextlib.contextmanager
+def opened_vehicle(
+    config: Config, clock: Clock, *, tapped: bool
+) -> Iterator[tuple[VehicleWorld, ControlBus, Equipment]]:
+    """Open all that a vehicle file names, and wait until the vehicle was heard; orders are answered meanwhile.
 
     Args:
-        name: A path, or of a vehicle file that comes along.
-        on_config: Called with the configuration before anything is opened.
+        config: The vehicle file.
+        clock: The process's.
+        tapped: Whether raw frames are passed on.
+
+    Yields:
+        Its world, where its orders arrive, and a daemon's equipment with mailbox, log and notifier.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    path = find(name, "vehicles")
-    config = load_vehicle(path)
-    plan = plan_of(config)
-    on_config(config)
-    clock, mailbox, metrics = MonotonicClock(), Mailbox(), Metrics(config.name)
-    signals = Signals(ORDER_OF[config.flight.on_terminate], lambda: reload(path, config))
-    with signals.installed(), contextlib.ExitStack() as closing:
+    mailbox, wanted = Mailbox(), config.vehicle
+    with contextlib.ExitStack() as closing:
         log = closing.enter_context(contextlib.closing(Log(config.log.format, config.log.level)))
         notifier = closing.enter_context(contextlib.closing(Notifier.from_environment(os.environ, os.getpid())))
-        wanted = config.vehicle
         waiting_for = f"a HEARTBEAT of system {wanted.system_id}, component {wanted.component_id} at {wanted.url}"
         mailbox.meanwhile(startup_answers(config.name, waiting_for, wanted.connect_timeout_s, clock))
         control = closing.enter_context(contextlib.closing(open_control(config, mailbox)))
+        fields = {"url": wanted.url, "system": wanted.system_id, "component": wanted.component_id}
+        log.say(logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=wanted.connect_timeout_s)
+        world = closing.enter_context(contextlib.closing(open_all(config, clock, tapped=tapped)))
+        yield world, control, Equipment(mailbox=mailbox, log=log, notifier=notifier)
+
+
+def run_vehicle(path: Path, config: Config) -> None:
+    """Run the daemon of a vehicle file until it is ended.
+
+    Args:
+        path: Of the file, which SIGHUP reads again.
+        config: Its content.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    plan = plan_of(config)
+    clock, metrics = MonotonicClock(), Metrics(config.name)
+    signals = Signals(ORDER_OF[config.flight.on_terminate], lambda: reload(path, config))
+    with signals.installed(), contextlib.ExitStack() as closing:
         if config.metrics.port is not None:
             closing.enter_context(contextlib.closing(MetricsServer(metrics, config.metrics.port)))
-        log.say(
-            logging.INFO,
-            "waiting for a HEARTBEAT",
-            name=config.name,
-            url=wanted.url,
-            system=wanted.system_id,
-            component=wanted.component_id,
-            at_most_s=wanted.connect_timeout_s,
-        )
-        world = open_all(config, clock, tapped=config.record.folder is not None)
-        closing.callback(world.close)
+        tapped = config.record.folder is not None
+        world, control, used = closing.enter_context(opened_vehicle(config, clock, tapped=tapped))
         metadata = flight_metadata(None, config, clock)
-        record = closing.enter_context(daemon_recording(config, metadata, log))
+        record = closing.enter_context(daemon_recording(config, metadata, used.log))
         broadcast = closing.enter_context(contextlib.closing(Broadcast(config.name, control.session, metadata)))
-        used = Equipment(
-            mailbox=mailbox,
-            log=log,
-            metrics=metrics,
-            notifier=notifier,
-            record=record,
-            broadcast=broadcast,
-            record_required=config.record.required,
-            live=log.show,
-        )
+        used = replace(used, metrics=metrics, record=record, broadcast=broadcast, live=used.log.show)
+        used = replace(used, record_required=config.record.required)
         daemon = Daemon(config.name, plan, world.links[config.name], world.evaders[config.name][EVADER], used)
-        notifier.ready()
-        log.say(
-            logging.INFO,
-            "running",
-            name=config.name,
-            control=config.control.endpoint,
-            autopilot=plan.flight.autopilot.name,
-            scheduling=claim(),
-        )
-        mailbox.meanwhile(None)
+        used.notifier.ready()
+        started = {"name": config.name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
+        used.log.say(logging.INFO, "running", **started, scheduling=claim())
+        used.mailbox.meanwhile(None)
         run([daemon], world, clock, signals=signals)
         broadcast.event(clock.now_s(), FLIGHT_OVER, json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}))
-        log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
+        used.log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 
 
 def reload(path: Path, before: Config) -> FlightPlan:

@@ -3,7 +3,7 @@
 import contextlib
 import stat
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Final
@@ -109,17 +109,33 @@ def open_all(
         ConfigError: If a URL or the signing key is wrong.
         LinkError: If something cannot be opened, the vehicle is not heard, or another daemon owns it.
     """
+    vehicle, evader, taps = config.vehicle, config.evader, list[TappedWire]()
+    credentials, key = credentials_of(config.zenoh), signing_key(vehicle.signing_key_file)
     with contextlib.ExitStack() as closing:
-        credentials = credentials_of(config.zenoh)
         _claim(config, credentials, closing)
-        taps: list[TappedWire] = []
-        wire = _vehicle_wire(config, clock, credentials) if wire is None else wire
+        if wire is None:  # the evader's reports arrive on it too, unless they have a URL of their own
+            both = (vehicle.system_id, evader.system_id if evader.url is None else None)
+            wire = _open_wire(vehicle.url, both, key, clock, credentials)
         closing.callback(wire.close)
-        link, spare = _open_link(config, clock, wire, taps if tapped else None)
+        if tapped:
+            wire = TappedWire(wire, clock.now_s, config.name)
+            taps.append(wire)
+        if evader.url is None:
+            wire, evader_wire = share(wire, 2)
+        link = open_link(
+            wire,
+            vehicle.link,
+            clock=clock.now_s,
+            who=f"{vehicle.url}: system {vehicle.system_id}",
+            system_id=vehicle.system_id,
+            component_id=vehicle.component_id,
+            signing_key=key,
+            timeout_s=vehicle.connect_timeout_s,
+        )
         closing.callback(link.close)
-        evader = _open_source(config, clock, credentials, spare if evader_wire is None else evader_wire)
-        closing.callback(evader.close)
-        return VehicleWorld({config.name: link}, {config.name: {EVADER: evader}}, taps, closing.pop_all())
+        source = _open_source(config, clock, credentials, evader_wire)
+        closing.callback(source.close)
+        return VehicleWorld({config.name: link}, {config.name: {EVADER: source}}, taps, closing.pop_all())
 
 
 def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitStack) -> None:
@@ -134,55 +150,22 @@ def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitSta
     closing.callback(token.close)
 
 
-def _vehicle_wire(config: Config, clock: Clock, credentials: Credentials) -> Wire:
-    """Open the vehicle's wire; the evader's reports arrive on it too, unless they have a URL of their own."""
-    vehicle, evader = config.vehicle, config.evader
-    both = (vehicle.system_id, evader.system_id if evader.url is None else None)
-    key = signing_key(vehicle.signing_key_file)
-    return _open_wire(vehicle.url, {one for one in both if one is not None}, key, clock, credentials)
-
-
 def _open_wire(
-    url: str, systems: Collection[int], key: SigningKey | None, clock: Clock, credentials: Credentials
+    url: str, systems: Iterable[int | None], key: SigningKey | None, clock: Clock, credentials: Credentials
 ) -> Wire:
-    keys = {} if key is None else dict.fromkeys(systems, key)
-    return open_wire(
-        url, clock=clock.now_s, systems=systems, keys=keys, credentials=credentials, timeout_s=_WIRE_LIMIT_S
-    )
+    known = {system for system in systems if system is not None}
+    keys = {} if key is None else dict.fromkeys(known, key)
+    return open_wire(url, clock=clock.now_s, systems=known, keys=keys, credentials=credentials, timeout_s=_WIRE_LIMIT_S)
 
 
-def _open_link(
-    config: Config, clock: Clock, wire: Wire, taps: list[TappedWire] | None
-) -> tuple[VehicleLink, Wire | None]:
-    """Open the link; the second result is a share of its wire for the evader, if that has no URL of its own."""
-    vehicle = config.vehicle
-    now_s = clock.now_s
-    if taps is not None:
-        wire = TappedWire(wire, now_s, config.name)
-        taps.append(wire)
-    ours, spare = wire, None
-    if config.evader.url is None:
-        ours, spare = share(wire, 2)
-    link = open_link(
-        ours,
-        vehicle.link,
-        clock=now_s,
-        who=f"{vehicle.url}: system {vehicle.system_id}",
-        system_id=vehicle.system_id,
-        component_id=vehicle.component_id,
-        signing_key=signing_key(vehicle.signing_key_file),
-        timeout_s=vehicle.connect_timeout_s,
-    )
-    return link, spare
-
-
-def _open_source(config: Config, clock: Clock, credentials: Credentials, spare: Wire | None) -> EvaderSource:
+def _open_source(config: Config, clock: Clock, credentials: Credentials, wire: Wire | None) -> EvaderSource:
+    """Open the evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
     evader = config.evader
-    url = evader.url if evader.url is not None else config.vehicle.url
-    asked, key = None, _evader_key(config)
-    if evader.request_rate_hz is not None and evader.system_id is not None:
-        wire = _open_wire(url, (evader.system_id,), key, clock, credentials) if spare is None else spare
-        spare, asked = share(wire, 2)
+    url, key, rate_hz = evader.url or config.vehicle.url, _evader_key(config), evader.request_rate_hz
+    asked = None
+    if rate_hz is not None:
+        wire = _open_wire(url, (evader.system_id,), key, clock, credentials) if wire is None else wire
+        wire, asked = share(wire, 2)
     source = open_source(
         evader.kind,
         url,
@@ -194,12 +177,12 @@ def _open_source(config: Config, clock: Clock, credentials: Credentials, spare: 
             evader.icao_address,
             None if evader.id_or_mac is None else bytes.fromhex(evader.id_or_mac),
         ),
-        wire=None if evader.kind in ON_ZENOH else spare,
+        wire=None if evader.kind in ON_ZENOH else wire,
         signing_key=key,
         credentials=credentials,
         timeout_s=_WIRE_LIMIT_S,
     )
-    if asked is None or evader.system_id is None or evader.request_rate_hz is None:
+    if asked is None or evader.system_id is None or rate_hz is None:
         return source
     link = PymavlinkLink(
         asked,
@@ -210,14 +193,14 @@ def _open_source(config: Config, clock: Clock, credentials: Credentials, spare: 
         signing_key=key,
         unix_s=time.time_ns() / 1e9,
     )
-    return PolledEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=evader.request_rate_hz)
+    return PolledEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=rate_hz)
 
 
 def _frame(evader: EvaderSection) -> LocalFrame:
     """Return the declared frame; by default one at sea level, for sources that need no frame."""
-    if evader.frame is None:
-        return LocalFrame(0.0, 0.0, Amsl(0.0))
     given = evader.frame
+    if given is None:
+        return LocalFrame(0.0, 0.0, Amsl(0.0))
     home = None if given.home_altitude_amsl_m is None else Amsl(given.home_altitude_amsl_m)
     return LocalFrame(
         given.latitude_deg, given.longitude_deg, Amsl(given.altitude_amsl_m), home, undulation_m=given.undulation_m

@@ -1,13 +1,12 @@
 """A daemon's status for people: a table that fits, again and again, and the live line below the log."""
 
 import io
-import logging
 
 import pytest
 from rich.console import Console
 
-from guidance.cli.daemon_status import status_table, watch
-from guidance.cli.short_order import answer_words
+from guidance.cli import answer_words
+from guidance.cli.daemon import status_table, watch_status
 from guidance.session import log as logs
 from guidance.session.log import Log
 
@@ -64,7 +63,7 @@ def test_an_order_is_answered_in_a_line():
 
 def test_a_status_is_watched_below_each_other_where_nothing_can_be_redrawn():
     written, slept = io.StringIO(), []
-    watch(Console(file=written, width=80), lambda: STATUS, slept.append, times=3)
+    watch_status(Console(file=written, width=80), lambda: STATUS, slept.append, times=3)
     assert written.getvalue().count("31.4 m to the evader") == 3
     assert slept == [1.0] * 3
 
@@ -79,10 +78,9 @@ def test_the_live_line_stays_below_the_lines_of_a_terminal_and_says_when_it_is_o
     now_s = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     terminal = Terminal()
-    lines = logs._Terminal(terminal)
-    lines.setFormatter(logging.Formatter("%(message)s"))
-    lines.emit(logging.makeLogRecord({"live": "engaged  20.0 m up"}))
-    lines.emit(logging.makeLogRecord({"msg": "order"}))
+    lines = logs._Terminal(terminal, redraws=True)
+    lines.show("engaged  20.0 m up")
+    lines.line("order")
     assert terminal.getvalue().split(logs._ANEW) == ["", "engaged  20.0 m up", "order\n", "engaged  20.0 m up"]
     now_s[0] = 9.0
     lines.draw()

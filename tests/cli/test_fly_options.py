@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 from guidance.cli import app, fly_scenario
 from guidance.errors import ConfigError
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
-from guidance.session.fly_vehicle import Asked
+from guidance.session.fly import Asked
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 

@@ -8,8 +8,7 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.control.limits import StandOffLimit
 from guidance.flight import EngageOn, Event, State
-from guidance.flight.detection import events, fit
-from guidance.flight.readiness import checks
+from guidance.flight.detection import checks, events, fit
 from guidance.flight.settings import AfterCapture
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition

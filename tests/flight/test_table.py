@@ -4,7 +4,7 @@ import pytest
 
 from guidance.autopilots import Mode
 from guidance.flight import FINAL, ORDERS, Event, State
-from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, next_state
+from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, next_state, state_words
 
 COMMANDING = {State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION}
 AIRBORNE = {State.CLIMBING, State.POSITIONING, State.STANDING_BY}
@@ -19,6 +19,12 @@ def test_every_pair_has_one_answer_and_unlisted_pairs_change_nothing(state, even
     assert after in State
     if (state, event) not in TRANSITIONS:
         assert after is state
+
+
+def test_a_vehicle_found_in_the_air_is_not_called_ready():
+    assert state_words(State.READY, airborne=True) == "not taken over"
+    assert state_words(State.READY, airborne=False) == "ready"
+    assert state_words(State.ENGAGED, airborne=True) == "engaged"
 
 
 @pytest.mark.parametrize("state", sorted(FINAL))

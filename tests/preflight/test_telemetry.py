@@ -22,7 +22,7 @@ from guidance.messages import (
     SystemStatus,
 )
 from guidance.preflight import Facts, PreflightMemory, rows
-from guidance.preflight.survey import ASK_AGAIN_S
+from guidance.preflight.judging import ASK_AGAIN_S
 from guidance.vehicle import VehicleState, observe
 from tests.preflight.wants import wants_of
 

@@ -52,7 +52,7 @@ def token(tmp_path):
 
 @pytest.fixture
 def control(loop, token):
-    made = ControlSocket("uav1", loop.mailbox, token)
+    made = ControlSocket("uav1", loop.mailbox.answer, token)
     yield made
     made.close()
 
@@ -75,7 +75,7 @@ def test_a_socket_left_by_a_killed_daemon_counts_as_none_and_is_replaced(loop, t
     with socket.socket(socket.AF_UNIX) as left:
         left.bind(str(socket_path(token.path)))
     assert asked("hold", token) is None
-    again = ControlSocket("uav1", loop.mailbox, token)
+    again = ControlSocket("uav1", loop.mailbox.answer, token)
     assert asked("hold", token)["accepted"]
     again.close()
     assert not socket_path(token.path).exists()
@@ -95,7 +95,7 @@ def test_another_token_another_name_and_an_unknown_order_are_errors(control, tok
 @pytest.mark.parametrize(("token_mode", "socket_mode"), [(0o600, 0o600), (0o640, 0o660), (0o644, 0o666)])
 def test_the_socket_has_the_rights_of_the_token_file(loop, token, token_mode, socket_mode):
     token.path.chmod(token_mode)
-    made = ControlSocket("uav1", loop.mailbox, token)
+    made = ControlSocket("uav1", loop.mailbox.answer, token)
     assert stat.S_IMODE(socket_path(token.path).stat().st_mode) == socket_mode
     made.close()
 
@@ -104,7 +104,7 @@ def test_a_path_too_long_for_the_kernel_works(loop, tmp_path):
     folder = tmp_path / ("f" * 120)
     path = folder / "ctl.token"
     token = control_token.publish(control_token.draw(path), path)
-    made = ControlSocket("uav1", loop.mailbox, token)
+    made = ControlSocket("uav1", loop.mailbox.answer, token)
     assert asked("hold", token)["accepted"]
     made.close()
 

@@ -119,5 +119,5 @@ def test_a_wrong_fault_is_refused_by_its_place_key_and_value_before_anything_sta
 
 def test_a_flight_with_a_wrong_fault_leaves_nothing_behind(tmp_path):
     with pytest.raises(ConfigError, match="gremlins"):
-        fly_mock(scenario(fault=[{"kind": "gremlins"}]), tmp_path / "out", lambda _: None, MockOptions(fast=True))
+        fly_mock(scenario(fault=[{"kind": "gremlins"}]), tmp_path / "out", MockOptions(fast=True))
     assert list(tmp_path.iterdir()) == []

@@ -23,7 +23,7 @@ from guidance.links.opening import Found, find_autopilot
 from guidance.links.port import parse
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.discovery import identify, wait_until_placed
-from guidance.session.fly_vehicle import laid_about
+from guidance.session.fly import laid_about
 from guidance.session.plan import config_of, plan_of
 from guidance.session.result import outcome_of_flight
 from guidance.session.sequencer import MissionPolicy

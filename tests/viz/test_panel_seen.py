@@ -90,6 +90,7 @@ def test_a_snapshot_of_the_chase_equals_the_record(record):
     row = next(row for row in cycles_of(record) if row.state is State.ENGAGED and row.certificate is not None)
     seen, scene = fold.snapshot(), fold.scene
     json.dumps([seen, scene], allow_nan=False)
+    assert seen["state_words"] == "engaged"
     assert (seen["state"], seen["mode"], seen["armed"], seen["streaming"]) == ("engaged", "OFFBOARD", True, True)
     game, certificate = seen["game"], row.certificate
     assert game["value"] == certificate.value

@@ -15,7 +15,7 @@ import secrets
 import socket
 import ssl
 import stat
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -25,7 +25,6 @@ from aiohttp import web
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
-from guidance.session.connections import ConnectionLimit
 
 MIN_PASSWORD_LENGTH: Final = 12
 PASSWORD_INTERVAL_S: Final = 1.0
@@ -232,6 +231,59 @@ def page_file(name: str, status: int = 200) -> web.Response:
     if kind is None or "/" in name or "\\" in name or not file.is_file():
         raise web.HTTPNotFound
     return web.Response(status=status, body=file.read_bytes(), content_type=kind, charset="utf-8")
+
+
+class _Pending(NamedTuple):
+    deadline_s: float
+    close: Callable[[], object]
+
+
+class ConnectionLimit:
+    """Closes connections that are idle or too many. Idle connections never keep a new one out.
+
+    Args:
+        clock: Time of the deadlines.
+        max_connections: Open at the same time.
+        deadline_s: Time from `add` to `admit`; then the connection is closed.
+    """
+
+    def __init__(self, clock: Clock, *, max_connections: int, deadline_s: float) -> None:
+        self._clock = clock
+        self._max_connections = max_connections
+        self._deadline_s = deadline_s
+        self._pending: dict[Hashable, _Pending] = {}  # oldest first
+        self._admitted: set[Hashable] = set()
+
+    def __contains__(self, connection: Hashable) -> bool:
+        return connection in self._pending or connection in self._admitted
+
+    def add(self, connection: Hashable, close: Callable[[], object]) -> bool:
+        """Count a new connection; at the limit, close the oldest that is not admitted. False if all are admitted."""
+        if len(self._pending) + len(self._admitted) >= self._max_connections:
+            if not self._pending:
+                return False
+            self._close(next(iter(self._pending)))
+        self._pending[connection] = _Pending(self._clock.now_s() + self._deadline_s, close)
+        return True
+
+    def admit(self, connection: Hashable) -> None:
+        """Remove the deadline of a connection."""
+        if self._pending.pop(connection, None) is not None:
+            self._admitted.add(connection)
+
+    def remove(self, connection: Hashable) -> None:
+        """Forget a connection that has ended."""
+        self._pending.pop(connection, None)
+        self._admitted.discard(connection)
+
+    def close_late(self) -> None:
+        """Close the connections that missed their deadline."""
+        now_s = self._clock.now_s()
+        for connection in [one for one, pending in self._pending.items() if pending.deadline_s <= now_s]:
+            self._close(connection)
+
+    def _close(self, connection: Hashable) -> None:
+        self._pending.pop(connection).close()
 
 
 class Listener:

@@ -16,15 +16,16 @@ import numpy as np
 from guidance.certificate import Certificate
 from guidance.control.follow import gaps_to_disc
 from guidance.flight import FlightSettings, State
-from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
-from guidance.flight.table import SETPOINT_STATES
+from guidance.flight.detection import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
+from guidance.flight.table import SETPOINT_STATES, state_words
 from guidance.frames import ned_from_game
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, title_of
 from guidance.log.codec import plain
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
 from guidance.log.reader import CONFIG, entry_of
-from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, Message, SystemStatus
+from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LandedState, LocalPosition, Message, SystemStatus
+from guidance.vehicle import LANDED_ON_GROUND
 from guidance.viz.shapes import fence_edges, isochron_at, target_edge
 
 if TYPE_CHECKING:
@@ -256,6 +257,7 @@ class SnapshotFold:
             **self._vehicle(row.now_s),
             "now_s": round(cycle.now_s, 3),
             "state": str(row.state),
+            "state_words": state_words(row.state, airborne=self._airborne),
             "streaming": row.setpoint is not None,
             "source": self._report,
             "pursuer_m": rounded(cycle.pursuer_m),
@@ -278,6 +280,12 @@ class SnapshotFold:
         }
         snapshot["levels"] = of_snapshot(snapshot, self._settings)
         return dict(plain(snapshot))
+
+    @property
+    def _airborne(self) -> bool:
+        heartbeat, landed = self._heard.get(Heartbeat), self._heard.get(LandedState)
+        on_ground = isinstance(landed, LandedState) and landed.landed_state == LANDED_ON_GROUND
+        return isinstance(heartbeat, Heartbeat) and heartbeat.armed and not on_ground
 
     def _vehicle(self, now_s: float) -> Plain:
         """Return what the vehicle says of itself."""

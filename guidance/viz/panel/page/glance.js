@@ -69,7 +69,7 @@ export class Glance {
       mode.textContent = status.waiting_for ? TEXTS.waiting(status.waiting_for) : "";
       this.fill([]);
     } else {
-      lamp(state, seen.levels.state, seen.state);
+      lamp(state, seen.levels.state, seen.state_words);
       mode.textContent = `${seen.armed ? TEXTS.armed : TEXTS.disarmed} · ${seen.mode}`;
       this.fill(lines(daemon));
     }

@@ -103,7 +103,7 @@ class Live {
 
   tabs(daemon) {
     const daemons = [...this.feed.daemons.values()];
-    const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state ?? one.status.state ?? "–"}`);
+    const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state_words ?? one.status.state ?? "–"}`);
     const shown = JSON.stringify([words, daemon?.key]);
     if (shown !== this.shownTabs) {
       this.shownTabs = shown;

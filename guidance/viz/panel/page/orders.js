@@ -32,7 +32,8 @@ export class Orders {
     const state = daemon.snapshot?.state ?? daemon.status.state ?? "connecting";
     const status = daemon.status;
     const gone = lost(daemon);
-    this.always?.forEach((button) => disable(button, gone || refusal(daemon, state, button.dataset.order)));
+    const words = daemon.snapshot?.state_words ?? state;
+    this.always?.forEach((button) => disable(button, gone || refusal(daemon, words, button.dataset.order)));
     const order = gone ? undefined : NEXT[state];
     const reason = status.refused_orders?.[order] ?? status.reason ?? "";
     const after = TEXTS.after[status.after_capture] ?? TEXTS.after.hold;
