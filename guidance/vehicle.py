@@ -63,8 +63,6 @@ class VehicleState(NamedTuple):
 
     Attributes:
         latest: The latest message of every kind; HOME_POSITION as `observe` accepts it.
-        armed: As in the last HEARTBEAT.
-        yaw_rad: Heading in the last ATTITUDE, from north; zero before the first one.
         home_taken: Whether home is fixed, from arming to disarming.
         resets: Number of estimator resets: ODOMETRY counts one, or LOCAL_POSITION_NED jumps.
         reset_s: Time of the last reset.
@@ -75,8 +73,6 @@ class VehicleState(NamedTuple):
     """
 
     latest: Mapping[type, Message] = MappingProxyType({})
-    armed: bool = False
-    yaw_rad: float = 0.0
     home_taken: bool = False
     resets: int = 0
     reset_s: float = -math.inf
@@ -87,13 +83,25 @@ class VehicleState(NamedTuple):
 
     def last(self, kind: type[Kind]) -> Kind | None:
         """Return the latest message of a kind, None before the first one."""
-        message = self.latest.get(kind)
-        return message if isinstance(message, kind) else None
+        message: Any = self.latest.get(kind)
+        return message
 
     def age_s(self, kind: type[Kind], now_s: float) -> float:
         """Seconds since a message of this kind arrived; infinite if none ever did."""
         message = self.latest.get(kind)
         return math.inf if message is None else now_s - message.received_s
+
+    @property
+    def armed(self) -> bool:
+        """Whether the last HEARTBEAT says armed; False before the first one."""
+        beat = self.last(Heartbeat)
+        return beat is not None and beat.armed
+
+    @property
+    def yaw_rad(self) -> float:
+        """Heading in the last ATTITUDE, from north; zero before the first one."""
+        attitude = self.last(Attitude)
+        return 0.0 if attitude is None else attitude.yaw_rad
 
     @property
     def on_ground(self) -> bool:
@@ -129,8 +137,6 @@ def _changed_by(message: Message, state: VehicleState) -> dict[str, Any] | None:
     match message:
         case LocalPosition():
             changed = _changed_by_position(message, state)
-        case Attitude():
-            changed = {"yaw_rad": message.yaw_rad}
         case Home():
             changed = None if state.home_taken and state.armed else {"home_taken": state.armed}
         case Odometry(received_s, counter):
@@ -139,7 +145,7 @@ def _changed_by(message: Message, state: VehicleState) -> dict[str, Any] | None:
                 changed = {"resets": state.resets + 1, "reset_s": received_s}
         case Heartbeat():
             taken = message.armed and (state.home_taken or _home_is_here(state, message))
-            changed = {"armed": message.armed, "home_taken": taken}
+            changed = {"home_taken": taken}
         case CommandAck() | StatusText():
             changed = None
     return changed

@@ -190,8 +190,7 @@ def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[No
         distance += off * off * share
         spread *= expected
         mean = [number + off * share * one for number, one in zip(mean, shared, strict=True)]
-        known = [one * other * share for row, one in enumerate(shared) for other in shared[: row + 1]]
-        covariance = [number - less for number, less in zip(covariance, known, strict=True)]
+        covariance = [number - share * known for number, known in zip(covariance, _square(*shared), strict=False)]
     return Normal(mean, covariance), distance, spread
 
 
@@ -200,14 +199,17 @@ def blended(one: Normal, other: Normal, share: float) -> Normal:
 
     `blended(*modes)` is the mixture of both models: north, east and their rates.
     """
-    rest = 1.0 - share
-    apart = [there - here for here, there in zip(one.mean, other.mean, strict=False)]
-    spread = [rest * share * (by * along) for row, by in enumerate(apart) for along in apart[: row + 1]]
-    rows = zip(one.covariance, other.covariance, spread, strict=False)
+    rest, apart = 1.0 - share, [there - here for here, there in zip(one.mean, other.mean, strict=False)]
+    rows, spread = zip(one.covariance, other.covariance, _square(*apart), strict=False), rest * share
     return Normal(
         [rest * here + share * there for here, there in zip(one.mean, other.mean, strict=False)],
-        [rest * here + share * there + more for here, there, more in rows],
+        [rest * here + share * there + spread * square for here, there, square in rows],
     )
+
+
+def _square(a: float, b: float, c: float, d: float, e: float = 0.0) -> Numbers:
+    """Return the lower triangle of x xᵀ; that of four numbers is its beginning."""
+    return (a * a, b * a, b * b, c * a, c * b, c * c, d * a, d * b, d * c, d * d, e * a, e * b, e * c, e * d, e * e)
 
 
 def _posterior(turning: float, log_ratio: float) -> float:

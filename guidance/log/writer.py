@@ -101,21 +101,17 @@ class Recorder:
         self._file_ends_s = self._chunk_ends_s = math.inf
         self._closed = False
 
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Keep one raw MAVLink frame; `topic` is the Zenoh key."""
-        self._write(now_s, topic, frame, None)
-
     def cycle(self, entry: CycleEntry) -> None:
         """Keep one guidance cycle, the reports that it read, and what viewers draw of it."""
         for report in entry.inputs.reports:
-            self._write(report.received_s, EVADER_TOPIC, REPORT.encode(report), REPORT)
-        self._write(entry.now_s, CYCLE_TOPIC, CYCLE.encode(entry), CYCLE)
+            self.frame(report.received_s, EVADER_TOPIC, REPORT.encode(report), REPORT)
+        self.frame(entry.now_s, CYCLE_TOPIC, CYCLE.encode(entry), CYCLE)
         for drawn in self._scene.of(entry):
-            self._write(entry.now_s, drawn.topic, to_json(drawn.message, inf_nan_mode="null"), drawn.shape)
+            self.frame(entry.now_s, drawn.topic, to_json(drawn.message, inf_nan_mode="null"), drawn.shape)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
-        self._write(now_s, EVENT_TOPIC, EVENT.encode(EventEntry(now_s, event, detail)), EVENT)
+        self.frame(now_s, EVENT_TOPIC, EVENT.encode(EventEntry(now_s, event, detail)), EVENT)
 
     def close(self) -> None:
         """Finish the file; may be called twice."""
@@ -125,13 +121,14 @@ class Recorder:
         except OSError as error:
             self.failed = str(error)
 
-    def _write(self, now_s: float, topic: str, data: bytes, shape: Shape | Codec[Any] | None) -> None:
+    def frame(self, now_s: float, topic: str, frame: bytes, shape: Shape | Codec[Any] | None = None) -> None:
+        """Keep one raw MAVLink frame, whose `topic` is its Zenoh key; with a shape, a message as JSON."""
         if self._closed or self.failed is not None:
             return
         try:
             if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
                 self._rotate()
-            waiting_bytes = self._file.add(topic, shape, round(now_s * 1e9), self._sequence, data)
+            waiting_bytes = self._file.add(topic, shape, round(now_s * 1e9), self._sequence, frame)
             self._sequence += 1
             if self._chunk_ends_s == math.inf:
                 self._chunk_ends_s = now_s + CHUNK_S

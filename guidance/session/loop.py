@@ -220,7 +220,8 @@ def run(
 def _count(daemons: Sequence[Daemon], worked_s: float, missed: int) -> None:
     for daemon in daemons:
         daemon.metrics.work.observe(worked_s)
-        daemon.metrics.late.inc(missed)
+        if missed:
+            daemon.metrics.late.inc(missed)
 
 
 def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:

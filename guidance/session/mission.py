@@ -257,7 +257,8 @@ class VehicleMission:
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
         if self.sequencer.finished or given_up:
             self._leave(now_s)
-        self._show(self._progress(now_s, outputs, waiting))
+        if self._show is not _ignored:
+            self._show(self._progress(now_s, outputs, waiting))
 
     def _progress(self, now_s: float, outputs: Outputs, waiting: str) -> Progress:
         flight = self.daemon.flight

@@ -43,6 +43,7 @@ class EvaderPilot:
         self._requested_s = self._stood_s = float("-inf")
         self.vehicle = VehicleState()
         self.messages: Sequence[Message] = ()
+        self._position_m: Vector | None = None
         self._frame: GameFrame | None = None
         self._frame_sources: tuple[Home | None, Origin | None] = (None, None)
 
@@ -55,6 +56,9 @@ class EvaderPilot:
 
     def position_game_m(self) -> Vector | None:
         """Its position in the game frame from its own telemetry, None until known."""
+        return self._position_m
+
+    def _located(self) -> Vector | None:
         sources = (self.vehicle.last(Home), self.vehicle.last(Origin))
         if sources != self._frame_sources:
             self._frame_sources = sources
@@ -67,7 +71,7 @@ class EvaderPilot:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
         self.messages = self._link.receive()
         self.vehicle = observe(self.vehicle, self.messages)
-        position = self.position_game_m()
+        position = self._position_m = self._located()
         if not self.ready or position is None:
             self._make_ready(now_s)
         elif playing and pursuers_game_m:

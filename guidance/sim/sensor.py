@@ -192,13 +192,14 @@ class SensedEvader:
         self._withheld = self._lost = 0
 
     def engage(self, now_s: float) -> None:
-        """Start the sensor; later calls have no effect."""
-        self._engaged_s = min(self._engaged_s, now_s)
+        """Start the sensor; later calls have no effect. A perfect one never starts."""
+        if self._sensor != PERFECT:
+            self._engaged_s = min(self._engaged_s, now_s)
 
     def receive(self) -> Sequence[EvaderReport]:
         """Return the reports that have arrived by now, in order of arrival."""
         reports = self._source.receive()
-        if self._sensor == PERFECT or self._engaged_s == math.inf:
+        if self._engaged_s == math.inf:
             return reports
         for report in reports:
             self._measure(report)
