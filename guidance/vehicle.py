@@ -124,7 +124,7 @@ def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
             continue
         if not latest:  # copied once: states that the caller holds do not change
             latest = dict(state.latest)
-            state = state._replace(latest=latest)
+            changed["latest"] = latest
         latest[type(message)] = message
         if changed:
             state = state._replace(**changed)

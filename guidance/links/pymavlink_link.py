@@ -65,7 +65,7 @@ class TextJoiner:
     _severity: int = 0
     _message_id: int = 0
     _next_sequence: int = 0
-    _chunks: list[str] = field(default_factory=list)
+    chunks: list[str] = field(default_factory=list)
 
     def hear(self, message: Fields, received_s: float) -> list[StatusText]:
         """Add one STATUSTEXT; return the texts that are complete.
@@ -73,21 +73,21 @@ class TextJoiner:
         A text with `id` 0 has one chunk. A chunk that is not full is the last one.
         """
         done = [] if message.id == self._message_id else self.close()
-        if not self._chunks:
+        if not self.chunks:
             self._first_received_s, self._severity, self._next_sequence = received_s, message.severity, 0
         if message.chunk_seq != self._next_sequence and message.id:
-            self._chunks.append("…")
-        self._chunks.append(message.text)
+            self.chunks.append("…")
+        self.chunks.append(message.text)
         self._message_id, self._next_sequence = message.id, message.chunk_seq + 1
         is_last = message.id == 0 or len(message.text.encode()) < _TEXT_CHUNK_BYTES
-        return done + self.close() if is_last or len(self._chunks) >= _MAX_TEXT_CHUNKS else done
+        return done + self.close() if is_last or len(self.chunks) >= _MAX_TEXT_CHUNKS else done
 
     def close(self, before_s: float = math.inf) -> list[StatusText]:
         """Return the open text as it is, if it began before `before_s`; it is closed then."""
-        if not self._chunks or self._first_received_s >= before_s:
+        if not self.chunks or self._first_received_s >= before_s:
             return []
-        text = StatusText(self._first_received_s, self._severity, "".join(self._chunks))
-        self._chunks.clear()
+        text = StatusText(self._first_received_s, self._severity, "".join(self.chunks))
+        self.chunks.clear()
         return [text]
 
 
@@ -232,8 +232,9 @@ class PymavlinkLink:
 
     def _tend(self, now_s: float) -> None:
         """Send unanswered requests again, and our TIMESYNC once a HEARTBEAT has arrived."""
-        self._inbox.extend(self._texts.close(now_s - _TEXT_TIMEOUT_S))
-        for request, attempt in self._requests.due(now_s):
+        if self._texts.chunks:
+            self._inbox.extend(self._texts.close(now_s - _TEXT_TIMEOUT_S))
+        for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
             self._send(codec.request(request, attempt=attempt, autopilot=self.autopilot, **self._to_vehicle))
             self.counts["requests_sent"] += 1
         if self.heartbeats and now_s >= self._timesync.next_ask_s:

@@ -174,10 +174,7 @@ def _field(kind: Any, name: str) -> cs.TypedDictField:  # noqa: ANN401
     if hint is not float and inside(hint) is hint and name not in kind._field_defaults:
         return cs.typed_dict_field(core, required=True)
     default = kind._field_defaults.get(name, math.nan if hint is float else None)
-    exclude_if = _is_unknown if inside(hint) is float else None
-    return cs.typed_dict_field(
-        cs.with_default_schema(core, default=default), required=False, serialization_exclude_if=exclude_if
-    )
+    return cs.typed_dict_field(cs.with_default_schema(core, default=default), required=False)
 
 
 def _built(kind: Any, fields: dict[str, cs.TypedDictField]) -> CoreSchema:  # noqa: ANN401
@@ -188,12 +185,11 @@ def _built(kind: Any, fields: dict[str, cs.TypedDictField]) -> CoreSchema:  # no
     return cs.no_info_after_validator_function(build, cs.typed_dict_schema(fields, extra_behavior="forbid"))
 
 
-def _is_unknown(value: float | None) -> bool:
-    return value is not None and not math.isfinite(value)
-
-
 def _dict(value: Any) -> dict[str, Any]:  # noqa: ANN401
-    return dict(zip(value._fields, value, strict=True))
+    """Return the fields of a named tuple without unknown numbers; None is left out by the serializer."""
+    isfinite = math.isfinite
+    fields = zip(value._fields, value, strict=True)
+    return {name: item for name, item in fields if not isinstance(item, float) or isfinite(item)}
 
 
 def _tagged_dict(value: Any) -> dict[str, Any]:  # noqa: ANN401

@@ -226,11 +226,10 @@ def _count(daemons: Sequence[Daemon], worked_s: float, missed: int) -> None:
 
 def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:
     """Give every record the frames of its own vehicle, and of the evaders; topics begin with the name."""
-    passed = [(frame.topic.partition("/")[0], frame) for frame in world.drain()]
-    vehicles = {daemon.name for daemon in daemons}
+    passed = world.drain()
     for daemon in daemons:
-        others = vehicles - {daemon.name}
-        daemon.recording.frames(frame for name, frame in passed if name not in others)
+        others = tuple(f"{one.name}/" for one in daemons if one is not daemon)
+        daemon.recording.frames(frame for frame in passed if not frame.topic.startswith(others))
 
 
 def nudge_s(age_s: float) -> float:

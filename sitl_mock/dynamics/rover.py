@@ -79,6 +79,9 @@ class Rover:
             yaw_rate = self.heading_gain_1_s * wrap_rad(setpoint.yaw_rad - body.yaw_rad)
         yaw_rate = within(yaw_rate, -self.turn_rate_max_rad_s, self.turn_rate_max_rad_s)
         yaw_rate = yaw_rate + (body.yaw_rate_rad_s - yaw_rate) * math.exp(-dt_s / self.turn_lag_s)
+        moving = wanted or yaw_rate or any(body.velocity_ned_m_s) or any(body.acceleration_ned_m_s2)
+        if not moving and body.position_ned_m[2] == around.ground_down_m:
+            return motion
         yaw = math.remainder(body.yaw_rad + yaw_rate * dt_s, math.tau)
 
         # The component along the nose is not negative, so the rover turns on the spot before it drives back.
