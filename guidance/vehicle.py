@@ -83,8 +83,7 @@ class VehicleState(NamedTuple):
 
     def last(self, kind: type[Kind]) -> Kind | None:
         """Return the latest message of a kind, None before the first one."""
-        message: Any = self.latest.get(kind)
-        return message
+        return self.latest.get(kind)  # type: ignore[return-value]  # a message stands under its own type
 
     def age_s(self, kind: type[Kind], now_s: float) -> float:
         """Seconds since a message of this kind arrived; infinite if none ever did."""

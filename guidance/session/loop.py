@@ -191,7 +191,7 @@ def run(
         signals.begin()
     due_s = clock.now_s()
     worked_s = 0.0
-    garbage.begin(due_s)
+    garbage.begin(due_s, collect=world.real_time)
     try:
         while (flying := [one for one in daemons if not one.finished]) and not hooks.finished:
             clock.sleep_until(due_s)

@@ -64,8 +64,10 @@ class GcScheduler:
     def __init__(self) -> None:
         self._young_s = self._old_s = 0.0
 
-    def begin(self, now_s: float) -> None:
-        """Collect only here from now on. Existing objects are frozen: they are not scanned before `end`."""
+    def begin(self, now_s: float, *, collect: bool = True) -> None:
+        """Collect now, if wanted, and only here from now on. Existing objects are not scanned again before `end`."""
+        if collect:
+            gc.collect()
         gc.freeze()
         gc.disable()
         self._young_s = self._old_s = now_s
