@@ -268,11 +268,9 @@ def find(name: str, folder: str) -> Path:
         ConfigError: If there is none; the message lists the bundled names.
     """
     shipped = config_folder()
-    for candidate in (Path(name), shipped / name, shipped / folder / name, shipped / folder / f"{name}.toml"):
+    bundled = shipped / name.removeprefix("config/")  # the checkout's spelling works in an installed wheel too
+    for candidate in (Path(name), bundled, shipped / folder / name, shipped / folder / f"{name}.toml"):
         if candidate.is_file():
             return candidate
-    # Accept the checkout's spelling, as in `config/scenarios/pe.toml`, in an installed wheel too.
-    if name.startswith("config/") and (shipped / name.removeprefix("config/")).is_file():
-        return shipped / name.removeprefix("config/")
     known = sorted(path.stem for path in (shipped / folder).glob("*.toml"))
     raise ConfigError(f"no {folder.removesuffix('s')} {name!r}: give a path, or one of: {', '.join(known)}")

@@ -7,7 +7,6 @@ from typing import Any, Final
 
 from guidance.cli.streams import open_outlets, printable
 from guidance.errors import FlightError, GuidanceError, OutputError
-from guidance.session.control_socket import ENDPOINT, ask_here, own_name
 
 INTERRUPTED = 130
 FAULT = 70
@@ -67,6 +66,8 @@ def _short_order(arguments: Sequence[str]) -> int | None:
     given = dict(zip(arguments[2::2], arguments[3::2], strict=True))
     if not given.keys() <= _OPTIONS:
         return None
+    from guidance.session.control_socket import ENDPOINT  # noqa: PLC0415 - only orders need it
+
     endpoint, token = given.get("--endpoint", ENDPOINT), given.get("--token-file")
     token_file = None if token is None else Path(token)
     return show(ask(arguments[1], endpoint=endpoint, name=given.get("--name"), token_file=token_file))
@@ -88,6 +89,8 @@ def ask(
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
+    from guidance.session.control_socket import ask_here, own_name  # noqa: PLC0415 - only orders need it
+
     given: dict[str, Any] = {"endpoint": endpoint, "name": name, "token_file": token_file, "by": own_name("ctl")}
     answer = ask_here(order, **given) if zenoh is None else None
     if answer is not None:
