@@ -58,6 +58,8 @@ SILENCE_S = 1.5
 
 SETTLED_S = 3.0
 HOVER_M_S = 0.5
+HOLD_M_S = 1.4
+"""Largest speed of a hold by setpoints: 0.5 m/s back to the place, 0.6 m/s on each axis against the drift."""
 EVERYTHING_IGNORED = 0x1FF
 
 
@@ -226,7 +228,7 @@ class SecondJudge:
             self._judge_setpoint(now_s, message)
         names = {str(one.event) for one in outputs.happenings}
         self._noticed |= "setpoints of another source" in names
-        if "second source of the evader's reports" in names and "evader's evader_forger" not in self.case.kinds:
+        if "second source of the evader's reports" in names and "evader_forger" not in self.case.kinds:
             self.wrong("no false rival", now_s, 1.0, f"kinds {', '.join(self.case.kinds)}")
 
     def followed(self, _now_s: float, _outputs: Any, _flight: Any) -> None:
@@ -271,7 +273,7 @@ class SecondJudge:
 
     def ended(self, now_s: float, state: Any) -> None:
         """Judge the end: handed over, and silent since."""
-        pushed = bool(self._sent) and math.hypot(*self._sent[-1][1]) > HOVER_M_S
+        pushed = bool(self._sent) and math.hypot(*self._sent[-1][1]) > HOLD_M_S
         if now_s - self._last_s < FRESH_S and now_s < flying.LONGEST_S and pushed:  # a refused hold is a hover of ours
             self.wrong("a proper end", now_s, now_s - self._last_s, f"setpoints to the end, state {state}")
 
