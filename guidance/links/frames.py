@@ -10,11 +10,13 @@ Sources: MAVLink 2 serialisation (mavlink.io/en/guide/serialization.html) and si
 
 import hashlib
 import hmac
+import itertools
 import re
 from collections import namedtuple
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from operator import itemgetter
 from types import ModuleType
 from typing import Any, Final, NamedTuple
 
@@ -169,27 +171,22 @@ class _Layout(NamedTuple):
 def _layout(message: Any) -> _Layout:  # noqa: ANN401 - a class of pymavlink
     """Return a message's layout. The numbers of an array stand side by side in its unpacked payload, a text is one."""
     kind: Any = namedtuple(message.msgname, message.fieldnames)  # type: ignore[misc]
-    places, begin = [], 0
-    for length, array_length in zip(message.lengths, message.array_lengths, strict=True):
-        places.append((begin, begin + length, array_length > length))
-        begin += length
-
-    def field(values: tuple[Any, ...], begin: int, end: int, is_text: bool) -> Any:  # noqa: ANN401
-        if is_text:
-            return values[begin].split(b"\0", 1)[0].decode("ascii", errors="replace")
-        return values[begin] if end == begin + 1 else values[begin:end]
+    ends = list(itertools.accumulate(message.lengths))
+    fields: list[Callable[[tuple[Any, ...]], Any]] = []
+    for index in message.orders:
+        end, length, array_length = ends[index], message.lengths[index], message.array_lengths[index]
+        field = itemgetter(end - 1 if length == 1 else slice(end - length, end))
+        fields.append(field if array_length <= length else partial(_text, field))
 
     def fields_of(values: tuple[Any, ...]) -> Fields:
-        return kind._make(field(values, *places[index]) for index in message.orders)
+        return kind._make([field(values) for field in fields])
 
-    def plain_fields_of(values: tuple[Any, ...]) -> Fields:
-        return kind._make(map(values.__getitem__, message.orders))
+    unpacker = message.unpacker
+    return _Layout(message.msgname, bytes((message.crc_extra,)), unpacker.unpack, unpacker.size, fields_of)
 
-    is_plain = not any(message.array_lengths)
-    unpack, size = message.unpacker.unpack, message.unpacker.size
-    return _Layout(
-        message.msgname, bytes((message.crc_extra,)), unpack, size, plain_fields_of if is_plain else fields_of
-    )
+
+def _text(field: Callable[[tuple[Any, ...]], bytes], values: tuple[Any, ...]) -> str:
+    return field(values).split(b"\0", 1)[0].decode("ascii", errors="replace")
 
 
 def frame_length(data: bytes | bytearray, start: int = 0) -> int:
