@@ -240,6 +240,7 @@ class EvaderReport(NamedTuple):
         sequence: Number of the MAVLink frame.
         peer: The sender, if the carrier names it.
         impostors: Messages in the evader's name from other addresses since the last report; None for none.
+        evader: Its name, if the vehicle hears several evaders.
     """
 
     received_s: float
@@ -256,6 +257,40 @@ class EvaderReport(NamedTuple):
     sequence: int | None = None
     peer: str | None = None
     impostors: int | None = None
+    evader: str | None = None
+
+
+class MateState(NamedTuple):
+    """State of another vehicle of the team, as `guidance.team` accepts it.
+
+    Attributes:
+        name: The vehicle.
+        at_s: When it was true, on our clock.
+        latitude_deg: WGS-84.
+        longitude_deg: WGS-84.
+        altitude_amsl_m: Above mean sea level.
+        velocity_ned_m_s: North, east, down.
+        top_speed_m_s: Its largest speed.
+        doubt_m: Sum of its jumps that no motion explains: it may be this far from the place it reports.
+        airborne: Whether it flies; on the ground nobody has to stay away from it.
+    """
+
+    name: str
+    at_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    velocity_ned_m_s: Vector
+    top_speed_m_s: float
+    doubt_m: float
+    airborne: bool
+
+
+class Role(NamedTuple):
+    """What a vehicle does in its team: the evader that it plays against, and its height above the game's disc."""
+
+    evader: str
+    above_m: float = 0.0
 
 
 class Setpoint(NamedTuple):

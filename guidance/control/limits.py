@@ -44,6 +44,7 @@ class Limiter(StrEnum):
     ACCELERATION = "acceleration"
     VERTICAL_ACCELERATION = "vertical acceleration"
     STAND_OFF = "stand-off"
+    SEPARATION = "separation"
     FENCE_POLYGON = "fence polygon"
     FENCE_RADIUS = "fence radius"
     FLOOR = "floor"

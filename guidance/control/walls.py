@@ -1,11 +1,12 @@
 """Walls: everything that a vehicle must not enter, as one list of half-spaces.
 
 Fences, floor, ceiling and the stand-off cylinder about the evader are measured once per cycle (`measure_walls`).
-`guidance.control.braking_law` keeps the vehicle out. A vehicle nearby is one more wall of the list: at
-the distance D, with the separation s, the normal points at it, and each of the two may use half of D - s.
+`guidance.control.braking_law` keeps the vehicle out. Every mate is a cylinder like the stand-off's, and of the distance
+to it each of the two may use half.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from guidance.control.limits import Envelope, Limiter, usable
@@ -59,12 +60,22 @@ class Wall(NamedTuple):
     approached: bool = False
 
 
-def measure_walls(here: Situation, envelope: Envelope) -> tuple[Wall, ...]:
+class Separation(NamedTuple):
+    """An upright cylinder about a mate that the vehicle stays out of: centre (NED, m), radius, and half its height."""
+
+    position_ned_m: Vector
+    radius_m: float
+    height_m: float
+
+
+def measure_walls(here: Situation, envelope: Envelope, mates: Sequence[Separation] = ()) -> tuple[Wall, ...]:
     """Return all walls as seen from a position. The circle comes last; see `constraints_of`."""
     (north, east, down), home = here.position_ned_m, envelope.home_ned_m
     point, margin_m = (north - home[0], east - home[1]), envelope.fence_margin_m
     height_m, spare_m = home[2] - down, min(envelope.floor_margin_m, max(0.0, here.height_sd_m))
     walls = _stand_off(here, envelope)
+    for mate in mates:
+        walls += _separation(here, mate)
     if envelope.fence_polygon is not None:
         walls += [
             Wall(Limiter.FENCE_POLYGON, (*outward, 0.0), gap_m - margin_m, margin_m)
@@ -93,11 +104,7 @@ def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
     away_m = math.hypot(north, east)
     to_north, to_east = (north / away_m, east / away_m) if away_m > 0.0 else (0.0, 0.0)
     beside_m, above_m = away_m - zone.radius_m, down - zone.height_m
-    if beside_m <= 0.0 and above_m <= 0.0:
-        gap_m, normals = max(beside_m, above_m), [(1.0, 0.0), (0.0, 1.0)]
-    else:
-        gap_m = math.hypot(max(0.0, beside_m), max(0.0, above_m))
-        normals = [(max(0.0, beside_m) / gap_m, max(0.0, above_m) / gap_m)]
+    gap_m, normals = _outside(beside_m, above_m)
     flight = here.evader_velocity_ned_m_s or STILL
     fleeing = max(0.0, flight[0] * to_north + flight[1] * to_east) if usable(*flight) else 0.0
     fleeing *= min(1.0, max(0.0, above_m) / COVER_M)
@@ -110,6 +117,30 @@ def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
             velocity_ned_m_s=moving,
             approached=True,
         )
+        for level, steep in normals
+    ]
+
+
+def _outside(beside_m: float, above_m: float) -> tuple[float, list[tuple[float, float]]]:
+    """Return the distance to a cylinder, and the level and steep parts of the normals to it; inside there are two."""
+    if beside_m <= 0.0 and above_m <= 0.0:
+        return max(beside_m, above_m), [(1.0, 0.0), (0.0, 1.0)]
+    gap_m = math.hypot(max(0.0, beside_m), max(0.0, above_m))
+    return gap_m, [(max(0.0, beside_m) / gap_m, max(0.0, above_m) / gap_m)]
+
+
+def _separation(here: Situation, mate: Separation) -> list[Wall]:
+    """Return the walls halfway to a mate's cylinder.
+
+    Both vehicles stop within their halves, so nobody has to know what the other will do. Braking for a distance that
+    shrinks from both sides, the faster of two equal vehicles reaches its bound first.
+    """
+    north, east, down = difference(mate.position_ned_m, here.position_ned_m)
+    away_m = math.hypot(north, east)
+    to_north, to_east = (north / away_m, east / away_m) if away_m > 0.0 else (0.0, 0.0)
+    gap_m, normals = _outside(away_m - mate.radius_m, abs(down) - mate.height_m)
+    return [
+        Wall(Limiter.SEPARATION, (level * to_north, level * to_east, math.copysign(steep, down)), 0.5 * gap_m)
         for level, steep in normals
     ]
 

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from guidance.autopilots import AutopilotProfile, Mode
 from guidance.certificate import Certificate
 from guidance.control import Limiter
-from guidance.flight.heard import Heard
+from guidance.flight.heard import HOLD_S, Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, Event, State
 from guidance.flight.tracking import Tracking
@@ -200,19 +200,24 @@ def events(now: Moment) -> Iterator[Event]:
 
 def detail_of(event: Event, now: Moment) -> str:
     """Return the measurement behind an event; empty if the name is enough."""
+    heard, detail = now.heard, ""
     match event:
         case Event.TELEMETRY_LOST:
-            return telemetry_gap(now.heard.vehicle, now.now_s)
+            detail = telemetry_gap(heard.vehicle, now.now_s)
         case Event.LOOP_STOPPED:
-            return f"guidance stood still for {now.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
-        case Event.PILOT if now.heard.mode is not None:
-            title = now.settings.autopilot.mode_title(now.heard.mode)
-            return f"the vehicle is in {title}: a pilot or the autopilot chose that mode"
+            detail = f"guidance stood still for {now.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
+        case Event.PILOT if heard.mode is not None:
+            title = now.settings.autopilot.mode_title(heard.mode)
+            detail = f"the vehicle is in {title}: a pilot or the autopilot chose that mode"
+        case Event.MATE_SILENT:
+            detail = f"{heard.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s"
+        case Event.ASSIGNED:
+            detail = f"plays against {heard.tracking.playing} now"
         case Event.REBOOTED:
-            return "the autopilot rebooted"
+            detail = "the autopilot rebooted"
         case Event.DISARMED if now.stage.state in SETPOINT_STATES:
-            return "the vehicle disarmed while guidance flew it"
-    return ""
+            detail = "the vehicle disarmed while guidance flew it"
+    return detail
 
 
 def fit(now: Moment) -> bool:
@@ -325,7 +330,8 @@ def _clear(now: Moment) -> bool:
     settings = now.settings
     waited = now.in_state_s >= settings.settle_s
     settled = now.now_s - now.heard.vehicle.reset_s >= settings.settle_s
-    return waited and settled and not _evader_lost(now) and not _telemetry_lost(now)
+    missing = _evader_lost(now) or _telemetry_lost(now) or now.heard.silent_mate(now.now_s)
+    return waited and settled and not missing
 
 
 def _in_contact(now: Moment) -> bool:
@@ -357,6 +363,9 @@ _CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
     (Event.ESTIMATOR_RESET, lambda now: now.heard.vehicle.resets != now.stage.resets_seen),
     (Event.LOOP_LATE, lambda now: now.dt_s > LATE_LOOP_S),
     (Event.EVADER_LOST, _evader_lost),
+    # The team.
+    (Event.MATE_SILENT, lambda now: bool(now.heard.silent_mate(now.now_s))),
+    (Event.ASSIGNED, lambda now: now.heard.switched),
     # The game.
     (Event.NO_GAME, _certified("no_game")),
     (Event.ESCAPED, _certified("evader_arrived")),

@@ -11,11 +11,22 @@ from typing import Final, NamedTuple
 
 from guidance.autopilots import Mode
 from guidance.control import Envelope, Situation, Wall, measure_walls
+from guidance.control.walls import Separation
 from guidance.estimation import EvaderEstimate
-from guidance.flight.settings import FlightSettings, Inputs
+from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking, polygon_about_home
-from guidance.frames import GameFrame, LocalFrame, Vector, difference
-from guidance.messages import EstimatorStatus, Heartbeat, LocalPosition, Message, PositionTarget, Setpoint
+from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference
+from guidance.game import StandOff
+from guidance.messages import (
+    EstimatorStatus,
+    Heartbeat,
+    LocalPosition,
+    MateState,
+    Message,
+    PositionTarget,
+    Role,
+    Setpoint,
+)
 from guidance.vehicle import VehicleState, observe
 
 REMEMBERED_S: Final = 1.5
@@ -33,6 +44,18 @@ _ROUNDING_S: Final = 1e-6
 
 _LEAST_SHARE: Final = 0.5
 """An autopilot may reduce a setpoint to its speed limits; down to this share it counts as ours."""
+
+
+SILENT_S: Final = 0.5
+"""A mate that is silent for longer is somewhere in a disc that grows with its top speed."""
+
+HOLD_S: Final = 2.0
+"""A mate nearby that is silent for longer pauses the game."""
+
+FORGOTTEN_S: Final = 10.0
+"""A mate that is silent for longer is left out."""
+
+_SWERVE_M_S2: Final = 5.0
 
 
 class View(NamedTuple):
@@ -59,6 +82,8 @@ class Heard:
         moved_ned_m: Movement of that frame in this cycle.
         cycle: Settings of the guidance cycle, with heights and fences about home.
         start_ned_m: Stand-by position, if configured.
+        role: In the team; None without one.
+        switched: Whether this cycle began to play against another evader.
     """
 
     def __init__(self, settings: FlightSettings) -> None:
@@ -68,7 +93,7 @@ class Heard:
         self._taken_up_ned_m = NOWHERE
         self._jumps = (NOWHERE, NOWHERE)
         self.vehicle = VehicleState()
-        self.tracking = Tracking(settings.cycle, settings.autopilot)
+        self.tracking = Tracking(settings.cycle, settings.autopilot, settings.evaders)
         self.echo = Echo()
         self.messages: Sequence[Message] = ()
         self.beats: Sequence[Heartbeat] = ()
@@ -80,6 +105,9 @@ class Heard:
         self.cycle = settings.cycle
         self._view: View | None = None
         self.start_ned_m: Vector | None = None
+        self._mates: dict[str, MateState] = {}
+        self.role: Role | None = None
+        self.switched = False
 
     def vehicle_says(self, messages: Sequence[Message]) -> None:
         """Update only the vehicle."""
@@ -97,6 +125,8 @@ class Heard:
             in_flight: Whether jumps of the evader are bounded by the distance it can have covered.
         """
         self._view = None
+        self._mates.update((mate.name, mate) for mate in inputs.mates or ())
+        self._play(inputs.role)
         self.vehicle_says(inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         strange = bool(self.beats) and self.echo.foreign
@@ -104,6 +134,20 @@ class Heard:
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
         self.foreign = strange and self.echo.foreign
         self._place()
+
+    def _play(self, role: Role | None) -> None:
+        """Take a new role: another evader, or another height above the game's disc."""
+        self.switched = role is not None and role.evader != self.tracking.playing
+        if role is None:
+            return
+        self.role, self.tracking.playing = role, role.evader
+        before, disc = self._settings.cycle, self._settings.cycle.standoff
+        self.cycle = replace(
+            before,
+            declared_evader_speed_m_s=self._settings.evaders.get(role.evader, before.declared_evader_speed_m_s),
+            standoff=StandOff(disc.radius_m, disc.height_m + role.above_m),
+            envelope=self.cycle.envelope,
+        )
 
     def _place(self) -> None:
         """Compute the positions of vehicle, fences and start in the present local frame."""
@@ -141,8 +185,38 @@ class Heard:
                 self.vehicle.acceleration_ned_m_s2,
                 0.0 if estimator is None else estimator.height_sd_m,
             )
-            self._view = View(evader, here, measure_walls(here, self.cycle.envelope))
+            mates = [self._around(mate, now_s) for mate in self._near(now_s)]
+            self._view = View(evader, here, measure_walls(here, self.cycle.envelope, mates))
         return self._view
+
+    def silent_mate(self, now_s: float) -> str:
+        """Return the name of a mate nearby that is silent for longer than `HOLD_S`; empty if there is none."""
+        envelope, here = self.cycle.envelope, self.position_ned_m
+        stop_m = envelope.speed_m_s * (envelope.reaction_s + envelope.speed_m_s / (2.0 * envelope.braking_m_s2))
+        for mate in self._near(now_s):
+            around = self._around(mate, now_s)
+            beside_m = math.inf if here is None else math.dist(here[:2], around.position_ned_m[:2]) - around.radius_m
+            if now_s - mate.at_s > HOLD_S and beside_m < 2.0 * stop_m:
+                return mate.name
+        return ""
+
+    def _near(self, now_s: float) -> list[MateState]:
+        """Return the mates to stay away from."""
+        if not self._mates or self.tracking.local_frame is None:
+            return []
+        return [mate for mate in self._mates.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S]
+
+    def _around(self, mate: MateState, now_s: float) -> Separation:
+        """Return the cylinder that contains a mate with its separation, wherever it went since its last state."""
+        frame, team = self.tracking.local_frame, self._settings.team or TeamSection()
+        if frame is None:
+            raise ValueError("a mate's place needs the local frame")
+        age_s = max(0.0, now_s - mate.at_s)
+        known_s = min(age_s, SILENT_S)
+        place = frame.ned_from_wgs84(mate.latitude_deg, mate.longitude_deg, Amsl(mate.altitude_amsl_m))
+        north, east, down = (at + known_s * rate for at, rate in zip(place, mate.velocity_ned_m_s, strict=True))
+        spread_m = mate.doubt_m + 0.5 * _SWERVE_M_S2 * known_s * known_s + mate.top_speed_m_s * (age_s - known_s)
+        return Separation((north, east, down), team.separation_m + spread_m, team.separation_height_m + spread_m)
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """Return the envelope about home, which may differ from the origin of the local frame."""

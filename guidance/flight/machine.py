@@ -27,7 +27,7 @@ from guidance.flight.table import (
     next_state,
 )
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.messages import LocalPosition, Setpoint, SystemStatus
+from guidance.messages import LocalPosition, Role, Setpoint, SystemStatus
 from guidance.vehicle import VehicleState
 
 INVITE_AFTER_S = 1.0
@@ -107,6 +107,11 @@ class Flight:
         if self.state in BEFORE_FLIGHT or here is None or home is None:
             return self.settings.reserve.needed(self.settings.farthest_m, self.settings.takeoff_height_m)
         return self.settings.reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
+
+    @property
+    def role(self) -> Role | None:
+        """The role in the team; None without one."""
+        return self._heard.role
 
     def operator_silence_s(self, now_s: float) -> float:
         """Seconds since the operator's last order or sign of life; 0 before the first one."""
@@ -188,6 +193,8 @@ class Flight:
         if inputs.alive or inputs.orders or self._stage.operator_s == math.inf:
             self._stage.operator_s = now_s
         heard.take_in(inputs, in_flight=self._stage.state not in BEFORE_FLIGHT)
+        if heard.switched:
+            self._playing.switch()
         if heard.moved_ned_m != NOWHERE:
             self._playing.move(heard.moved_ned_m)
         if heard.beats:

@@ -207,6 +207,10 @@ class Playing:
         if after is State.PAUSED:
             self._monitor = self._monitor.restarted()  # nothing was promised about a pause
 
+    def switch(self) -> None:
+        """Play against another evader: nothing was promised about that one."""
+        self.certificate, self._monitor = None, self._monitor.anew()
+
     def move(self, by_ned_m: Vector) -> None:
         """Move the remembered positions (of the hover and the drift estimate) with the local frame.
 

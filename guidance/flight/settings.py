@@ -14,7 +14,7 @@ from guidance.control import Limits
 from guidance.cycle import CycleSettings
 from guidance.flight.table import Event, State
 from guidance.frames import Vector
-from guidance.messages import EvaderReport, Message, Request, Setpoint
+from guidance.messages import EvaderReport, MateState, Message, Request, Role, Setpoint
 from guidance.monitor import Alarm
 
 
@@ -104,6 +104,13 @@ class FlightSection(Section):
     )
 
 
+class TeamSection(Section):
+    """Separation from the mates of a team: it holds horizontally or vertically."""
+
+    separation_m: float = Field(8.0, ge=2.0, le=1000.0, description="least horizontal distance between vehicles")
+    separation_height_m: float = Field(3.0, ge=1.0, le=100.0, description="or least difference of their heights")
+
+
 class FlightSettings(FlightSection):
     """Settings of one running flight: the `[flight]` section, extended from the other sections and the scenario.
 
@@ -117,6 +124,8 @@ class FlightSettings(FlightSection):
             evader's way (TAD), in addition to the allowance of `guidance.monitor`.
         settle_s: How long all inputs must be good before a paused game continues.
         limits_s: Longest stay in each state that has a limit.
+        team: Separation from mates; None for a vehicle without a team.
+        evaders: Declared speeds of the evaders by name, m/s; empty for one evader without a name.
     """
 
     autopilot: InstanceOf[Autopilot]
@@ -127,6 +136,8 @@ class FlightSettings(FlightSection):
     guarantee_slack_s: float = 0.3
     settle_s: float = 1.0
     limits_s: Mapping[State, float] = Field(default_factory=lambda: LIMITS_S)
+    team: TeamSection | None = None
+    evaders: Mapping[str, float] = Field(default_factory=dict)
 
     @property
     def farthest_m(self) -> float:
@@ -153,6 +164,8 @@ class Inputs(NamedTuple):
         refusals: Names of what preflight refuses. The vehicle is not ready while there is any.
         alive: True if a person gave a sign of life since the last cycle, else None.
         mission: Orders of a mission. They have no effect while a person's order stands.
+        mates: States of other vehicles of the team since the last cycle; None for none.
+        role: A new role in the team, from this cycle on; None for no change.
     """
 
     now_s: float
@@ -162,6 +175,8 @@ class Inputs(NamedTuple):
     refusals: Sequence[str] = ()
     alive: bool | None = None
     mission: Sequence[Event] = ()
+    mates: Sequence[MateState] | None = None
+    role: Role | None = None
 
 
 class Happening(NamedTuple):

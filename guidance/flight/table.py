@@ -63,6 +63,8 @@ class Event(StrEnum):
     PILOT = "external mode change"
     FOREIGN = "setpoints of another source"
     EVADER_LOST = "evader lost"
+    MATE_SILENT = "mate nearby is silent"
+    ASSIGNED = "another evader assigned"
     RIVAL = "second source of the evader's reports"
     ESTIMATOR_RESET = "estimator reset"
     LOOP_STOPPED = "loop stopped for longer than the autopilot waits for setpoints"
@@ -115,7 +117,12 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     ((State.ENGAGED,), (Event.CAPTURED,), State.ON_STATION),
     ((State.ON_STATION,), (Event.STRAYED,), State.ENGAGED),
     ((State.ON_STATION,), (Event.DONE,), State.RETURNING),
-    ((State.ENGAGED, State.ON_STATION), (Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE), State.PAUSED),
+    (
+        (State.ENGAGED, State.ON_STATION),
+        (Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.MATE_SILENT),
+        State.PAUSED,
+    ),
+    ((State.ON_STATION,), (Event.ASSIGNED,), State.ENGAGED),
     ((State.PAUSED,), (Event.CLEAR,), State.ENGAGED),
     ((State.ENTERING, State.PAUSED), (Event.TIMED_OUT,), State.HOLDING),
     ((State.ENGAGED, State.PAUSED), (Event.CHASE_TIMED_OUT,), State.HOLDING),

@@ -10,6 +10,7 @@ back, so no command mixes the two frames.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Final
 
 from guidance.autopilots import AutopilotProfile
@@ -22,6 +23,9 @@ from guidance.vehicle import VehicleState, local_frame
 
 NOWHERE: Final[Vector] = (0.0, 0.0, 0.0)
 
+NO_EVADERS: Final[Mapping[str, float]] = MappingProxyType({})
+_UNHEARD: Final = Observer()
+
 HARMLESS_M: Final = 0.5
 """A reported origin within this distance is accepted: it was rounded, or derived from home."""
 
@@ -30,14 +34,18 @@ _JUDGE_AGE_S: Final = 1.0
 
 
 class Tracking:
-    """The evader's track, home and the game frame of one flight.
+    """The tracks of the evaders, home and the game frame of one flight.
 
     They move with the origin of the local frame. `held_back_ned_m` is a jump of the vehicle's position whose cause is
-    not known yet.
+    not known yet. `playing` is the evader of the game; "" is the only evader of a vehicle that has no team.
     """
 
-    def __init__(self, settings: CycleSettings, profile: AutopilotProfile) -> None:
+    def __init__(
+        self, settings: CycleSettings, profile: AutopilotProfile, evaders: Mapping[str, float] = NO_EVADERS
+    ) -> None:
         self._site = settings.site
+        self.evaders = evaders
+        self.playing = ""
         self._free = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
         # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
         self._track = replace(
@@ -45,7 +53,7 @@ class Tracking:
             jump_m_s=settings.declared_evader_speed_m_s,
             way_m_s=max(settings.declared_evader_speed_m_s, settings.ground_speed_m_s),
         )
-        self._observer = Observer()
+        self._observers: dict[str, Observer] = {}
         self._origin = OriginEstimate(profile.projection)
         self._home: Home | None = None
         self.held_back_ned_m = NOWHERE
@@ -74,7 +82,18 @@ class Tracking:
                 altitude = Amsl(home.altitude_amsl_m)
                 self.home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
         for report in reports:
-            self._observer = observe(self._observer, report, frame, self._track if in_flight else self._free)
+            name = report.evader or ""
+            settings = self._of(name, self._track if in_flight else self._free)
+            self._observers[name] = observe(self._observers.get(name, _UNHEARD), report, frame, settings)
+
+    def _of(self, name: str, settings: TrackSettings) -> TrackSettings:
+        """Return the settings for an evader that declares another speed."""
+        speed_m_s = self.evaders.get(name, settings.declared_speed_m_s)
+        return settings if speed_m_s == settings.declared_speed_m_s else replace(settings, declared_speed_m_s=speed_m_s)
+
+    @property
+    def _observer(self) -> Observer:
+        return self._observers.get(self.playing, _UNHEARD)
 
     @property
     def counts(self) -> Mapping[ReportOutcome, int]:
@@ -86,19 +105,21 @@ class Tracking:
         rivals = self._observer.rivals
         return rivals.why if rivals.why and rivals.there(now_s) else ""
 
-    def silence_s(self, now_s: float) -> float:
-        """Seconds since the last usable evader report; infinite before the first one."""
-        last = self._observer.track.estimate
+    def silence_s(self, now_s: float, evader: str | None = None) -> float:
+        """Seconds since the last usable report of an evader, by default the game's; infinite before the first one."""
+        last = self._observers.get(self.playing if evader is None else evader, _UNHEARD).track.estimate
         return math.inf if last is None else max(0.0, now_s - last.received_s)
 
-    def evader(self, now_s: float) -> EvaderEstimate | None:
-        """Return the estimate at `now_s`; None before the first report."""
-        return predict(self._observer.track, now_s, self._track)
+    def evader(self, now_s: float, evader: str | None = None) -> EvaderEstimate | None:
+        """Return the estimate of an evader, by default the game's, at `now_s`; None before the first report."""
+        name = self.playing if evader is None else evader
+        return predict(self._observers.get(name, _UNHEARD).track, now_s, self._of(name, self._track))
 
     def _move_into(self, frame: LocalFrame) -> None:
         before, self.local_frame = self.local_frame, frame
         if before is not None:
-            self._observer = moved(self._observer, lambda place: before.ned_in(frame, place))
+            for name, observer in self._observers.items():
+                self._observers[name] = moved(observer, lambda place: before.ned_in(frame, place))
             if self.home_ned_m is not None:
                 self.home_ned_m = before.ned_in(frame, self.home_ned_m)
         if before is None or self.game_frame is None or self._site is not None:

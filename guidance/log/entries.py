@@ -11,7 +11,7 @@ from guidance.flight import Authority, Event, FlightSettings, Inputs, Outputs, S
 from guidance.flight.tracking import Tracking, polygon_about_home
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.log.codec import Codec
-from guidance.messages import EvaderReport, LocalPosition, Message, Request, Setpoint, Timesync
+from guidance.messages import EvaderReport, LocalPosition, MateState, Message, Request, Role, Setpoint, Timesync
 from guidance.monitor import Alarm
 from guidance.vehicle import VehicleState, observe
 
@@ -45,6 +45,8 @@ class InputsEntry(NamedTuple):
     refusals: Sequence[str] = ()
     alive: bool | None = None
     mission: Sequence[Event] = ()
+    mates: Sequence[MateState] | None = None
+    role: Role | None = None
 
 
 class CycleEntry(NamedTuple):

@@ -1,0 +1,14 @@
+"""Team flight: what vehicles tell each other, who coordinates them, and who plays against whom. No I/O, no clock.
+
+Member: one vehicle's part. It hears the mates, publishes the vehicle, and gives each cycle its mates and its role.
+Board: what a vehicle knows of its mates, their assignments and the evaders that are out of play.
+Coordinator: the election, and the assignment of vehicles to evaders by `guidance.game.team.match_teams`.
+Transport: carries the bytes. `MemoryNetwork` is one in virtual time, with delay and loss.
+"""
+
+from guidance.team.board import Board
+from guidance.team.coordinator import Coordinator
+from guidance.team.member import Member
+from guidance.team.transport import MemoryNetwork, Transport
+
+__all__ = ["Board", "Coordinator", "Member", "MemoryNetwork", "Transport"]

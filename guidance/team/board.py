@@ -1,0 +1,221 @@
+"""What a vehicle knows of its team: the mates' states, the newest assignment, and which evaders are out of play.
+
+Bytes are never trusted. A message is used only if it matches its schema, names the vehicle of its key, and is newer
+than the last one of its sender. The time of a state is the sender's; it is converted to our clock by arrival times and
+the smallest difference seen. A jump that no motion explains is doubt: the mate may be at either end of it.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from typing import Final
+
+from guidance.estimation.measurement import ClockOffset, hear
+from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.messages import UNKNOWN_VELOCITY, EvaderReport, MateState
+from guidance.team.messages import EvaderMessage, Message, Placed, Refused, RolesMessage, StateMessage, decode
+
+SILENT_S: Final = 1.0
+"""A mate or a coordinator that was not heard for so long is not there."""
+
+_SLACK_M: Final = 3.0
+_SWERVE_M_S2: Final = 5.0
+"""Largest error of a position, and largest acceleration, that count as motion."""
+
+
+@dataclass(slots=True)
+class Mate:
+    """What is known of one mate.
+
+    Attributes:
+        state: Its last state; None before the first one.
+        at_s: When that was true, on our clock.
+        heard_s: When it arrived.
+        doubt_ned_m: Sum of its jumps that no motion explains.
+    """
+
+    state: StateMessage | None = None
+    at_s: float = -math.inf
+    heard_s: float = -math.inf
+    doubt_ned_m: Vector = (0.0, 0.0, 0.0)
+    clock: ClockOffset | None = None
+    epoch: int = -1
+    ended: set[int] = field(default_factory=set)
+    numbers: dict[str, int] = field(default_factory=dict)
+
+
+class Board:
+    """The knowledge of one vehicle.
+
+    Args:
+        vehicle: Its name.
+        mates: Names of the others; nobody else is heard.
+        evaders: Names of the evaders.
+
+    Attributes:
+        own: The state that the vehicle published last.
+        over: Evaders out of play, with the time when that became known.
+        roles: The newest assignment; `roles_s` is its arrival.
+        term: The latest term heard of.
+        counts: Messages accepted, and refused by reason.
+        news: What people should know, since it was last cleared.
+    """
+
+    def __init__(self, vehicle: str, mates: Collection[str], evaders: Collection[str]) -> None:
+        self.vehicle = vehicle
+        self.mates = {name: Mate() for name in sorted(mates) if name != vehicle}
+        self._evaders = frozenset(evaders)
+        self._fresh: dict[str, MateState] = {}
+        self._relayed: list[EvaderReport] = []
+        self.own: StateMessage | None = None
+        self.over: dict[str, float] = {}
+        self.roles: RolesMessage | None = None
+        self.roles_s = -math.inf
+        self.term = 0
+        self.counts: Counter[str] = Counter()
+        self.news: list[str] = []
+
+    def hear(self, arrived_s: float, key: str, payload: bytes) -> None:
+        """Take a message, or count why it is refused.
+
+        Args:
+            arrived_s: On our clock.
+            key: From the kind on: `state/alpha`.
+            payload: Untrusted bytes.
+        """
+        try:
+            message = self._read(key, payload)
+            match message:
+                case StateMessage():
+                    self._take_state(arrived_s, message)
+                case EvaderMessage():
+                    self._take_report(arrived_s, message)
+                case RolesMessage():
+                    self.take_roles(arrived_s, message)
+        except Refused as refused:
+            self.counts[f"refused_{refused}"] += 1
+        else:
+            self.counts["accepted"] += 1
+
+    def _read(self, key: str, payload: bytes) -> Message:
+        """Read a message; refuse a stranger's, and what is not newer than the last one under its key."""
+        message = decode(key.partition("/")[0], payload)
+        mate = self.mates.get(message.vehicle)
+        if mate is None or message.key != key:
+            raise Refused("identity")
+        if message.epoch != mate.epoch:
+            if message.epoch in mate.ended:
+                raise Refused("epoch")
+            mate.ended.add(mate.epoch)
+            mate.epoch, mate.numbers = message.epoch, {}
+        if message.seq <= mate.numbers.get(key, -1):
+            raise Refused("order")
+        mate.numbers[key] = message.seq
+        return message
+
+    def _take_state(self, arrived_s: float, state: StateMessage) -> None:
+        mate = self.mates[state.vehicle]
+        before = mate.state
+        if before is None or before.epoch != state.epoch:
+            mate.clock, mate.doubt_ned_m = None, (0.0, 0.0, 0.0)
+        mate.clock = hear(mate.clock, state.sent_s, arrived_s)
+        at_s = arrived_s if mate.clock is None else min(arrived_s, mate.clock.ours(state.sent_s))
+        if before is not None and before.epoch == state.epoch:
+            self._doubt(mate, before, state, at_s - mate.at_s)
+        mate.state, mate.at_s, mate.heard_s = state, at_s, arrived_s
+        self.term = max(self.term, state.term)
+        self.close(state.over, arrived_s)
+        top_m_s = math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s))
+        self._fresh[state.vehicle] = MateState(
+            state.vehicle,
+            at_s,
+            *(state.latitude_deg, state.longitude_deg, state.altitude_amsl_m),
+            state.velocity_ned_m_s,
+            max(top_m_s, math.hypot(*state.velocity_ned_m_s)),
+            math.hypot(*mate.doubt_ned_m),
+            state.airborne,
+        )
+
+    def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
+        """Add what of a step no motion explains."""
+        there = frame_at(before).ned_from_wgs84(*place_of(after))
+        flown = zip(there, before.velocity_ned_m_s, strict=True)
+        north, east, down = (at - rate * dt_s for at, rate in flown)
+        apart_m = math.hypot(north, east, down)
+        swerved_m = min(0.5 * _SWERVE_M_S2 * dt_s * dt_s, 2.0 * (after.speed_m_s + after.climb_m_s) * max(0.0, dt_s))
+        excess = 1.0 - (_SLACK_M + swerved_m) / apart_m if apart_m > 0.0 else 0.0
+        if excess <= 0.0:
+            return
+        n, e, d = mate.doubt_ned_m
+        mate.doubt_ned_m = (n + excess * north, e + excess * east, d + excess * down)
+        self.counts["jumps"] += 1
+        self.news.append(f"{after.vehicle} jumped by {apart_m:.0f} m")
+
+    def _take_report(self, arrived_s: float, told: EvaderMessage) -> None:
+        if told.evader not in self._evaders:
+            raise Refused("evader")
+        clock = self.mates[told.vehicle].clock
+        report = EvaderReport(
+            arrived_s if clock is None else min(arrived_s, clock.ours(told.sent_s)),
+            math.nan,
+            f"{told.vehicle}: {told.source}",
+            *(told.latitude_deg, told.longitude_deg, told.altitude_amsl_m),
+            told.velocity_ned_m_s or UNKNOWN_VELOCITY,
+            evader=told.evader,
+        )
+        self._relayed.append(report)
+
+    def take_roles(self, now_s: float, roles: RolesMessage) -> None:
+        """Take an assignment if it is newer: by its term, then the lower name, then its number.
+
+        Raises:
+            Refused: If it is older than the last one.
+        """
+        last = self.roles
+        if last is not None and not _is_newer(roles, last):
+            raise Refused("term")
+        self.roles, self.roles_s, self.term = roles, now_s, max(self.term, roles.term)
+
+    def close(self, evaders: Collection[str], now_s: float) -> None:
+        """Note evaders that are out of play."""
+        for name in self._evaders.intersection(evaders):
+            self.over.setdefault(name, now_s)
+
+    def alive(self, now_s: float, present: Collection[str] | None = None) -> list[str]:
+        """Return the names of the vehicles that are there, this one included.
+
+        Args:
+            now_s: The present.
+            present: Names with a liveliness token; None if the transport has none.
+        """
+        heard = (name for name, mate in self.mates.items() if now_s - mate.heard_s <= SILENT_S)
+        return sorted([self.vehicle, *(name for name in heard if present is None or name in present)])
+
+    def new_states(self) -> tuple[MateState, ...]:
+        """Return and remove the states since the last call, one for each mate."""
+        fresh, self._fresh = self._fresh, {}
+        return tuple(fresh.values())
+
+    def new_reports(self) -> list[EvaderReport]:
+        """Return and remove the reports of evaders since the last call."""
+        relayed, self._relayed = self._relayed, []
+        return relayed
+
+
+def _is_newer(roles: RolesMessage, last: RolesMessage) -> bool:
+    if roles.term != last.term:
+        return roles.term > last.term
+    if roles.vehicle != last.vehicle:
+        return roles.vehicle < last.vehicle
+    return roles.seq > last.seq
+
+
+def place_of(placed: Placed) -> tuple[float, float, Amsl]:
+    """Return latitude and longitude in degrees, and the altitude."""
+    return placed.latitude_deg, placed.longitude_deg, Amsl(placed.altitude_amsl_m)
+
+
+def frame_at(placed: Placed) -> LocalFrame:
+    """Return the local frame about the place of a message."""
+    return LocalFrame(*place_of(placed))

@@ -1,0 +1,198 @@
+"""The coordinator of a team: who it is, and which vehicle plays against which evader.
+
+The coordinator is elected without votes. When no assignment has been heard for 1 s, the lowest name that is alive
+takes the next term. Of two coordinators the later term wins, then the lower name. A coordinator stays until it is
+silent, so a vehicle that comes back changes nothing.
+
+The assignment is `match_teams` with the vehicles' own speeds. A promise is changed only with a cause, which the
+assignment names. It carries all promises, so the next coordinator keeps them.
+"""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.frames import Vector
+from guidance.game import Ball, Game, StandOff
+from guidance.game.team import Matching, match_teams
+from guidance.team.board import SILENT_S, Board
+from guidance.team.messages import Promise, RolesMessage, StateMessage, VehicleRole
+
+EVERY_S: Final = 0.5
+"""Period of the assignment; events come at once."""
+
+SLOT_MARGIN_M: Final = 1.0
+"""Vehicles at one evader are stacked by the vertical separation and this."""
+
+HYSTERESIS: Final = 0.5
+_NOISE: Final = 0.5
+"""Least improvement for another pair, and least loss that needs a cause: m in TAD, s in PE."""
+
+_STALE_S: Final = 1.0
+
+
+class EvaderSeen(NamedTuple):
+    """An evader: place in the game frame, m, bound of its speed, declared speed, and age of the last report."""
+
+    position_m: Vector
+    speed_m_s: float
+    declared_m_s: float
+    age_s: float
+
+
+class Scene(NamedTuple):
+    """The players as the coordinator sees them; places in the game frame, m."""
+
+    vehicles: Mapping[str, tuple[Vector, StateMessage]]
+    evaders: Mapping[str, EvaderSeen]
+    target_m: Vector | None
+    standoff: StandOff
+
+
+class Coordinator:
+    """One vehicle's part in the election, and the assignment while it is elected.
+
+    Args:
+        board: What the vehicle knows; it takes the vehicle's own assignments too.
+        epoch: Of the vehicle.
+        slot_m: Height between vehicles at one evader.
+    """
+
+    def __init__(self, board: Board, epoch: int, slot_m: float) -> None:
+        self._board = board
+        self._epoch = epoch
+        self._slot_m = slot_m
+        self._seq = 0
+        self._term = 0
+        self._begun_s: float | None = None
+        self._players: tuple[list[str], list[str]] | None = None
+
+    @property
+    def leading(self) -> bool:
+        """Whether this vehicle is the coordinator."""
+        roles = self._board.roles
+        return (
+            self._term > 0 and roles is not None and (roles.vehicle, roles.epoch) == (self._board.vehicle, self._epoch)
+        )
+
+    def elect(self, now_s: float, alive: list[str]) -> bool:
+        """Take part in the election; return whether this vehicle is to make assignments.
+
+        Args:
+            now_s: The present.
+            alive: Names of the vehicles that are there, in order.
+        """
+        self._begun_s = now_s if self._begun_s is None else self._begun_s
+        if self.leading:
+            return True
+        silent_s = now_s - max(self._board.roles_s, self._begun_s)
+        if silent_s < SILENT_S or alive[0] != self._board.vehicle:
+            return False
+        self._term = self._board.term + 1
+        return True
+
+    def assign(self, now_s: float, scene: Scene) -> RolesMessage | None:
+        """Return a new assignment when one is due, and put it on the board.
+
+        Args:
+            now_s: The present.
+            scene: All players that are there and in play.
+        """
+        players = sorted(scene.vehicles), sorted(scene.evaders)
+        if self.leading and players == self._players and now_s - self._board.roles_s < EVERY_S:
+            return None
+        self._players = players
+        matching = self._match(scene, *players)
+        made = RolesMessage(
+            vehicle=self._board.vehicle,
+            epoch=self._epoch,
+            seq=self._seq,
+            term=self._term,
+            roles=() if matching is None else self._roles(matching, *players),
+            promises=self._promises(now_s, scene, matching, *players),
+        )
+        self._seq += 1
+        self._board.take_roles(now_s, made)
+        return made
+
+    def _match(self, scene: Scene, vehicles: list[str], evaders: list[str]) -> Matching | None:
+        if not vehicles or not evaders:
+            return None
+        states = [scene.vehicles[name] for name in vehicles]
+        seen = [scene.evaders[name] for name in evaders]
+        speeds = np.array([state.speed_m_s for _, state in states])
+        game = Game(Ball(speeds[:, None]), np.array([one.speed_m_s for one in seen]), standoff=scene.standoff)
+        kept = {one.evader: one for one in self._promised if one.value is not None}
+        previous = None
+        if kept:
+            who = [(kept[name].first, kept[name].second) if name in kept else (None, None) for name in evaders]
+            numbers = {name: number for number, name in enumerate(vehicles)}
+            first, second = (np.array([numbers.get(each[slot] or "", -1) for each in who]) for slot in (0, 1))
+            previous = _nothing()._replace(first=first, second=second)
+        try:
+            return match_teams(
+                game,
+                np.array([place for place, _ in states]),
+                np.array([one.position_m for one in seen]),
+                None if scene.target_m is None else np.array(scene.target_m),
+                previous=previous,
+                hysteresis=HYSTERESIS,
+            )
+        except ConfigError:  # a state without an answer: the roles stay as they are
+            self._board.counts["unmatched"] += 1
+            return None
+
+    def _roles(self, matching: Matching, vehicles: list[str], evaders: list[str]) -> tuple[VehicleRole, ...]:
+        roles = []
+        for number, evader in enumerate(evaders):
+            leaders = [int(matching.first[number]), int(matching.second[number])]
+            there = [index for index in range(len(vehicles)) if matching.evader_of[index] == number]
+            there.sort(key=lambda index: (leaders.index(index) if index in leaders else len(leaders), index))
+            roles += [
+                VehicleRole(vehicle=vehicles[index], evader=evader, above_m=rank * self._slot_m)
+                for rank, index in enumerate(there)
+            ]
+        return tuple(roles)
+
+    @property
+    def _promised(self) -> tuple[Promise, ...]:
+        return () if self._board.roles is None else self._board.roles.promises
+
+    def _promises(
+        self, now_s: float, scene: Scene, matching: Matching | None, vehicles: list[str], evaders: list[str]
+    ) -> tuple[Promise, ...]:
+        """Return all promises; before the first vehicle plays, they are only offers."""
+        begun = any(state.part == "playing" for _, state in scene.vehicles.values())
+        passed_s = now_s - self._board.roles_s if scene.target_m is None and begun else 0.0
+        promises = {one.evader: one for one in self._promised}
+        for number, evader in enumerate(evaders if matching is not None else ()):
+            first, second = (self._name_in(matching, slot, number, vehicles) for slot in ("first", "second"))
+            value = None if matching is None or first is None else float(matching.value[number])
+            before, cause = promises.get(evader), ""
+            if begun and before is not None and before.value is not None:
+                kept = before.value - passed_s
+                worse = value is None or (value - kept if scene.target_m is None else kept - value) > _NOISE
+                cause = self._cause(scene, evader, vehicles) if worse else ""
+                value, cause = (value, cause) if cause else (kept, before.cause)
+            if before is not None or value is not None:
+                promises[evader] = Promise(evader=evader, value=value, first=first, second=second, cause=cause)
+        return tuple(promises.values())
+
+    def _name_in(self, matching: Matching | None, slot: str, number: int, vehicles: list[str]) -> str | None:
+        index = -1 if matching is None else int(getattr(matching, slot)[number])
+        return vehicles[index] if index >= 0 else None
+
+    def _cause(self, scene: Scene, evader: str, vehicles: list[str]) -> str:
+        """Say why a promise cannot be kept; empty if nothing explains it, and then it stands."""
+        roles, seen = self._board.roles, scene.evaders[evader]
+        if roles is not None and any(role.vehicle not in vehicles for role in roles.roles):
+            return "vehicle lost"
+        if seen.speed_m_s > seen.declared_m_s + _NOISE:
+            return "faster evader"
+        return "stale data" if seen.age_s > _STALE_S else ""
+
+
+def _nothing() -> Matching:
+    return Matching(*(np.empty(0) for _ in Matching._fields))

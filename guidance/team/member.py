@@ -1,0 +1,200 @@
+"""One vehicle's part in its team: what a cycle reads from the mates, and what the vehicle tells them.
+
+A cycle begins with `hear`, which returns the mates and the role for its inputs, and ends with `tell`. Both take the
+time from the caller. A wrong assignment costs captures, never distance: the vehicle's own limits keep the separation.
+"""
+
+import math
+from collections.abc import Collection, Sequence
+from typing import Any, Final, NamedTuple
+
+from guidance.flight import Event, Flight, Outputs, State
+from guidance.frames import Amsl, Vector
+from guidance.game import Cylinder
+from guidance.messages import EvaderReport, LocalPosition, MateState, Role
+from guidance.team.board import Board, place_of
+from guidance.team.coordinator import SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
+from guidance.team.messages import EvaderMessage, StateMessage, encode
+from guidance.team.transport import Transport
+
+EVERY_S: Final = 0.1
+"""Period of the states, and least time between reports of one evader."""
+
+STAYS_S: Final = 2.0
+"""After a capture no vehicle changes its evader for so long."""
+
+_RELAYED_S: Final = 0.5
+"""A mate's report of an evader is used if the vehicle has not heard the evader itself for so long."""
+
+_ROUNDING_S: Final = 1e-6
+_PLAYING: Final = frozenset({State.ENGAGED, State.PAUSED, State.ON_STATION})
+_READY: Final = frozenset({State.STANDING_BY, State.ENTERING})
+
+
+class TeamInputs(NamedTuple):
+    """What a cycle reads from its team: new states of mates, a new role if any, and reports of evaders."""
+
+    mates: tuple[MateState, ...] | None
+    role: Role | None
+    reports: list[EvaderReport]
+
+
+class Member:
+    """One vehicle of a team.
+
+    Args:
+        vehicle: Its name.
+        mates: Names of the others.
+        evaders: Names of the evaders.
+        transport: To the mates.
+        epoch: A random number of this start.
+        separation_height_m: Least height between vehicles.
+
+    Attributes:
+        board: What it knows.
+        coordinator: Its part in the election.
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        mates: Collection[str],
+        evaders: Collection[str],
+        transport: Transport,
+        *,
+        epoch: int,
+        separation_height_m: float,
+    ) -> None:
+        self.vehicle = vehicle
+        self.board = Board(vehicle, mates, evaders)
+        self.coordinator = Coordinator(self.board, epoch, separation_height_m + SLOT_MARGIN_M)
+        self._transport, self._evaders, self._epoch = transport, sorted(evaders), epoch
+        self._seq = 0
+        self._told_s = -math.inf
+        self._heard_s: dict[str, float] = {}
+        self._reports: dict[str, EvaderReport] = {}
+
+    def hear(self, now_s: float, flight: Flight, reports: Sequence[EvaderReport]) -> TeamInputs:
+        """Read what the mates sent.
+
+        Args:
+            now_s: The present.
+            flight: The vehicle's.
+            reports: Of evaders that the vehicle heard itself in this cycle.
+        """
+        for arrived_s, key, payload in self._transport.receive():
+            self.board.hear(arrived_s, key, payload)
+        for report in reports:
+            if report.evader is not None:
+                self._heard_s[report.evader], self._reports[report.evader] = now_s, report
+        relayed = [
+            report
+            for report in self.board.new_reports()
+            if now_s - self._heard_s.get(report.evader or "", -math.inf) > _RELAYED_S
+        ]
+        return TeamInputs(self.board.new_states() or None, self._role(now_s, flight), relayed)
+
+    def _role(self, now_s: float, flight: Flight) -> Role | None:
+        """Return a new role; None keeps the present one. An assignment that does not fit what is seen is left out."""
+        assigned = None if self.board.roles is None else self.board.roles.roles
+        mine = next((role for role in assigned or () if role.vehicle == self.vehicle), None)
+        if mine is None:
+            return None
+        role, before = Role(mine.evader, mine.above_m), flight.role
+        if role == before:
+            return None
+        if before is None or role.evader == before.evader:
+            return role
+        unseen = flight.tracking.silence_s(now_s, role.evader) > flight.settings.cycle.evader_timeout_s
+        waits = now_s - max(self.board.over.values(), default=-math.inf) < STAYS_S
+        if waits or unseen or role.evader in self.board.over:
+            self.board.counts["roles_left_out"] += not waits
+            return None
+        return role
+
+    def tell(self, now_s: float, flight: Flight, outputs: Outputs) -> None:
+        """Tell the mates about the vehicle and the evaders, and assign roles as the coordinator."""
+        ends = {Event.CAPTURED, Event.ESCAPED}
+        ended = any(one.event in ends and one.after is not one.before for one in outputs.happenings)
+        if ended and flight.role is not None:
+            self.board.close((flight.role.evader,), now_s)
+        if now_s - self._told_s >= EVERY_S - _ROUNDING_S:
+            self._told_s = now_s
+            self._publish(flight, outputs)
+        alive = self.board.alive(now_s, self._transport.present())
+        if self.coordinator.elect(now_s, alive) and (scene := self._scene(now_s, flight, alive)) is not None:
+            made = self.coordinator.assign(now_s, scene)
+            if made is not None:
+                self._transport.publish(made.key, encode(made))
+
+    def _publish(self, flight: Flight, outputs: Outputs) -> None:
+        self._seq += 1
+        common: dict[str, Any] = {"vehicle": self.vehicle, "epoch": self._epoch, "seq": self._seq}
+        local, frame = flight.vehicle.last(LocalPosition), flight.tracking.local_frame
+        if local is not None and frame is not None:
+            place = _placed(local.received_s, frame.wgs84_from_ned(local.position_ned_m))
+            state = StateMessage(**common, **place, **self._state(flight, outputs, local.velocity_ned_m_s))
+            self.board.own = state
+            self._transport.publish(state.key, encode(state))
+        for name, report in self._reports.items():
+            altitude, velocity = Amsl(report.altitude_amsl_m), report.velocity_ned_m_s
+            told = EvaderMessage(
+                **common,
+                **_placed(report.received_s, (report.latitude_deg, report.longitude_deg, altitude)),
+                velocity_ned_m_s=velocity if all(map(math.isfinite, velocity)) else None,
+                evader=name,
+                source=report.source[:120],
+            )
+            self._transport.publish(told.key, encode(told))
+        self._reports.clear()
+
+    def _state(self, flight: Flight, outputs: Outputs, velocity_ned_m_s: Vector) -> dict[str, Any]:
+        speeds, certificate, state = flight.settings.cycle.speed_set, outputs.certificate, flight.state
+        vertical = (speeds.climb_m_s, speeds.descent_m_s) if isinstance(speeds, Cylinder) else 2 * (speeds.speed_m_s,)
+        value = math.nan if certificate is None else certificate.value
+        return {
+            "velocity_ned_m_s": velocity_ned_m_s,
+            "state": str(state),
+            "part": "playing" if state in _PLAYING else "ready" if state in _READY else "out",
+            "airborne": flight.vehicle.armed and not flight.vehicle.on_ground,
+            "speed_m_s": float(speeds.horizontal_m_s),
+            "climb_m_s": float(vertical[0]),
+            "descent_m_s": float(vertical[1]),
+            "evader": None if flight.role is None else flight.role.evader,
+            "value": value if math.isfinite(value) and value >= 0.0 else None,
+            "term": self.board.term,
+            "over": tuple(sorted(self.board.over)),
+        }
+
+    def _scene(self, now_s: float, flight: Flight, alive: Collection[str]) -> Scene | None:
+        """Return all players that are there and in play, None before the frames are known."""
+        tracking, cycle, own = flight.tracking, flight.settings.cycle, self.board.own
+        frame, game_frame = tracking.local_frame, tracking.game_frame
+        if frame is None or game_frame is None or own is None:
+            return None
+        known = {name: (mate.state, mate.at_s) for name, mate in self.board.mates.items() if name in alive}
+        known[self.vehicle] = (own, own.sent_s)
+        vehicles, evaders = {}, {}
+        for name, (state, at_s) in known.items():
+            if state is not None and state.part != "out":
+                place = frame.ned_from_wgs84(*place_of(state))
+                rows = zip(place, state.velocity_ned_m_s, strict=True)
+                north, east, down = (at + (now_s - at_s) * rate for at, rate in rows)
+                vehicles[name] = game_frame.position_from_ned((north, east, down)), state
+        for name in self._evaders:
+            seen = tracking.evader(now_s, name)
+            if seen is not None and name not in self.board.over:
+                x, y, _ = game_frame.position_from_ned(seen.position_ned_m)
+                declared_m_s = flight.settings.evaders.get(name, cycle.declared_evader_speed_m_s)
+                evaders[name] = EvaderSeen((x, y, 0.0), seen.speed_bound_m_s, declared_m_s, seen.age_s)
+        return Scene(vehicles, evaders, cycle.target_game_m, cycle.standoff)
+
+
+def _placed(sent_s: float, place: tuple[float, float, Amsl]) -> dict[str, Any]:
+    latitude_deg, longitude_deg, altitude = place
+    return {
+        "sent_s": sent_s,
+        "latitude_deg": latitude_deg,
+        "longitude_deg": longitude_deg,
+        "altitude_amsl_m": altitude.metres,
+    }

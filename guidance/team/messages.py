@@ -1,0 +1,161 @@
+"""The messages of a team, as JSON: the state of a vehicle, a report of an evader, and the assignment.
+
+The last part of a key is the vehicle that sends it, so a router can bind keys to certificates. A message names the
+same vehicle. Whatever does not match is refused; the board counts it.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+
+from guidance.vehicle import FASTEST_M_S, HIGHEST_M
+
+STATE, EVADER, ROLES = "state", "evader", "roles"
+"""First parts of the keys `state/VEHICLE`, `evader/EVADER/VEHICLE` and `roles/VEHICLE`."""
+
+MOST_BYTES: Final = 8192
+_MOST: Final = 32
+"""Most vehicles, and most evaders, of a team."""
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+Names = Annotated[tuple[Name, ...], Field(max_length=_MOST, strict=False)]
+Count = Annotated[int, Field(ge=0, lt=2**53)]
+Speed = Annotated[float, Field(gt=0.0, lt=FASTEST_M_S)]
+_Part = Annotated[float, Field(gt=-FASTEST_M_S, lt=FASTEST_M_S)]
+Velocity = Annotated[tuple[_Part, _Part, _Part], Field(strict=False)]
+
+
+class Refused(ValueError):  # noqa: N818 -- a verdict, counted and never shown as an error
+    """A message that does not match its schema."""
+
+
+class Message(BaseModel):
+    """Common to all messages: `epoch` is drawn at the start of the sender, `seq` counts its messages of a kind."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    version: Literal[1] = Field(1, description="Of this schema")
+    vehicle: Name = Field(description="The sender")
+    epoch: Count = Field(description="Drawn at random when the sender starts")
+    seq: Count = Field(description="Number of this message in its epoch")
+
+    @property
+    def key(self) -> str:
+        """The key that it is published under, from the kind on."""
+        return f"{STATE}/{self.vehicle}"
+
+
+class Placed(Message):
+    """A message with a place."""
+
+    latitude_deg: float = Field(gt=-90.0, lt=90.0, description="WGS-84 latitude, degrees")
+    longitude_deg: float = Field(ge=-180.0, le=180.0, description="WGS-84 longitude, degrees")
+    altitude_amsl_m: float = Field(gt=-HIGHEST_M, lt=HIGHEST_M, description="Above mean sea level, metres")
+    sent_s: FiniteFloat = Field(description="When it was true, seconds of the sender's steady clock")
+
+
+class StateMessage(Placed):
+    """The state of a vehicle, 10 times per second."""
+
+    model_config = ConfigDict(title="guidance.TeamState")
+
+    velocity_ned_m_s: Velocity = Field(description="North, east, down, m/s")
+    state: str = Field(max_length=_MOST, description="State of its flight, for people")
+    part: Literal["out", "ready", "playing"] = Field(description="Whether it can be engaged, or plays")
+    airborne: bool = Field(description="Whether mates must stay away from it")
+    speed_m_s: Speed = Field(description="Horizontal speed in the game")
+    climb_m_s: Speed = Field(description="Climb rate in the game")
+    descent_m_s: Speed = Field(description="Descent rate in the game")
+    evader: Name | None = Field(None, description="The evader that it plays against")
+    value: float | None = Field(None, ge=0.0, description="Value of its own game: s in PE, m in TAD; null without one")
+    term: Count = Field(0, description="The latest term that it has heard of")
+    over: Names = Field((), description="Evaders that it captured, or that arrived: they are out of play")
+
+
+class EvaderMessage(Placed):
+    """A report of an evader as the sender received it, for mates that do not hear the evader."""
+
+    model_config = ConfigDict(title="guidance.TeamEvader")
+
+    evader: Name = Field(description="The evader")
+    velocity_ned_m_s: Velocity | None = Field(None, description="North, east, down, m/s; null if unknown")
+    source: str = Field(max_length=120, description="Who reported it to the sender")
+
+    @property
+    def key(self) -> str:
+        """The key that it is published under, from the kind on."""
+        return f"{EVADER}/{self.evader}/{self.vehicle}"
+
+
+class VehicleRole(BaseModel):
+    """The evader of a vehicle, and how far above the game's disc it stays: vehicles at one evader are stacked."""
+
+    model_config = Message.model_config
+
+    vehicle: Name
+    evader: Name
+    above_m: float = Field(ge=0.0, le=500.0)
+
+
+class Promise(BaseModel):
+    """A capture that the team guarantees, and who guarantees it now.
+
+    The value is seconds from the message on (PE) or metres (TAD). It is changed only with a cause.
+    """
+
+    model_config = Message.model_config
+
+    evader: Name
+    value: FiniteFloat | None = Field(description="null: promised earlier, and lost for the cause")
+    first: Name | None
+    second: Name | None
+    cause: str = Field("", max_length=60, description="Why it is worse than it was promised first")
+
+
+class RolesMessage(Message):
+    """The assignment of a coordinator, twice per second and at events."""
+
+    model_config = ConfigDict(title="guidance.TeamRoles")
+
+    term: Count = Field(description="Number of the coordinator's election; a later one wins")
+    roles: tuple[VehicleRole, ...] = Field(max_length=_MOST, strict=False)
+    promises: tuple[Promise, ...] = Field((), max_length=_MOST, strict=False, description="All that were ever given")
+
+    @property
+    def key(self) -> str:
+        """The key that it is published under, from the kind on."""
+        return f"{ROLES}/{self.vehicle}"
+
+
+KINDS: Final[Mapping[str, type[Message]]] = {STATE: StateMessage, EVADER: EvaderMessage, ROLES: RolesMessage}
+
+
+def encode(message: Message) -> bytes:
+    """Return a message as JSON."""
+    return message.model_dump_json().encode()
+
+
+def decode(kind: str, payload: bytes) -> Message:
+    """Read a message.
+
+    Args:
+        kind: The first part of its key.
+        payload: Untrusted bytes.
+
+    Raises:
+        Refused: With the reason in one word.
+    """
+    if kind not in KINDS:
+        raise Refused("kind")
+    if len(payload) > MOST_BYTES:
+        raise Refused("size")
+    try:
+        return KINDS[kind].model_validate_json(payload)
+    except ValidationError as error:
+        raise Refused("schema") from error
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of a kind, as published in `config/zenoh/`."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **KINDS[kind].model_json_schema()}

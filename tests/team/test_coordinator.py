@@ -1,0 +1,160 @@
+"""The election and the assignments on lossy, delayed and split networks."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.team.virtual_team import VirtualTeam
+
+TARGET = (0.0, 0.0, 0.0)
+TEAM = {"alpha": (8.0, 0.0, 10.0), "bravo": (-4.0, 7.0, 10.0), "charlie": (-4.0, -7.0, 10.0)}
+EVADERS = {"blue": (60.0, 0.0, 0.0), "red": (-30.0, 52.0, 0.0)}
+
+FEW = settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+def virtual(places=TEAM, evaders=EVADERS, target=TARGET, **network):
+    return VirtualTeam(places, evaders, target, **network)
+
+
+def newest(point):
+    """The assignment that a vehicle follows."""
+    return point.board.roles.vehicle, point.board.roles.term
+
+
+def broken(made):
+    """Promises that became worse without a cause."""
+    found = []
+    for before, after in pairwise(made):
+        values = {one.evader: one for one in after.promises}
+        for old in before.promises:
+            new = values.get(old.evader)
+            worse = new is None or new.value is None or (old.value is not None and new.value < old.value)
+            if old.value is not None and worse and not (new and new.cause):
+                found.append((old, new))
+    return found
+
+
+def test_the_lowest_name_coordinates_after_a_second():
+    team = virtual(delay_s=0.02)
+    team.run(0.9)
+    assert all(point.board.roles is None for point in team.points.values())
+    team.run(0.4)
+    assert {newest(point) for point in team.points.values()} == {("alpha", 1)}
+
+
+def test_assignments_come_twice_per_second_and_at_events():
+    team = virtual()
+    team.run(5.0, moving=False)
+    assert len(team.points["alpha"].made) == pytest.approx(9, abs=1)
+    before = len(team.points["alpha"].made)
+    team.points["charlie"].board.close(("red",), team.clock.now_s())
+    team.run(0.15, moving=False)
+    assert len(team.points["alpha"].made) == before + 1
+    assert {role.evader for role in team.points["alpha"].made[-1].roles} == {"blue"}
+
+
+def test_vehicles_at_one_evader_are_stacked():
+    team = virtual(evaders={"red": EVADERS["red"]})
+    team.run(2.0, moving=False)
+    heights = sorted(role.above_m for role in team.points["alpha"].made[-1].roles)
+    assert heights == [0.0, 4.0, 8.0]
+
+
+@FEW
+@given(st.integers(0, 999), st.floats(0.0, 0.3), st.floats(0.0, 0.15), st.sampled_from([*TEAM]))
+def test_after_a_kill_the_next_name_takes_over_with_the_same_promises(seed, loss, delay_s, killed):
+    team = virtual(delay_s=delay_s, jitter_s=delay_s, loss=loss, seed=seed)
+    team.run(3.0)
+    team.points[killed].killed = True
+    team.run(3.0)
+    leader = min(point.name for point in team.alive)
+    assert {newest(point)[0] for point in team.alive} == {leader}
+    assert all(role.vehicle != killed for point in team.alive for role in point.board.roles.roles)
+    assert not broken(team.made)
+    promised = {one.evader for one in team.points[leader].board.roles.promises}
+    assert promised == set(EVADERS)
+
+
+def test_a_silent_coordinator_is_replaced_within_a_second_and_a_half():
+    team = virtual(delay_s=0.03)
+    team.run(3.0)
+    team.points["alpha"].killed = True
+    team.run(1.5)
+    assert {newest(point) for point in team.alive} == {("bravo", 2)}
+    kept = {one.evader: one.value for one in team.points["alpha"].made[-1].promises}
+    for one in team.points["bravo"].made[0].promises:
+        assert one.cause == "vehicle lost" or one.value == kept[one.evader]
+
+
+@FEW
+@given(st.integers(0, 999), st.floats(1.5, 10.0), st.sampled_from([*TEAM]))
+def test_after_a_split_heals_all_follow_the_newest_term(seed, seconds, alone):
+    team = virtual(delay_s=0.03, jitter_s=0.05, loss=0.1, seed=seed)
+    team.run(3.0)
+    team.network.cut = {alone}
+    team.run(seconds)
+    team.network.cut = set()
+    terms = max(point.board.term for point in team.points.values())
+    team.run(2.5)
+    assert len({newest(point) for point in team.points.values()}) == 1
+    assert newest(team.points["alpha"])[1] >= terms
+    for point in team.points.values():  # what one part promised, the other cannot know
+        assert not broken(point.made)
+
+
+def test_a_coordinator_that_restarts_does_not_block_the_team():
+    team = virtual(delay_s=0.02)
+    team.run(3.0)
+    again = VirtualTeam(TEAM, EVADERS, TARGET).points["alpha"]
+    old = team.points["alpha"]
+    again.board = type(old.board)("alpha", [*TEAM], [*EVADERS])
+    again.coordinator = type(old.coordinator)(again.board, 77, 4.0)
+    again.transport, again.epoch, again.place_m = team.network.join("alpha"), 77, old.place_m
+    team.points["alpha"] = again
+    team.run(3.0)
+    assert {newest(point) for point in team.points.values()} == {("alpha", 2)}
+
+
+places = st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0), st.floats(8.0, 25.0))
+grounds = st.tuples(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0), st.just(0.0)).filter(
+    lambda place: math.hypot(*place) > 20.0
+)
+
+
+@FEW
+@given(
+    st.lists(places, min_size=2, max_size=3),
+    st.lists(grounds, min_size=1, max_size=3),
+    st.sampled_from([TARGET, None]),
+    st.integers(0, 999),
+    st.lists(st.sampled_from(["kill", "cut", "capture", "nothing"]), min_size=2, max_size=4),
+)
+def test_promises_are_monotone_and_vehicles_agree_whatever_happens(vehicles, evaders, target, seed, happenings):
+    places = dict(zip(TEAM, vehicles, strict=False))
+    team = virtual(
+        places, dict(zip(("blue", "green", "red"), evaders, strict=False)), target, delay_s=0.05, loss=0.2, seed=seed
+    )
+    team.run(2.5)
+    for happening in happenings:
+        one = team.alive[-1]
+        if happening == "kill" and len(team.alive) > 1:
+            one.killed = True
+        elif happening == "cut":
+            team.network.cut = set() if team.network.cut else {one.name}
+        elif happening == "capture":
+            one.board.close([*team.evaders][:1], team.clock.now_s())
+        team.run(1.5)
+    team.network.cut = set()
+    team.run(4.0)
+    assert len({newest(point) for point in team.alive}) == 1
+    for point in team.points.values() if target is not None else ():
+        assert not broken(point.made)
+    for made in team.made:
+        names = [role.vehicle for role in made.roles]
+        assert len(names) == len(set(names))
+        stacked = [(role.evader, role.above_m) for role in made.roles]
+        assert len(stacked) == len(set(stacked))
