@@ -2,7 +2,7 @@
 
 import logging
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -12,7 +12,7 @@ from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import ORDERED, RELOADED, STOPPED
 from guidance.log.writer import Record
-from guidance.messages import LocalPosition, Message
+from guidance.messages import EvaderReport, LocalPosition, Message
 from guidance.preflight import Facts, PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
@@ -22,6 +22,7 @@ from guidance.session.metrics import Metrics
 from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
 from guidance.session.process import Notifier
+from guidance.team import Member
 
 if TYPE_CHECKING:
     from guidance.autopilots import Finding
@@ -45,6 +46,7 @@ class Equipment:
         broadcast: To views and panels.
         record_required: Whether nothing flies without the record.
         live: Shows a line about the flight.
+        team: Its part in a team; None if it flies alone.
     """
 
     mailbox: Mailbox = field(default_factory=Mailbox)
@@ -55,23 +57,25 @@ class Equipment:
     broadcast: Record | None = None
     record_required: bool = False
     live: Callable[[str], None] = lambda _: None
+    team: Member | None = None
 
 
 class Daemon:
-    """One vehicle's guidance against one evader, in real or virtual time."""
+    """One vehicle's guidance, in real or virtual time, against one evader or, in a team, several by name."""
 
     def __init__(
         self,
         name: str,
         plan: FlightPlan,
         link: VehicleLink,
-        evader: EvaderSource,
+        evader: EvaderSource | Mapping[str, EvaderSource],
         equipment: Equipment | None = None,
     ) -> None:
         used = Equipment() if equipment is None else equipment
         self.name = name
         self._link = link
-        self._evader = evader
+        self._evaders = evader if isinstance(evader, Mapping) else {"": evader}
+        self.team = used.team
         self.mailbox = used.mailbox
         self._log = used.log
         self.metrics = Metrics(name) if used.metrics is None else used.metrics
@@ -139,6 +143,8 @@ class Daemon:
         inputs = self._inputs = self._read(now_s, queries, orders)
         outputs = self.outputs = self.flight.step(inputs)
         self._write(outputs, timing)
+        if self.team is not None:
+            self.team.tell(now_s, self.flight, outputs)
         self._answer(queries, orders, outputs)
         self._preflight(inputs)
         self._report(outputs, timing)
@@ -197,11 +203,21 @@ class Daemon:
         )
         alive = any(query.order == ALIVE for query in queries) or None
         bars = refusals(self._engaging.rows) if Event.ENGAGE in (*people, *mission) else self._engaging.bars_the_pilot
-        received = self._link.receive(), self._evader.receive()
+        messages, reports = self._link.receive(), self._reports()
         if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
-        return Inputs(now_s, *received, people, self._barred() + bars, alive, mission)
+        inputs = Inputs(now_s, messages, reports, people, self._barred() + bars, alive, mission)
+        if self.team is None:
+            return inputs
+        heard = self.team.hear(now_s, self.flight, reports)
+        return inputs._replace(reports=(*reports, *heard.reports), mates=heard.mates, role=heard.role)
+
+    def _reports(self) -> Sequence[EvaderReport]:
+        """Read the reports of all evaders; without a team an evader needs no name."""
+        if self.team is None:
+            return self._evaders[""].receive()
+        return [report._replace(evader=name) for name, source in self._evaders.items() for report in source.receive()]
 
     def _barred(self) -> tuple[str, ...]:
         """Names of what preflight refuses; before its first verdict, preflight itself."""
@@ -344,7 +360,8 @@ class Daemon:
         if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
             return
         self._shown_s = now_s
-        counters = {"vehicle": self._link.counters(), "evader": self._evader.counters()}
+        evaders = {name or "evader": source.counters() for name, source in self._evaders.items()}
+        counters = {"vehicle": self._link.counters(), **evaders}
         self.metrics.show(now_s, self.flight, outputs, counters)
         self._notifier.status(f"{shown_state(self.flight)}, mode {self.flight.mode_name}")
         self._live(flight_line(self.flight, outputs, now_s))

@@ -125,6 +125,7 @@ class Mission:
             for pursuit in pursuits_of(flown)
         ]
         self.daemons = [one.daemon for one in self._vehicles]
+        self._team = any(daemon.team is not None for daemon in self.daemons)
         evaders = dict.fromkeys(one.pursuit.evader for one in self._vehicles)
         self.result = MissionResult(
             {one.pursuit.vehicle: one.result for one in self._vehicles}, {name: EvaderResult() for name in evaders}
@@ -140,11 +141,17 @@ class Mission:
         for one in self._vehicles:
             one.locate(now_s)
         for name, player in self._world.players.items():
-            pursuers = [one for one in self._vehicles if one.pursuit.evader == name]
+            pursuers = [one for one in self._vehicles if self._team or one.pursuit.evader == name]
             places = [one.position_game_m for one in pursuers if one.position_game_m is not None]
-            player.step(now_s, places, playing=any(one.sequencer.playing for one in pursuers))
+            playing = any(one.sequencer.playing for one in pursuers) and not self._is_over(name)
+            player.step(now_s, places, playing=playing)
+        states = {one.daemon.flight.state for one in self._vehicles} if self._team else set()
         for one in self._vehicles:
-            one.before(now_s)
+            one.before(now_s, waiting=bool(states & _WAITS_FOR.get(one.daemon.flight.state, frozenset())))
+
+    def _is_over(self, evader: str) -> bool:
+        """Whether a vehicle of the team knows that an evader is out of play."""
+        return any(daemon.team is not None and evader in daemon.team.board.over for daemon in self.daemons)
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
         """Follow a cycle.
@@ -155,10 +162,10 @@ class Mission:
         for one in self._vehicles:
             if one.over:
                 continue
-            evader_m, evader = one.evader_game_m(now_s), self.result.evaders[one.pursuit.evader]
+            evader_m, evader = one.evader_game_m(now_s), self.result.evaders[one.evader]
             one.after(now_s, late_s, evader_m)
             evader.note(now_s, evader_m)
-            if one.result.captured and evader.captured_by is None:
+            if one.captures and evader.captured_by is None:
                 evader.captured_by, evader.captured_s = one.pursuit.vehicle, now_s
 
     def stop(self, wall_s: float) -> MissionResult:
@@ -168,6 +175,14 @@ class Mission:
         for one in self._vehicles:
             one.result.interrupted, one.result.wall_s = not one.left, wall_s
         return self.result
+
+
+_UNFIT: Final = frozenset({State.CONNECTING, State.CHECKING})
+_WAITS_FOR: Final[Mapping[State, frozenset[State]]] = {
+    State.READY: _UNFIT,
+    State.STANDING_BY: _UNFIT | {State.READY, State.ARMING, State.CLIMBING, State.POSITIONING},
+}
+"""In a team, a vehicle in one of these states gets no order while another one is in one of those."""
 
 
 class VehicleMission:
@@ -188,10 +203,15 @@ class VehicleMission:
         self.result = FlightResult(scenario, State.CONNECTING)
         self.over = False
         self.position_game_m: Vector | None = None
-        self._heard = SensedEvader(world.evaders[name][evader], scenario.sensor, scenario.seed, clock.now_s)
-        self.daemon = Daemon(name, plan, world.links[name], self._heard, equipment)
+        team = None if equipment is None else equipment.team
+        self._heard = {
+            name: SensedEvader(source, scenario.sensor, scenario.seed, clock.now_s)
+            for name, source in world.evaders[name].items()
+            if team is not None or name == evader
+        }
+        sources = self._heard if team is not None else self._heard[evader]
+        self.daemon = Daemon(name, plan, world.links[name], sources, equipment)
         self._world = world
-        self._player = world.players.get(evader)
         self._policy = policy
         self._show = show
         self._ready_within_s = ready_within_s
@@ -201,6 +221,18 @@ class VehicleMission:
         self._limit_from_s = 0.0
         self._refused_s = math.inf
         self._asked_s = -math.inf
+
+    @property
+    def evader(self) -> str:
+        """The evader that it plays against now."""
+        role = self.daemon.flight.role
+        return self.pursuit.evader if role is None else role.evader
+
+    @property
+    def captures(self) -> bool:
+        """Whether it captured its evader in this cycle."""
+        outputs = self.daemon.outputs
+        return outputs is not None and any(one.event is Event.CAPTURED for one in outputs.happenings)
 
     @property
     def left(self) -> bool:
@@ -213,11 +245,14 @@ class VehicleMission:
         local, frame = self.daemon.flight.vehicle.last(LocalPosition), self.daemon.flight.tracking.game_frame
         self.position_game_m = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
 
-    def before(self, now_s: float) -> None:
-        """Give the orders that are due."""
+    def before(self, now_s: float, *, waiting: bool = False) -> None:
+        """Give the orders that are due, unless the vehicle waits for its team."""
         flight = self.daemon.flight
+        if waiting:
+            return
         fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
-        ready = self._player is None or self._player.ready
+        player = self._world.players.get(self.evader)
+        ready = player is None or player.ready
         for order in self.sequencer.orders(now_s, evader_ready=ready, evader_fresh=fresh):
             if order in {Event.START, Event.ENGAGE}:
                 if self._policy.engage:
@@ -242,7 +277,8 @@ class VehicleMission:
             self._limit_from_s = now_s
         if self.sequencer.engaged_s == now_s and not self._engaged_once:
             self._engaged_once = True
-            self._heard.engage(now_s)
+            for heard in self._heard.values():
+                heard.engage(now_s)
             self._world.engage(self.pursuit.vehicle)
         result.late_cycles += late_s > PERIOD_S
         result.record_stopped = self.daemon.recording.stopped
@@ -292,8 +328,9 @@ class VehicleMission:
 
     def evader_game_m(self, now_s: float) -> Vector | None:
         """Return the evader's position in the game frame: the true one, or as the vehicle estimates it."""
-        if self._player is not None:
-            return self._player.position_game_m()
+        player = self._world.players.get(self.evader)
+        if player is not None:
+            return player.position_game_m()
         tracking = self.daemon.flight.tracking
         evader, frame = tracking.evader(now_s), tracking.game_frame
         return None if evader is None or frame is None else frame.position_from_ned(evader.position_ned_m)

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema, model_validator
 
+from guidance.autopilots import AutopilotName
 from guidance.config import Section
+from guidance.flight.settings import TeamSection
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game
 from guidance.sim.expect import CheckedExpectation, Range
-from guidance.sim.scenario import Point2, Point3, Target
+from guidance.sim.scenario import Point2, Point3, ScenarioLimits, Sensor, Site, Standoff, Target
 
 Array = NDArray[np.float64]
 
@@ -76,6 +78,18 @@ class TeamExpect(Section):
         ]
 
 
+class TeamFlightSection(TeamSection):
+    """How mocks fly the scenario: separation, stand-off, limits, place and sensor."""
+
+    autopilot: AutopilotName = Field("px4", description="the autopilot that the mocks play")
+    takeoff_height_m: float = Field(10.0, ge=2.0, le=120.0, description="above home")
+    standoff: Standoff = Standoff()
+    limits: ScenarioLimits = ScenarioLimits()
+    sensor: Sensor = Sensor()
+    site: Site = Site()
+    hold_s: float = Field(3.0, ge=2.5, description="time on station before landing; longer than a new role takes")
+
+
 class TeamScenario(Section):
     """A whole scenario file of teams."""
 
@@ -90,6 +104,7 @@ class TeamScenario(Section):
     step_s: float = Field(0.05, gt=0.0, le=10.0, description="longest time for which velocities are held")
     seed: int = Field(0, ge=0, description="seed of the scattered positions")
     time_limit_s: float = Field(300.0, gt=0.0, description="longest duration of the game")
+    flight: TeamFlightSection = TeamFlightSection()
     expect: TeamExpect = TeamExpect()
 
     @model_validator(mode="after")

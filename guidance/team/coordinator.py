@@ -8,8 +8,9 @@ The assignment is `match_teams` with the vehicles' own speeds. A promise is chan
 assignment names. It carries all promises, so the next coordinator keeps them.
 """
 
+import math
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,12 @@ from guidance.team.board import SILENT_S, Board
 from guidance.team.messages import Promise, RolesMessage, StateMessage, VehicleRole
 
 EVERY_S: Final = 0.5
-"""Period of the assignment; events come at once."""
+"""Period of the matching; events come at once."""
+
+SENT_EVERY_S: Final = 0.1
+"""Period of sending the assignment: losses are then no silence."""
+
+_ROUNDING_S: Final = 1e-6
 
 SLOT_MARGIN_M: Final = 1.0
 """Vehicles at one evader are stacked by the vertical separation and this."""
@@ -68,6 +74,7 @@ class Coordinator:
         self._term = 0
         self._begun_s: float | None = None
         self._players: tuple[list[str], list[str]] | None = None
+        self._matched_s = -math.inf
 
     @property
     def leading(self) -> bool:
@@ -101,19 +108,19 @@ class Coordinator:
             scene: All players that are there and in play.
         """
         players = sorted(scene.vehicles), sorted(scene.evaders)
-        if self.leading and players == self._players and now_s - self._board.roles_s < EVERY_S:
+        last = self._board.roles if self.leading else None
+        due = last is None or players != self._players or now_s - self._matched_s >= EVERY_S - _ROUNDING_S
+        if last is not None and not due and now_s - self._board.roles_s < SENT_EVERY_S - _ROUNDING_S:
             return None
-        self._players = players
-        matching = self._match(scene, *players)
-        made = RolesMessage(
-            vehicle=self._board.vehicle,
-            epoch=self._epoch,
-            seq=self._seq,
-            term=self._term,
-            roles=() if matching is None else self._roles(matching, *players),
-            promises=self._promises(now_s, scene, matching, *players),
-        )
+        roles, matching = () if last is None else last.roles, None
+        if due:
+            self._players, self._matched_s = players, now_s
+            matching = self._match(scene, *players)
+            roles = () if matching is None else self._roles(matching, *players)
         self._seq += 1
+        promises = self._promises(now_s, scene, matching, *players)
+        common: dict[str, Any] = {"vehicle": self._board.vehicle, "epoch": self._epoch, "seq": self._seq}
+        made = RolesMessage(**common, term=self._term, roles=roles, promises=promises)
         self._board.take_roles(now_s, made)
         return made
 
@@ -166,13 +173,18 @@ class Coordinator:
         """Return all promises; before the first vehicle plays, they are only offers."""
         begun = any(state.part == "playing" for _, state in scene.vehicles.values())
         passed_s = now_s - self._board.roles_s if scene.target_m is None and begun else 0.0
-        promises = {one.evader: one for one in self._promised}
+        promises = {
+            one.evader: one
+            if one.value is None or one.evader not in evaders
+            else one.model_copy(update={"value": one.value - passed_s})
+            for one in self._promised
+        }
         for number, evader in enumerate(evaders if matching is not None else ()):
             first, second = (self._name_in(matching, slot, number, vehicles) for slot in ("first", "second"))
             value = None if matching is None or first is None else float(matching.value[number])
             before, cause = promises.get(evader), ""
             if begun and before is not None and before.value is not None:
-                kept = before.value - passed_s
+                kept = before.value
                 worse = value is None or (value - kept if scene.target_m is None else kept - value) > _NOISE
                 cause = self._cause(scene, evader, vehicles) if worse else ""
                 value, cause = (value, cause) if cause else (kept, before.cause)

@@ -48,6 +48,7 @@ class Member:
         evaders: Names of the evaders.
         transport: To the mates.
         epoch: A random number of this start.
+        evader: The evader before the first assignment.
         separation_height_m: Least height between vehicles.
 
     Attributes:
@@ -63,9 +64,11 @@ class Member:
         transport: Transport,
         *,
         epoch: int,
+        evader: str,
         separation_height_m: float,
     ) -> None:
         self.vehicle = vehicle
+        self._first = Role(evader)
         self.board = Board(vehicle, mates, evaders)
         self.coordinator = Coordinator(self.board, epoch, separation_height_m + SLOT_MARGIN_M)
         self._transport, self._evaders, self._epoch = transport, sorted(evaders), epoch
@@ -98,18 +101,17 @@ class Member:
         """Return a new role; None keeps the present one. An assignment that does not fit what is seen is left out."""
         assigned = None if self.board.roles is None else self.board.roles.roles
         mine = next((role for role in assigned or () if role.vehicle == self.vehicle), None)
-        if mine is None:
+        before = flight.role or self._first
+        role = before if mine is None else Role(mine.evader, mine.above_m)
+        if role == flight.role:
             return None
-        role, before = Role(mine.evader, mine.above_m), flight.role
-        if role == before:
-            return None
-        if before is None or role.evader == before.evader:
+        if role.evader == before.evader:
             return role
         unseen = flight.tracking.silence_s(now_s, role.evader) > flight.settings.cycle.evader_timeout_s
         waits = now_s - max(self.board.over.values(), default=-math.inf) < STAYS_S
         if waits or unseen or role.evader in self.board.over:
             self.board.counts["roles_left_out"] += not waits
-            return None
+            return before if flight.role is None else None
         return role
 
     def tell(self, now_s: float, flight: Flight, outputs: Outputs) -> None:

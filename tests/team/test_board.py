@@ -61,6 +61,7 @@ def test_repeated_and_reordered_messages_and_ended_epochs_are_refused():
     assert here.counts == {"accepted": 2, "refused_order": 2, "refused_epoch": 1}
 
 
+@settings(max_examples=30)
 @given(st.floats(-1e5, 1e5), st.lists(st.floats(0.02, 0.4), min_size=30, max_size=60))
 def test_ages_do_not_depend_on_the_senders_clock(offset_s, delays_s):
     here = board()
@@ -79,6 +80,7 @@ def fly(here, places, *, dt_s=0.1, velocity=(6.0, 0.0, 0.0)):
     return here.new_states()[-1]
 
 
+@settings(max_examples=30)
 @given(st.sets(st.integers(1, 98)))
 def test_motion_with_losses_is_never_doubted(lost):
     here = board()
@@ -91,6 +93,7 @@ def test_motion_with_losses_is_never_doubted(lost):
     assert here.mates["bravo"].doubt_ned_m == (0.0, 0.0, 0.0)
 
 
+@settings(max_examples=30)
 @given(st.floats(8.0, 500.0), st.integers(2, 20))
 def test_a_misreport_stays_within_the_doubt_until_it_ends(jump_m, lasting):
     here = board()

@@ -1,0 +1,125 @@
+"""A scenario of teams as pursuits for flights, and what such a flight came to: one row for each evader."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.frames import Vector
+from guidance.game.team import match_teams
+from guidance.sim.outcome import achieved_and_regret, winner_name
+from guidance.sim.scenario import Evader, Pursuer, Pursuit, Scenario
+from guidance.sim.team_maths import TeamOutcome, opening_of
+from guidance.sim.teams import Teams, TeamScenario, teams_of
+
+
+def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
+    """Return a pursuit for each vehicle, with the evader of the opening match: uav1, rover1 and so on.
+
+    Raises:
+        ConfigError: If there are more evaders than vehicles, or a pursuit cannot be flown.
+    """
+    teams = teams_of(scenario)
+    if len(teams.evaders_m) > len(teams.pursuers_m):
+        raise ConfigError(
+            f"{len(teams.evaders_m)} evaders and {len(teams.pursuers_m)} vehicles: "
+            "a flight needs a vehicle for each evader"
+        )
+    return tuple(
+        Pursuit(_scenario_of(scenario, teams, number, evader), f"uav{number + 1}", f"rover{evader + 1}")
+        for number, evader in enumerate(_covered(opening_of(scenario).evader_of.tolist(), len(teams.evaders_m)))
+    )
+
+
+def _covered(evader_of: list[int], evaders: int) -> list[int]:
+    """Give every evader at least one vehicle: those that share one go to an evader that has none."""
+    for evader in range(evaders):
+        if evader not in evader_of:
+            spare = next(number for number, one in enumerate(evader_of) if evader_of.count(one) > 1)
+            evader_of[spare] = evader
+    return evader_of
+
+
+def _scenario_of(scenario: TeamScenario, teams: Teams, number: int, evader: int) -> Scenario:
+    """Return the game of one vehicle against one evader."""
+    (x, y, z), flight = teams.pursuers_m[number].tolist(), scenario.flight
+    return Scenario(
+        title=scenario.title,
+        game=scenario.game,
+        pursuer=Pursuer(
+            policy=teams.pursuer_policy[number],
+            position_m=(x, y, z),
+            speed_m_s=float(teams.pursuer_speed_m_s[number]),
+            autopilot=flight.autopilot,
+            takeoff_height_m=flight.takeoff_height_m,
+        ),
+        evader=Evader(
+            policy=teams.evader_policy[evader],
+            position_m=(float(teams.evaders_m[evader, 0]), float(teams.evaders_m[evader, 1])),
+            speed_m_s=float(teams.evader_speed_m_s[evader]),
+        ),
+        target=scenario.target,
+        standoff=flight.standoff,
+        limits=flight.limits,
+        sensor=flight.sensor,
+        site=flight.site,
+        seed=scenario.seed,
+        time_limit_s=scenario.time_limit_s,
+        hold_s=flight.hold_s,
+    )
+
+
+def rows_of(
+    scenario: TeamScenario,
+    way: str,
+    began: tuple[float, Sequence[Vector], Sequence[Vector]],
+    ends: Sequence[tuple[str, float, Vector, int]],
+) -> list[TeamOutcome]:
+    """Return the rows of a flight, one for each evader.
+
+    Args:
+        scenario: As flown.
+        way: The kind of run: "fast" or "live".
+        began: When the game began, s, and the places of vehicles and evaders then, m.
+        ends: Of each evader: the end, its time, s, the evader's place then, m, and the number of the captor.
+    """
+    teams, (began_s, pursuers_m, evaders_m) = teams_of(scenario), began
+    ground = np.array(evaders_m) * [1.0, 1.0, 0.0]
+    first = match_teams(teams.game, np.array(pursuers_m), ground, teams.target_m)
+    captured, rows = sum(end == "captured" for end, *_ in ends), []
+    for number, (end, now_s, place_m, captor) in enumerate(ends):
+        time_s, value = now_s - began_s, float(first.value[number])
+        away_m = math.nan if teams.target_m is None else math.dist(place_m[:2], teams.target_m[:2])
+        achieved, regret = achieved_and_regret(scenario.game, end, time_s, away_m, value)
+        sure = bool(first.first[number] >= 0)
+        rows.append(
+            TeamOutcome(
+                scenario.title,
+                way,
+                scenario.game,
+                number,
+                "+".join(dict.fromkeys(teams.pursuer_policy)),
+                teams.evader_policy[number],
+                scenario.seed,
+                len(teams.pursuers_m),
+                len(teams.evaders_m),
+                int(first.guaranteed),
+                captured,
+                end,
+                "pursuer" if end == "captured" else "evader" if end == "arrived" else "none",
+                winner_name(int(first.winner[number])),
+                int(first.first[number]),
+                int(first.second[number]),
+                captor,
+                time_s,
+                time_s if end == "captured" else math.nan,
+                away_m,
+                value,
+                float(first.lower_bound[number]),
+                achieved,
+                regret if sure else math.nan,
+                achieved / value if sure and value else math.nan,
+            )
+        )
+    return rows

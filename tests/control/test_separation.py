@@ -1,0 +1,94 @@
+"""Two vehicles that close on each other keep their separation, each braking its half, with old and lost states."""
+
+import math
+from dataclasses import replace
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds, limit, measure_walls
+from guidance.control.walls import Separation
+from guidance.game import StandOff
+from guidance.messages import Setpoint
+
+APART_M, HEIGHT_M, STEP_S, LAG_S = 8.0, 3.0, 0.02, 0.3
+LIMITS = Limits(floor_m=2.0, ceiling_m=100.0, fence_radius_m=900.0)
+DYNAMICS = Dynamics(acceleration_m_s2=5.0, vertical_acceleration_m_s2=3.0, jerk_m_s3=20.0)
+OPEN = replace(LIMITS.envelope(Speeds(8.0, 3.0, 2.0), DYNAMICS, StandOff(3.0, 8.0)), stand_off=None)
+
+
+def outside_m(one, other):
+    """Distance of two places beyond the separation; negative if it is not kept."""
+    beside = math.dist(one[:2], other[:2]) - APART_M
+    above = abs(one[2] - other[2]) - HEIGHT_M
+    return max(beside, above)
+
+
+class Point:
+    """A vehicle whose velocity follows the setpoint with a lag and within its braking."""
+
+    def __init__(self, place, goal):
+        self.place, self.goal, self.velocity, self.memory = list(place), goal, [0.0, 0.0, 0.0], None
+        self.told = []
+
+    def step(self, number, mate):
+        if mate is not None:
+            at, place, velocity = mate
+            age_s = (number - at) * STEP_S
+            place = tuple(p + age_s * v for p, v in zip(place, velocity, strict=True))
+            spread_m = 2.5 * age_s * age_s
+            mates = [Separation(place, APART_M + spread_m, HEIGHT_M + spread_m)]
+        else:
+            mates = []
+        away = [to - at for to, at in zip(self.goal, self.place, strict=True)]
+        asked = tuple(3.0 * part for part in away)
+        here = Situation(tuple(self.place), tuple(self.velocity))
+        walls = measure_walls(here, OPEN, mates)
+        limited = limit(Setpoint(asked), here, OPEN, self.memory, STEP_S, walls=walls)
+        self.memory = limited.memory
+        for axis, wanted in enumerate(limited.setpoint.velocity_ned_m_s):
+            rate = (wanted - self.velocity[axis]) / LAG_S
+            most = 5.0 if axis < 2 else 3.0
+            self.velocity[axis] += STEP_S * max(-most, min(most, rate))
+            self.place[axis] += STEP_S * self.velocity[axis]
+        self.told.append((number, tuple(self.place), tuple(self.velocity)))
+
+
+places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0), st.floats(-30.0, -8.0))
+
+
+@settings(max_examples=25, deadline=None)
+@given(places, places, places, places, st.integers(0, 8), st.floats(0.0, 0.3), st.randoms(use_true_random=False))
+def test_two_vehicles_keep_their_separation_wherever_they_want_to_go(one, other, to, there, late, loss, draw):
+    if outside_m(one, other) < 1.0:
+        other = (one[0] + APART_M + 1.0, one[1], other[2])
+    points = [Point(one, to), Point(other, there)]
+    heard = [(0, tuple(other), (0.0, 0.0, 0.0)), (0, tuple(one), (0.0, 0.0, 0.0))]
+    for number in range(1, 700):
+        for point, mate in zip(points, heard, strict=True):
+            point.step(number, mate)
+        if number % 5 == 0 and number > late:
+            for index in (0, 1):
+                if draw.random() >= loss:
+                    heard[index] = points[1 - index].told[-1 - late]
+        assert outside_m(points[0].place, points[1].place) > -0.5
+
+
+def test_a_mate_above_is_no_obstacle_to_level_flight():
+    here = Situation((0.0, 0.0, -10.0), (6.0, 0.0, 0.0))
+    walls = [
+        wall
+        for wall in measure_walls(here, OPEN, [Separation((5.0, 0.0, -15.0), APART_M, HEIGHT_M)])
+        if wall.limiter is Limiter.SEPARATION
+    ]
+    assert [(wall.normal_ned, wall.gap_m) for wall in walls] == [((0.0, 0.0, -1.0), 1.0)]
+
+
+def test_the_bound_is_half_of_the_distance():
+    here = Situation((0.0, 0.0, -10.0), (0.0, 0.0, 0.0))
+    (wall,) = [
+        one
+        for one in measure_walls(here, OPEN, [Separation((28.0, 0.0, -10.0), APART_M, HEIGHT_M)])
+        if one.limiter is Limiter.SEPARATION
+    ]
+    assert wall.gap_m == 10.0
