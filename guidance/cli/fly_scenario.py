@@ -17,7 +17,8 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.cli import INTERRUPTED
-from guidance.errors import FlightError, OutputError
+from guidance.cli.fly_team import fly_and_show
+from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add
 from guidance.files import private_file
 from guidance.flight import State
@@ -30,7 +31,8 @@ from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, ending_words, outcome_of_flight
 from guidance.sim.outcome import Outcome, outcome_json
 from guidance.sim.scenario import Scenario
-from guidance.sim.scenario_file import load_scenario
+from guidance.sim.scenario_file import load_any
+from guidance.sim.teams import TeamScenario
 
 REDRAWS_HZ: Final = 10.0
 STALLED_S: Final = 1.0
@@ -69,14 +71,15 @@ def fly_scenario(
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    path, scenario = load_scenario(name)
-    if seed is not None:
-        scenario = scenario.model_copy(update={"seed": seed})
+    path, scenario = load_any(name)
+    scenario = scenario if seed is None else scenario.model_copy(update={"seed": seed})
     console = screen(stderr=as_json)
     with_mock = isinstance(how, MockOptions)
     where = how.url if isinstance(how, Asked) else ""
     words = "virtual time" if isinstance(how, MockOptions) and how.fast else ", ".join(filter(None, (how.link, where)))
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {words})", highlight=False)
+    if isinstance(scenario, TeamScenario):
+        return _fly_team(scenario, path, how, out, console, as_json=as_json)
     for what in () if with_mock else left_out(scenario):
         console.print(f"{what}: only a mock can have that; the vehicle flies without")
     with flight_folder(out, path.stem) as folder, _advised(name, where):
@@ -89,6 +92,20 @@ def fly_scenario(
         console.print(f"interrupted: the vehicle was told to land, and is {result.ended}")
         return INTERRUPTED
     return 0 if result.captured else FlightError.exit_code
+
+
+def _fly_team(
+    scenario: TeamScenario, path: Path, how: MockOptions | Asked, out: Path | None, console: Console, *, as_json: bool
+) -> int:
+    """Fly a team; the exit code is 0 if it captured as many evaders as it guaranteed."""
+    if isinstance(how, Asked):
+        raise ConfigError(f"--vehicle {how.url}: {path.name} has teams, which only mocks fly yet")
+    with flight_folder(out, path.stem) as folder, live_line(console) as show:
+        rows = fly_and_show(scenario, folder, how, show, console)
+    if as_json:
+        sys.stdout.write(json.dumps([outcome_json(row) for row in rows], indent=2) + "\n")
+    kept = bool(rows) and rows[0].captured >= rows[0].guaranteed
+    return 0 if kept else FlightError.exit_code
 
 
 def flown(

@@ -14,7 +14,7 @@ from rich.text import Text
 from guidance.cli.arguments import CommandGroup, agree, refuse_others
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.files import private_file, writing
 from guidance.screen import Cell, console, pairs, sheet
@@ -23,7 +23,7 @@ from guidance.sim.maths import opening, play
 from guidance.sim.outcome import Outcome, outcome_json, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
-from guidance.sim.team_maths import TeamOutcome, opening_of, play_teams, summary_of
+from guidance.sim.team_maths import opening_of, play_teams, summary_of
 from guidance.sim.teams import TeamScenario
 
 scenario = typer.Typer(
@@ -103,9 +103,10 @@ def run(
     there = console(stderr=json_file == _STANDARD_OUTPUT)
     there.print(f"[bold]{played.title}[/bold]  ({path.name}, as {way})")
     if isinstance(played, TeamScenario):
-        if way != "maths":
-            raise ConfigError(f"--as {way}: {path.name} has teams, which only the mathematics plays; use --as maths")
-        verdicts, row = _run_teams(played, there)
+        if way == "vehicle":
+            raise ConfigError(f"--as {way}: {path.name} has teams; use --as maths, fast or live")
+        options = {"link": link or "mavsdk", "port": port or 0, "over": over or "zenoh"}
+        verdicts, row = _run_teams(played, path.stem, way, options, out, there)
     else:
         if config is not None:
             outcome = _run_vehicle(played, str(config), out, there, engage=engage, yes=yes)
@@ -150,25 +151,24 @@ def _write(text: str, json_file: Path | None) -> None:
             private_file(json_file).write_text(text, encoding="utf-8")
 
 
-def _run_teams(scenario: TeamScenario, there: Console) -> tuple[Sequence[CheckedExpectation], Any]:
-    """Play teams and show one row per evader; return the expectations and the rows as plain values."""
-    rows = play_teams([scenario])[0]
-    there.print(_row_table(rows))
-    summary = summary_of(rows)
-    unit = "s" if scenario.game == "pe" else "m"
-    words = f"{summary['captured']} of {summary['evaders']} captured by {summary['pursuers']}"
-    there.print(f"{words}; {summary['guaranteed']} were guaranteed, with {summary['total']:.3f} {unit} in all")
-    return scenario.expect.verdicts(summary), [outcome_json(row) for row in rows]
+def _run_teams(
+    scenario: TeamScenario, stem: str, way: str, options: dict[str, Any], out: Path | None, there: Console
+) -> tuple[Sequence[CheckedExpectation], Any]:
+    """Play or fly teams and show one row per evader; return the expectations and the rows as plain values."""
+    from guidance.cli.fly_scenario import live_line  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.cli.fly_team import fly_and_show, tell_rows  # noqa: PLC0415
+    from guidance.session.flight_files import flight_folder  # noqa: PLC0415
+    from guidance.session.fly import MockOptions  # noqa: PLC0415
 
-
-def _row_table(rows: Sequence[TeamOutcome]) -> Table:
-    """Return the table of a team game, one row per evader."""
-    shown = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
-    cells = []
-    for row in rows:
-        values = row._asdict()
-        cells.append(["-" if values[name] == -1 else _shown(values[name]) for name in shown])
-    return sheet(shown, cells, left=(1,))
+    if way == "maths":
+        rows = play_teams([scenario])[0]
+        tell_rows(rows, there)
+    else:
+        with flight_folder(out, stem) as folder, live_line(there) as show:
+            rows = fly_and_show(scenario, folder, MockOptions(fast=way == "fast", **options), show, there)
+    if not rows:
+        raise FlightError("no game: not all vehicles engaged")
+    return scenario.expect.verdicts(summary_of(rows)), [outcome_json(row) for row in rows]
 
 
 def _run_maths(scenario: Scenario, there: Console) -> Outcome:

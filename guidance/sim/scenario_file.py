@@ -29,7 +29,7 @@ def load_scenario(name: str) -> tuple[Path, Scenario]:
     path, scenario = load_any(name)
     if isinstance(scenario, TeamScenario):
         raise ConfigError(
-            f"{path}: has teams, which only mathematics plays yet: guidance scenario run {path} --as maths"
+            f"{path}: has teams, which this command does not play: guidance scenario run {path} --as maths"
         )
     return path, scenario
 

@@ -130,7 +130,9 @@ class Coordinator:
         states = [scene.vehicles[name] for name in vehicles]
         seen = [scene.evaders[name] for name in evaders]
         speeds = np.array([state.speed_m_s for _, state in states])
-        game = Game(Ball(speeds[:, None]), np.array([one.speed_m_s for one in seen]), standoff=scene.standoff)
+        # Matchings know no radius yet. Capture at the disc's centre is harder, so the guarantee holds for the disc.
+        standoff = StandOff(0.0, scene.standoff.height_m)
+        game = Game(Ball(speeds[:, None]), np.array([one.speed_m_s for one in seen]), standoff=standoff)
         kept = {one.evader: one for one in self._promised if one.value is not None}
         previous = None
         if kept:

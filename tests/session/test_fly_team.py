@@ -1,0 +1,73 @@
+"""A team flight in virtual time: from take-off to landing, with whole MAVLink frames and the team's messages."""
+
+import pytest
+
+from guidance.flight import Event, State
+from guidance.log.reader import cycles_of
+from guidance.log.replay import compare
+from guidance.session.fly import MockOptions
+from guidance.session.fly_team import fly_team, plan_of_team
+from guidance.sim.scenario_file import load_any
+from guidance.sim.team_flight import pursuits_of_team
+
+GUARD = load_any("teams_guard")[1]
+
+
+@pytest.fixture(scope="module")
+def guard(tmp_path_factory):
+    """Three vehicles against two evaders, with a record of each vehicle."""
+    folder = tmp_path_factory.mktemp("guard")
+    return fly_team(GUARD, MockOptions(fast=True), folder=folder), folder
+
+
+@pytest.mark.flight
+def test_the_team_captures_what_it_guarantees_and_lands(guard):
+    flown, _ = guard
+    assert [row.end for row in flown.rows] == ["captured", "captured"]
+    assert {row.guaranteed for row in flown.rows} == {2}
+    assert {one.ended for one in flown.result.vehicles.values()} == {State.LANDED}
+    for row in flown.rows:  # the distance of a capture from the target is at least nine tenths of what was promised
+        assert row.ratio > 0.9
+
+
+@pytest.mark.flight
+def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by(guard):
+    flown, _ = guard
+    times = {
+        event: [one.now_s for each in flown.result.vehicles.values() for one in each.happenings if one.event is event]
+        for event in (Event.FIT, Event.START, Event.AT_START, Event.ENGAGE)
+    }
+    assert max(times[Event.FIT]) <= min(times[Event.START])
+    assert max(times[Event.AT_START]) <= min(times[Event.ENGAGE])
+
+
+@pytest.mark.flight
+def test_the_separation_is_kept(guard):
+    flown, _ = guard
+    assert flown.least_m > GUARD.flight.separation_m - 0.5
+
+
+@pytest.mark.flight
+def test_one_vehicle_coordinates_and_no_promise_is_lost_without_a_cause(guard):
+    flown, _ = guard
+    boards = [member.board for member in flown.members.values()]
+    assert {(board.roles.vehicle, board.roles.term) for board in boards} == {("uav1", 1)}
+    assert all(set(board.over) == {"rover1", "rover2"} for board in boards)
+    promises = {one.evader: one for one in boards[0].roles.promises}
+    assert set(promises) == {"rover1", "rover2"}
+    assert all(one.value is not None or one.cause for one in promises.values())
+    assert not any(board.counts["unmatched"] or board.news for board in boards)
+
+
+@pytest.mark.flight
+def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
+    flown, folder = guard
+    for pursuit in pursuits_of_team(GUARD):
+        path = folder / pursuit.vehicle / "record.mcap"
+        rows = list(cycles_of(path))
+        assert any(row.inputs.mates for row in rows)
+        assert [row.inputs.role.evader for row in rows if row.inputs.role is not None]
+        settings = plan_of_team(GUARD, pursuit).flight
+        comparison, _ = compare(path, lambda _, settings=settings: settings)
+        sent = flown.result.vehicles[pursuit.vehicle].setpoints_sent
+        assert (comparison.differing, comparison.setpoints) == (0, sent)
