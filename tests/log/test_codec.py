@@ -10,7 +10,17 @@ from guidance.errors import ConfigError
 from guidance.flight import Event, Inputs, Outputs, State
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, InputsEntry, cycle_entry
-from guidance.messages import AltitudeSaid, Attitude, Datum, EvaderReport, Message, Setpoint, StatusText, Timesync
+from guidance.messages import (
+    AltitudeSaid,
+    Attitude,
+    Datum,
+    EvaderReport,
+    MateState,
+    Message,
+    Setpoint,
+    StatusText,
+    Timesync,
+)
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 VALUES = {
@@ -26,6 +36,7 @@ def of_kind(kind):
     return st.builds(kind, **{name: VALUES[hint] for name, hint in get_type_hints(kind).items()})
 
 
+VALUES[bool] = st.booleans()
 VALUES[int | None] = st.none() | VALUES[int]
 VALUES[str | None] = st.none() | VALUES[str]
 VALUES[Datum] = st.sampled_from(Datum)
@@ -40,6 +51,7 @@ inputs = st.builds(
     orders=st.lists(st.sampled_from(Event), max_size=3).map(tuple),
     refusals=st.lists(st.text(max_size=10), max_size=3).map(tuple),
     mission=st.lists(st.sampled_from(Event), max_size=2).map(tuple),
+    mates=st.none() | st.lists(of_kind(MateState), max_size=2).map(tuple),
 )
 
 

@@ -1,0 +1,75 @@
+"""A team's messages over Zenoh: `guidance/team/TEAM/KIND/...`, with a liveliness token for each vehicle.
+
+Messages are dropped rather than delayed. A token vanishes with its process; a frozen process keeps its token for up to
+10 s, so the age of the states decides too (`guidance.team.board`).
+"""
+
+import contextlib
+import threading
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import zenoh
+
+from guidance.links.port import Clock
+from guidance.links.wires import Arrivals
+from guidance.links.zenoh_wire import Session, Subscription
+
+
+class ZenohTeam:
+    """`Transport` of `guidance.team` on a session of its own, which is closed with it."""
+
+    def __init__(self, clock: Clock, session: Session, team: str, vehicle: str) -> None:
+        """Declare the token, and subscribe to the mates' messages and tokens."""
+        self._prefix, self._session = f"guidance/team/{team}/", session
+        self._arrivals = Arrivals[tuple[float, str, bytes]]()
+        self._present: set[str] = {vehicle}
+        self._lock = threading.Lock()
+        liveliness: Any = session.liveliness()
+        self._token = liveliness.declare_token(f"{self._prefix}alive/{vehicle}")
+        self._tokens = liveliness.declare_subscriber(f"{self._prefix}alive/*", self._note, history=True)
+        self._subscription = Subscription(
+            session,
+            f"{self._prefix}**",
+            lambda sample: self._arrivals.put(
+                (clock(), str(sample.key_expr).removeprefix(self._prefix), sample.payload.to_bytes())
+            ),
+        )
+
+    def publish(self, key: str, payload: bytes) -> None:
+        """Send to all mates; a message that cannot be sent now is lost."""
+        with contextlib.suppress(zenoh.ZError):
+            self._session.put(
+                self._prefix + key,
+                payload,
+                encoding=zenoh.Encoding.APPLICATION_JSON,
+                congestion_control=zenoh.CongestionControl.DROP,
+                express=True,
+            )
+
+    def receive(self) -> Sequence[tuple[float, str, bytes]]:
+        """Return what arrived since the last call, oldest first."""
+        return self._arrivals.take()
+
+    def present(self) -> Collection[str]:
+        """Return the names of the vehicles whose token is there."""
+        with self._lock:
+            return frozenset(self._present)
+
+    def _note(self, sample: "zenoh.Sample") -> None:
+        name = str(sample.key_expr).rpartition("/")[2]
+        with self._lock:
+            if sample.kind == zenoh.SampleKind.PUT:
+                self._present.add(name)
+            else:
+                self._present.discard(name)
+
+    def close(self) -> None:
+        """Leave the team. May be called twice."""
+        if self._arrivals.closed:
+            return
+        self._arrivals.close()
+        for close in (self._tokens.undeclare, self._token.undeclare):
+            with contextlib.suppress(zenoh.ZError):
+                close()
+        self._subscription.close()
