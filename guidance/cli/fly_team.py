@@ -3,29 +3,34 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 
 from guidance.screen import Cell, sheet
-from guidance.session.flight_files import RECORD
-from guidance.session.fly import MockOptions
-from guidance.session.fly_team import TeamFlight, fly_team
-from guidance.session.mission import Show
 from guidance.sim.team_maths import TeamOutcome, summary_of
 from guidance.sim.teams import TeamScenario
+
+if TYPE_CHECKING:
+    from guidance.session.fly import MockOptions
+    from guidance.session.fly_team import TeamFlight
+    from guidance.session.mission import Show
 
 _SHOWN = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
 
 
 def fly_and_show(
-    scenario: TeamScenario, folder: Path, options: MockOptions, show: Show, console: Console
+    scenario: TeamScenario, folder: Path, options: "MockOptions", show: "Show", console: Console
 ) -> list[TeamOutcome]:
     """Fly a scenario of teams and show its outcome; return its rows, one for each evader.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
+    from guidance.session.flight_files import RECORD  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.fly_team import fly_team  # noqa: PLC0415
+
     flown = fly_team(scenario, options, folder=folder, show=show)
     console.print(_vehicles(flown))
     if flown.rows:
@@ -64,7 +69,7 @@ def _cell(value: float | str) -> str:
     return str(value) if isinstance(value, int) else f"{value:.3f}"
 
 
-def _vehicles(flown: TeamFlight) -> Table:
+def _vehicles(flown: "TeamFlight") -> Table:
     """Return a line for each vehicle."""
     rows: list[Sequence[Cell]] = []
     for name, result in flown.result.vehicles.items():

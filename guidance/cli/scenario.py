@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.cli.arguments import CommandGroup, agree, refuse_others
+from guidance.cli.fly_team import fly_and_show, tell_rows
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
@@ -155,15 +156,14 @@ def _run_teams(
     scenario: TeamScenario, stem: str, way: str, options: dict[str, Any], out: Path | None, there: Console
 ) -> tuple[Sequence[CheckedExpectation], Any]:
     """Play or fly teams and show one row per evader; return the expectations and the rows as plain values."""
-    from guidance.cli.fly_scenario import live_line  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.cli.fly_team import fly_and_show, tell_rows  # noqa: PLC0415
-    from guidance.session.flight_files import flight_folder  # noqa: PLC0415
-    from guidance.session.fly import MockOptions  # noqa: PLC0415
-
     if way == "maths":
         rows = play_teams([scenario])[0]
         tell_rows(rows, there)
     else:
+        from guidance.cli.fly_scenario import live_line  # noqa: PLC0415 - zenoh and mavsdk take a second
+        from guidance.session.flight_files import flight_folder  # noqa: PLC0415
+        from guidance.session.fly import MockOptions  # noqa: PLC0415
+
         with flight_folder(out, stem) as folder, live_line(there) as show:
             rows = fly_and_show(scenario, folder, MockOptions(fast=way == "fast", **options), show, there)
     if not rows:
