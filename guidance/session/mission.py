@@ -276,10 +276,7 @@ class VehicleMission:
         if self.sequencer.by_operator or result.cycles == 0:
             self._limit_from_s = now_s
         if self.sequencer.engaged_s == now_s and not self._engaged_once:
-            self._engaged_once = True
-            for heard in self._heard.values():
-                heard.engage(now_s)
-            self._world.engage(self.pursuit.vehicle)
+            self._engage(now_s)
         result.late_cycles += late_s > PERIOD_S
         result.record_stopped = self.daemon.recording.stopped
         note(result, now_s, outputs, self.position_game_m, evader_game_m)
@@ -295,6 +292,13 @@ class VehicleMission:
             self._leave(now_s)
         if self._show is not _ignored:
             self._show(self._progress(now_s, outputs, waiting))
+
+    def _engage(self, now_s: float) -> None:
+        """Begin what counts from the first engagement: the sensor and the faults."""
+        self._engaged_once = True
+        for heard in self._heard.values():
+            heard.engage(now_s)
+        self._world.engage(self.pursuit.vehicle)
 
     def _progress(self, now_s: float, outputs: Outputs, waiting: str) -> Progress:
         flight = self.daemon.flight
