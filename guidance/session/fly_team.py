@@ -13,10 +13,11 @@ from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.flight import Event
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
+from guidance.links.zenoh_team import ZenohTeam
+from guidance.links.zenoh_wire import open_session
 from guidance.session.daemon import Equipment
 from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import MockOptions, fly
-from guidance.session.loop import World
 from guidance.session.mission import Show
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.result import MissionResult
@@ -77,16 +78,17 @@ def fly_team(
         options: In which time and over which links.
         folder: For the records, one folder for each vehicle; None keeps none.
         show: Called for each vehicle in every cycle.
-        join: Makes the transports; by default a network in this process.
+        join: Makes the transports; by default a network in this process, or Zenoh in real time.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
     clock: Clock = VirtualClock() if options.fast else MonotonicClock()
     pursuits = pursuits_of_team(scenario)
-    connect = MemoryNetwork(clock.now_s, delay_s=DELAY_S, seed=scenario.seed).join if join is None else join(clock)
     members, equipment = {}, {}
     with contextlib.ExitStack() as closing:
+        world: SteppedWorld | LiveWorld = closing.enter_context(contextlib.closing(_world(pursuits, clock, options)))
+        connect = _connection(world, clock, scenario.seed) if join is None else join(clock)
         for number, pursuit in enumerate(pursuits):
             transport = connect(pursuit.vehicle)
             closing.callback(transport.close)
@@ -106,17 +108,24 @@ def fly_team(
                 path = folder / pursuit.vehicle / RECORD
                 record = closing.enter_context(recording(path, metadata, real_time=not options.fast))
             equipment[pursuit.vehicle] = Equipment(record=record, team=member)
-        world: World = closing.enter_context(contextlib.closing(_world(pursuits, clock, options)))
         plans = {one.vehicle: plan_of_team(scenario, one) for one in pursuits}
         result = fly(pursuits, world, clock, plans=plans, equipment=equipment, show=show)
     rows = _rows(scenario, options.way, result, members)
     return TeamFlight(rows, result, least_distance_m(result, scenario.flight.separation_height_m), members)
 
 
-def _world(pursuits: tuple[Pursuit, ...], clock: Clock, options: MockOptions) -> World:
+def _world(pursuits: tuple[Pursuit, ...], clock: Clock, options: MockOptions) -> SteppedWorld | LiveWorld:
     if options.fast:
         return SteppedWorld(pursuits, clock)
     return LiveWorld(pursuits, clock, link=options.link, port=options.port, over=options.over)
+
+
+def _connection(world: SteppedWorld | LiveWorld, clock: Clock, seed: int) -> Join:
+    """Return how vehicles join: a network in virtual time, or in real time Zenoh, routed by the mock's session."""
+    if isinstance(world, SteppedWorld):
+        return MemoryNetwork(clock.now_s, delay_s=DELAY_S, seed=seed).join
+    endpoint = world.endpoint
+    return lambda vehicle: ZenohTeam(clock.now_s, open_session(endpoint), TEAM, vehicle)
 
 
 def _rows(

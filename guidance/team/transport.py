@@ -2,15 +2,10 @@
 
 import random
 from collections.abc import Callable, Collection, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
-
-class Arrived(NamedTuple):
-    """A message: its arrival on our clock, its key from the kind on (`state/alpha`), and its bytes."""
-
-    arrived_s: float
-    key: str
-    payload: bytes
+Arrived = tuple[float, str, bytes]
+"""A message: its arrival on our clock, its key from the kind on (`state/alpha`), and its bytes."""
 
 
 class Transport(Protocol):
@@ -80,7 +75,7 @@ class MemoryTransport:
 
     def __init__(self, network: MemoryNetwork, name: str, clock: Callable[[], float]) -> None:
         self._network, self._name, self._clock = network, name, clock
-        self.waiting: list[tuple[float, str, bytes]] = []
+        self.waiting: list[Arrived] = []
 
     def publish(self, key: str, payload: bytes) -> None:
         """Send to all mates."""
@@ -89,7 +84,7 @@ class MemoryTransport:
     def receive(self) -> Sequence[Arrived]:
         """Return what has arrived by now."""
         now_s = self._clock()
-        arrived = sorted(Arrived(*one) for one in self.waiting if one[0] <= now_s)
+        arrived = sorted(one for one in self.waiting if one[0] <= now_s)
         self.waiting = [one for one in self.waiting if one[0] > now_s]
         return arrived
 
