@@ -1,25 +1,27 @@
 """Team flights on mocks: a daemon for each vehicle, and a transport between them."""
 
 import contextlib
+import json
 import math
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.flight import Event
+from guidance.flight.settings import TeamSection
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_session
 from guidance.session.daemon import Equipment
-from guidance.session.flight_files import RECORD, flight_metadata, recording
+from guidance.session.flight_files import RECORD, TEAM, flight_metadata, recording, with_team
 from guidance.session.fly import MockOptions, fly
 from guidance.session.mission import Show
-from guidance.session.plan import FlightPlan, plan_of
+from guidance.session.plan import plan_of
 from guidance.session.result import MissionResult
 from guidance.sim.live import LiveWorld
 from guidance.sim.scenario import Pursuit
@@ -31,9 +33,6 @@ from guidance.team import Member, MemoryNetwork, Transport
 
 DELAY_S = 0.02
 """Of the messages between the vehicles in virtual time."""
-
-TEAM: Final = "team"
-"""Metadata of a record: the scenario of the team."""
 
 Join = Callable[[str], Transport]
 """Connects a vehicle to its team."""
@@ -56,11 +55,11 @@ class TeamFlight(NamedTuple):
     members: dict[str, Member]
 
 
-def plan_of_team(scenario: TeamScenario, pursuit: Pursuit) -> FlightPlan:
-    """Return the plan of one vehicle: its own game, the separation, and the speeds of all evaders."""
-    plan = plan_of(scenario=pursuit.scenario)
+def team_document(scenario: TeamScenario) -> str:
+    """Return the separation and the speeds of all evaders as JSON."""
+    separation = {name: getattr(scenario.flight, name) for name in TeamSection.model_fields}
     speeds = {one.evader: one.scenario.evader.believed_speed_m_s for one in pursuits_of_team(scenario)}
-    return replace(plan, flight=plan.flight.model_copy(update={"team": scenario.flight, "evaders": speeds}))
+    return json.dumps({"team": separation, "evaders": speeds})
 
 
 def fly_team(
@@ -85,7 +84,7 @@ def fly_team(
     """
     clock: Clock = VirtualClock() if options.fast else MonotonicClock()
     pursuits = pursuits_of_team(scenario)
-    members, equipment = {}, {}
+    members, equipment, document = {}, {}, team_document(scenario)
     with contextlib.ExitStack() as closing:
         world: SteppedWorld | LiveWorld = closing.enter_context(contextlib.closing(_world(pursuits, clock, options)))
         connect = _connection(world, clock, scenario.seed) if join is None else join(clock)
@@ -104,11 +103,12 @@ def fly_team(
             record = None
             if folder is not None:
                 metadata = flight_metadata(pursuit.scenario, None, None if options.fast else clock)
-                metadata |= {TEAM: scenario.model_dump_json(), "vehicle": pursuit.vehicle}
+                metadata |= {TEAM: document, "vehicle": pursuit.vehicle}
                 path = folder / pursuit.vehicle / RECORD
                 record = closing.enter_context(recording(path, metadata, real_time=not options.fast))
             equipment[pursuit.vehicle] = Equipment(record=record, team=member)
-        plans = {one.vehicle: plan_of_team(scenario, one) for one in pursuits}
+        alone = {one.vehicle: plan_of(scenario=one.scenario) for one in pursuits}
+        plans = {name: replace(plan, flight=with_team(plan.flight, document)) for name, plan in alone.items()}
         result = fly(pursuits, world, clock, plans=plans, equipment=equipment, show=show)
     rows = _rows(scenario, options.way, result, members)
     return TeamFlight(rows, result, least_distance_m(result, scenario.flight.separation_height_m), members)

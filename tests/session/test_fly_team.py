@@ -5,8 +5,9 @@ import pytest
 from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
+from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions
-from guidance.session.fly_team import fly_team, plan_of_team
+from guidance.session.fly_team import fly_team
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
 
@@ -67,7 +68,6 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
         rows = list(cycles_of(path))
         assert any(row.inputs.mates for row in rows)
         assert [row.inputs.role.evader for row in rows if row.inputs.role is not None]
-        settings = plan_of_team(GUARD, pursuit).flight
-        comparison, _ = compare(path, lambda _, settings=settings: settings)
+        comparison, _ = compare(path, recorded_settings)
         sent = flown.result.vehicles[pursuit.vehicle].setpoints_sent
         assert (comparison.differing, comparison.setpoints) == (0, sent)

@@ -1,0 +1,76 @@
+"""Mates in a flight's cycle: a cylinder around each, a growing one around a silent one, and another evader."""
+
+import math
+
+import pytest
+
+from guidance.autopilots import PX4
+from guidance.control import Limiter
+from guidance.flight.heard import FORGOTTEN_S, HOLD_S, Heard
+from guidance.flight.settings import Inputs, TeamSection
+from guidance.frames import Amsl, LocalFrame
+from guidance.messages import EvaderReport, MateState, Origin, Role
+from tests.flight.scenes import HOME_DOWN_M, SETTINGS, home, local
+
+HERE = (47.397742, 8.545594)
+ZERO = LocalFrame(*HERE, Amsl(488.0), projection=PX4.projection)
+TEAM = SETTINGS.model_copy(
+    update={"team": TeamSection(separation_m=8.0, separation_height_m=3.0), "evaders": {"red": 2.0, "blue": 3.0}}
+)
+AT_S = 100.0
+UP_M = HOME_DOWN_M - 10.0
+
+
+def mate(north_m, *, at_s=AT_S, velocity=(0.0, 0.0, 0.0), airborne=True, doubt_m=0.0):
+    latitude, longitude, altitude = ZERO.wgs84_from_ned((north_m, 0.0, UP_M))
+    return MateState("bravo", at_s, latitude, longitude, altitude.metres, velocity, 6.0, doubt_m, airborne)
+
+
+def heard(*mates, now_s=AT_S, role=None, reports=()):
+    one = Heard(TEAM)
+    messages = [home(AT_S), Origin(AT_S, *HERE, 488.0), local(AT_S, (0.0, 0.0, UP_M))]
+    one.take_in(Inputs(AT_S, messages, reports, mates=mates, role=role), in_flight=True)
+    if now_s != AT_S:
+        one.take_in(Inputs(now_s), in_flight=True)
+    return one
+
+
+def gap_m(one, now_s=AT_S):
+    walls = [wall for wall in one.view(now_s).walls if wall.limiter is Limiter.SEPARATION]
+    return 2.0 * walls[0].gap_m if walls else math.inf
+
+
+def test_a_mate_is_a_wall_at_the_separation():
+    assert gap_m(heard(mate(30.0))) == pytest.approx(22.0, abs=0.01)
+    assert gap_m(heard(mate(30.0, doubt_m=5.0))) == pytest.approx(17.0, abs=0.01)
+    assert gap_m(heard(mate(30.0, airborne=False))) == math.inf
+
+
+def test_a_silent_mate_becomes_a_disc_that_grows_with_its_top_speed():
+    young, old = AT_S + 0.5, AT_S + 1.5
+    grown_m = gap_m(heard(mate(60.0), now_s=young), young) - gap_m(heard(mate(60.0), now_s=old), old)
+    assert grown_m == pytest.approx(6.0, abs=0.01)
+    late = AT_S + FORGOTTEN_S + 0.1
+    assert gap_m(heard(mate(60.0), now_s=late), late) == math.inf
+
+
+@pytest.mark.parametrize(("north_m", "near"), [(15.0, True), (400.0, False)])
+def test_a_mate_nearby_that_is_silent_for_two_seconds_is_named(north_m, near):
+    one = heard(mate(north_m))
+    assert one.silent_mate(AT_S + HOLD_S - 0.1) == ""
+    assert one.silent_mate(AT_S + HOLD_S + 0.1) == ("bravo" if near else "")
+
+
+def test_a_role_chooses_the_evader_its_speed_and_the_height():
+    reports = [
+        EvaderReport(AT_S, AT_S, "test", HERE[0] + north, HERE[1], 488.0, (0.0, 0.0, 0.0), 0.1, 0.1, evader=name)
+        for name, north in (("red", 1e-4), ("blue", -1e-4))
+    ]
+    for name, sign, speed_m_s in (("red", 1.0, 2.0), ("blue", -1.0, 3.0)):
+        one = heard(role=Role(name, 4.0), reports=reports)
+        assert one.switched
+        assert math.copysign(1.0, one.view(AT_S).evader.position_ned_m[0]) == sign
+        assert one.cycle.declared_evader_speed_m_s == speed_m_s
+        assert one.cycle.standoff.height_m == TEAM.cycle.standoff.height_m + 4.0
+        one.take_in(Inputs(AT_S + 0.02), in_flight=True)
+        assert not one.switched
