@@ -32,7 +32,7 @@ from guidance.sim.teams import TeamScenario
 from guidance.team import Member, MemoryNetwork, Transport
 
 DELAY_S = 0.02
-"""Of the messages between the vehicles in virtual time."""
+"""Delay of the messages between the vehicles in virtual time."""
 
 Join = Callable[[str], Transport]
 """Connects a vehicle to its team."""
@@ -46,7 +46,7 @@ class TeamFlight(NamedTuple):
         result: Of all vehicles and evaders.
         least_m: Least distance of two vehicles in the air, horizontally, while their heights differed by less than the
             separation; infinite if they never did.
-        members: What each vehicle knew in the end.
+        members: Knowledge of each vehicle at the end.
     """
 
     rows: list[TeamOutcome]
@@ -74,7 +74,7 @@ def fly_team(
 
     Args:
         scenario: The scenario.
-        options: In which time and over which links.
+        options: Real or virtual time, and links.
         folder: For the records, one folder for each vehicle; None keeps none.
         show: Called for each vehicle in every cycle.
         join: Makes the transports; by default a network in this process, or Zenoh in real time.

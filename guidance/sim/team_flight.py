@@ -1,4 +1,4 @@
-"""A scenario of teams as pursuits for flights, and what such a flight came to: one row for each evader."""
+"""A scenario of teams as pursuits for flights, and the rows of such a flight: one for each evader."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from guidance.sim.teams import Teams, TeamScenario, teams_of
 
 
 def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
-    """Return a pursuit for each vehicle, with the evader of the opening match: uav1, rover1 and so on.
+    """Return a pursuit for each vehicle, with the evader of the first matching. Names are uav1, rover1 etc.
 
     Raises:
         ConfigError: If there are more evaders than vehicles, or a pursuit cannot be flown.

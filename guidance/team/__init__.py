@@ -1,7 +1,7 @@
-"""Team flight: what vehicles tell each other, who coordinates them, and who plays against whom. No I/O, no clock.
+"""Team flight: messages between vehicles, election, assignment of evaders. No I/O and no clock.
 
 Member: one vehicle's part. It hears the mates, publishes the vehicle, and gives each cycle its mates and its role.
-Board: what a vehicle knows of its mates, their assignments and the evaders that are out of play.
+Board: the knowledge of a vehicle about its mates, assignments and evaders.
 Coordinator: the election, and the assignment of vehicles to evaders by `guidance.game.team.match_teams`.
 Transport: carries the bytes. `MemoryNetwork` is one in virtual time, with delay and loss.
 """

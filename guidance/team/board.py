@@ -1,4 +1,4 @@
-"""What a vehicle knows of its team: the mates' states, the newest assignment, and which evaders are out of play.
+"""The knowledge of a vehicle about its team: the mates' states, the newest assignment, the evaders out of play.
 
 Bytes are never trusted. A message is used only if it matches its schema, names the vehicle of its key, and is newer
 than the last one of its sender. The time of a state is the sender's; it is converted to our clock by arrival times and
@@ -26,7 +26,7 @@ _SWERVE_M_S2: Final = 5.0
 
 @dataclass(slots=True)
 class Mate:
-    """What is known of one mate.
+    """The state of one mate.
 
     Attributes:
         state: Its last state; None before the first one.
@@ -50,15 +50,15 @@ class Board:
 
     Args:
         vehicle: Its name.
-        mates: Names of the others; nobody else is heard.
+        mates: Names of the others; other senders are refused.
         evaders: Names of the evaders.
 
     Attributes:
         own: The state that the vehicle published last.
         over: Evaders out of play, with the time when that became known.
         roles: The newest assignment; `roles_s` is its arrival.
-        term: The latest term heard of.
-        counts: Messages accepted, and refused by reason.
+        term: The latest term in any message.
+        counts: Numbers of accepted messages, and of refused ones by reason.
         news: What people should know, since it was last cleared.
     """
 
@@ -81,7 +81,7 @@ class Board:
 
         Args:
             arrived_s: On our clock.
-            key: From the kind on: `state/alpha`.
+            key: Without the prefix: `state/alpha`.
             payload: Untrusted bytes.
         """
         try:
@@ -99,7 +99,7 @@ class Board:
             self.counts["accepted"] += 1
 
     def _read(self, key: str, payload: bytes) -> Message:
-        """Read a message; refuse a stranger's, and what is not newer than the last one under its key."""
+        """Read a message. Strangers and old messages are refused."""
         message = decode(key.partition("/")[0], payload)
         mate = self.mates.get(message.vehicle)
         if mate is None or message.key != key:

@@ -61,7 +61,7 @@ class Coordinator:
     """One vehicle's part in the election, and the assignment while it is elected.
 
     Args:
-        board: What the vehicle knows; it takes the vehicle's own assignments too.
+        board: Knowledge of the vehicle; it takes the vehicle's own assignments too.
         epoch: Of the vehicle.
         slot_m: Height between vehicles at one evader.
     """
@@ -78,7 +78,7 @@ class Coordinator:
 
     @property
     def leading(self) -> bool:
-        """Whether this vehicle is the coordinator."""
+        """True if this vehicle is the coordinator."""
         roles = self._board.roles
         return (
             self._term > 0 and roles is not None and (roles.vehicle, roles.epoch) == (self._board.vehicle, self._epoch)

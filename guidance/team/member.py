@@ -1,4 +1,4 @@
-"""One vehicle's part in its team: what a cycle reads from the mates, and what the vehicle tells them.
+"""One vehicle's part in its team: inputs of a cycle from the mates, and messages to them.
 
 A cycle begins with `hear`, which returns the mates and the role for its inputs, and ends with `tell`. Both take the
 time from the caller. A wrong assignment costs captures, never distance: the vehicle's own limits keep the separation.
@@ -32,7 +32,7 @@ _READY: Final = frozenset({State.STANDING_BY, State.ENTERING})
 
 
 class TeamInputs(NamedTuple):
-    """What a cycle reads from its team: new states of mates, a new role if any, and reports of evaders."""
+    """Inputs of a cycle from the team: new states of mates, a new role if any, and reports of evaders."""
 
     mates: tuple[MateState, ...] | None
     role: Role | None
@@ -52,7 +52,7 @@ class Member:
         separation_height_m: Least height between vehicles.
 
     Attributes:
-        board: What it knows.
+        board: Its knowledge.
         coordinator: Its part in the election.
     """
 
@@ -78,7 +78,7 @@ class Member:
         self._reports: dict[str, EvaderReport] = {}
 
     def hear(self, now_s: float, flight: Flight, reports: Sequence[EvaderReport]) -> TeamInputs:
-        """Read what the mates sent.
+        """Read the messages of the mates.
 
         Args:
             now_s: The present.
@@ -98,7 +98,7 @@ class Member:
         return TeamInputs(self.board.new_states() or None, self._role(now_s, flight), relayed)
 
     def _role(self, now_s: float, flight: Flight) -> Role | None:
-        """Return a new role; None keeps the present one. An assignment that does not fit what is seen is left out."""
+        """Return a new role; None keeps the present one. An assignment to an unseen evader is ignored."""
         assigned = None if self.board.roles is None else self.board.roles.roles
         mine = next((role for role in assigned or () if role.vehicle == self.vehicle), None)
         before = flight.role or self._first

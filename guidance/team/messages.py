@@ -42,7 +42,7 @@ class Message(BaseModel):
 
     @property
     def key(self) -> str:
-        """The key that it is published under, from the kind on."""
+        """Its key without the prefix."""
         return f"{STATE}/{self.vehicle}"
 
 
@@ -84,7 +84,7 @@ class EvaderMessage(Placed):
 
     @property
     def key(self) -> str:
-        """The key that it is published under, from the kind on."""
+        """Its key without the prefix."""
         return f"{EVADER}/{self.evader}/{self.vehicle}"
 
 
@@ -124,7 +124,7 @@ class RolesMessage(Message):
 
     @property
     def key(self) -> str:
-        """The key that it is published under, from the kind on."""
+        """Its key without the prefix."""
         return f"{ROLES}/{self.vehicle}"
 
 
