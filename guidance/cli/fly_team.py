@@ -15,7 +15,7 @@ from guidance.sim.teams import TeamScenario
 if TYPE_CHECKING:
     from guidance.session.fly import MockOptions
     from guidance.session.fly_team import TeamFlight
-    from guidance.session.mission import Show
+    from guidance.session.mission import Progress, Show
 
 _SHOWN = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
 
@@ -31,7 +31,12 @@ def fly_and_show(
     from guidance.session.flight_files import RECORD  # noqa: PLC0415 - zenoh and mavsdk take a second
     from guidance.session.fly_team import fly_team  # noqa: PLC0415
 
-    flown = fly_team(scenario, options, folder=folder, show=show)
+    def first(progress: "Progress") -> None:
+        """Show the first vehicle only; all of them would not fit in one line."""
+        if progress.vehicle == "uav1":
+            show(progress)
+
+    flown = fly_team(scenario, options, folder=folder, show=first)
     console.print(_vehicles(flown))
     if flown.rows:
         tell_rows(flown.rows, console)
