@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from guidance.autopilots import Autopilot, autopilot_named
 from guidance.clock import Clock, MonotonicClock
@@ -98,7 +98,7 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
         text = _changed(text, "vehicle", "url", _quoted(url))
     if surveyed is not None:
         text = _changed(text, "vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT")
-        for change in tuple(_bounded(text, surveyed)):
+        for change in _bounded(tomllib.loads(text), surveyed):
             text = _changed(text, *change)
     parse(Config, tomllib.loads(text), source="the vehicle file")
     return text
@@ -134,46 +134,33 @@ def _head(autopilot: Autopilot, surveyed: Surveyed | None) -> str:
     return head
 
 
-def _bounded(text: str, surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
+def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
     """Yield the keys whose bound was read, with the largest allowed value, at most the file's own."""
     for section, key, parameter, scale in autopilot_named(surveyed.autopilot).bounds:
         told = surveyed.parameters.get(parameter)
         if told is None:
             continue
-        bound, own = told * scale, float(_value(text, section, key))
+        bound, value = told * scale, own[section][key]
         if section == "limits":
-            value = own if bound <= _BEHIND_M else min(own, math.floor(bound - _BEHIND_M))
+            value = value if bound <= _BEHIND_M else min(value, math.floor(bound - _BEHIND_M))
             said = f"{parameter} is {told:g}" + (", which is off: guidance check refuses it" if told == 0.0 else "")
         else:
-            value = min(own, math.floor(10.0 * bound / _LIMITS_ABOVE) / 10.0)
+            value = min(value, math.floor(10.0 * bound / _LIMITS_ABOVE) / 10.0)
             said = f"{parameter} is {told:g}"
         yield section, key, f"{value:.1f}", said
-        if key == "ceiling_m" and value < float(_value(text, "flight", "takeoff_height_m")):
+        if key == "ceiling_m" and value < own["flight"]["takeoff_height_m"]:
             yield "flight", "takeoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
             yield "game", "standoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
-        if key == "speed_m_s" and value <= float(_value(text, "game", "evader_speed_m_s")):
+        if key == "speed_m_s" and value <= own["game"]["evader_speed_m_s"]:
             yield "game", "evader_speed_m_s", f"{value / 2.0:.2f}", "must be slower than the pursuer"
-
-
-def _line(section: str, key: str) -> re.Pattern[str]:
-    within = r"\A(?:(?!^\[).*\n)*?" if not section else rf"^\[{section}\]\n(?:(?!\[).*\n)*?"
-    return re.compile(rf"({within})^({key} = )([^#\n]*?)( *#[^\n]*)?$", re.MULTILINE)
-
-
-def _value(text: str, section: str, key: str) -> str:
-    found = _line(section, key).search(text)
-    assert found is not None, f"{section}.{key}"
-    return found[3]
 
 
 def _changed(text: str, section: str, key: str, value: str, why: str = "") -> str:
     """Replace the value of a key, and give the reason in a comment."""
-
-    def line(found: re.Match[str]) -> str:
-        said = f"  # {why}" if why else (found[4] or "")
-        return f"{found[1]}{found[2]}{value}{said}"
-
-    return _line(section, key).sub(line, text, count=1)
+    within = rf"^\[{section}\]\n(?:(?!\[).*\n)*?" if section else r"\A(?:(?!^\[).*\n)*?"
+    comment = f"  # {why}" if why else r"\g<3>"
+    line = rf"({within})^({key} = )[^#\n]*?( *#[^\n]*)?$"
+    return re.sub(line, rf"\g<1>\g<2>{value}{comment}", text, count=1, flags=re.MULTILINE)
 
 
 def _quoted(text: str) -> str:
