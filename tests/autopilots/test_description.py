@@ -107,7 +107,7 @@ def test_a_registered_autopilot_flies_the_mock(vtol, tmp_path):
     _, scenario = load_scenario("hover_chase")
     pursuer = scenario.pursuer.model_copy(update={"autopilot": "px4_vtol"})
     flown = scenario.model_copy(update={"pursuer": pursuer})
-    result = fly_mock(flown, tmp_path, lambda _: None, MockOptions(fast=True))
+    result = fly_mock(flown, tmp_path, MockOptions(fast=True))
     assert result.captured
 
 
