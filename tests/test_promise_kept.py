@@ -72,7 +72,7 @@ def test_what_breaks_the_promise_of_a_capture_is_said_within_two_seconds(autopil
 
 
 @pytest.mark.parametrize("seed", SEEDS[:2])
-@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_a_guarded_target_raises_no_alarm_while_the_evader_plays_as_declared(autopilot, seed):
     chased = begun(autopilot, seed=seed, target_m=GUARDED_M).fly(station_s=2.0)
     assert chased.alarms == []

@@ -85,7 +85,7 @@ def run(seed, *, rate_hz, with_velocity, delay_s, seconds, after_s):
     [
         (1.0, True, 0.5, 20.0),
         (1.0, False, 0.5, 20.0),
-        (10.0, True, 0.0, 6.0),
+        pytest.param(10.0, True, 0.0, 6.0, marks=pytest.mark.long),
         (50.0, True, 0.2, 3.0),
         (50.0, False, 0.0, 4.0),
     ],

@@ -151,7 +151,7 @@ def test_an_evader_that_wins_runs_to_where_it_arrives_before_the_pursuer_by_most
         assert distance(shape, *(answer.meeting_point_m[row, :2] - T[row, :2])) < 1e-9
 
 
-@pytest.mark.parametrize("evader", ["optimal", "task_oriented"])
+@pytest.mark.parametrize("evader", ["optimal", pytest.param("task_oriented", marks=pytest.mark.long)])
 def test_an_optimal_pursuer_keeps_the_distance_whatever_the_evader_plays(evader):
     game = Game(Ball(2.0), 1.0, standoff=DISC, target_extent=SHAPES["polygon"])
     P, E, T = (0.5 * place for place in states(3, seed=8))

@@ -13,7 +13,7 @@ def wire(sortie):
     return [(sent.now_s, bytes(sent.message.get_msgbuf())) for sent in sortie.sent]
 
 
-@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_a_copied_sortie_flies_on_as_the_one_it_was_copied_from(autopilot):
     first = Stepped(autopilot).standing_by()
     before = first.now_s

@@ -106,6 +106,7 @@ def test_15_a_hover_of_five_minutes_keeps_its_height(sortie, autopilot):
     assert worst_m <= 0.5
 
 
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_16_masks_never_mix_a_position_into_velocities_by_accident(sortie, autopilot):
     flight = sortie.engaged(autopilot).run(5.0)
     masks = {sent.message.type_mask for sent in flight.setpoints}
@@ -135,6 +136,7 @@ def test_17_no_evader_however_far_yields_a_setpoint_beyond_the_envelope(sortie, 
         assert -envelope.climb_m_s - 1e-5 <= down <= envelope.descent_m_s + 1e-5
 
 
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_19_engaging_far_off_does_not_step_the_setpoint(sortie, autopilot):
     flight = sortie.standing_by(autopilot, scenario=with_evader_at(SHORT, 8.0, 200.0))
     flight.cycle(Event.ENGAGE)
@@ -149,6 +151,7 @@ def test_19_engaging_far_off_does_not_step_the_setpoint(sortie, autopilot):
     assert math.hypot(north, east, down) < 0.5
 
 
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_25_an_evader_beyond_the_fence_is_pursued_only_to_the_fence(sortie, autopilot):
     far = with_evader_at(SHORT, 8.0, 60.0)
     far = far.model_copy(update={"pursuer": far.pursuer.model_copy(update={"autopilot": autopilot})})

@@ -106,6 +106,7 @@ def test_29_a_second_setpoint_source_is_detected_and_ends_in_the_autopilots_hold
     assert Event.FOREIGN in flight.events
 
 
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_29_our_own_setpoints_are_never_taken_for_a_strangers(sortie, autopilot):
     flight = sortie.engaged(autopilot)
     flight.until(State.ON_STATION, limit_s=40.0).run(5.0)

@@ -55,6 +55,7 @@ def test_after_a_restart_the_vehicle_is_ready_within_two_seconds_of_being_heard(
     flight.until(State.READY, limit_s=2.0)
 
 
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_after_a_restart_nothing_is_taken_without_a_persons_word(sortie, autopilot):
     flight = sortie.after(restarted, autopilot).run(20.0)
     assert flight.state is State.READY
@@ -62,6 +63,7 @@ def test_after_a_restart_nothing_is_taken_without_a_persons_word(sortie, autopil
     assert 176 not in [sent.message.command for sent in flight.sent if sent.name == "COMMAND_LONG"]
 
 
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_engaging_again_takes_a_hold_and_an_order(sortie, autopilot):
     flight = sortie.after(restarted, autopilot).until(State.READY, limit_s=10.0)
     flight.cycle(Event.ENGAGE)

@@ -299,7 +299,7 @@ def test_setpoints_of_another_source_are_detected_and_the_vehicle_is_set_to_hold
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_our_own_setpoints_alone_never_raise_the_alarm(base, autopilot):
     parameters = FENCED if autopilot == "px4" else SET_UP
     base = base(parameters=parameters, vehicle={"autopilot": autopilot}, flight={"after_capture": "shadow"})

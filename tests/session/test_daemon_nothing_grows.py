@@ -69,6 +69,7 @@ def grounded(tmp_path, vehicle_document):
 
 
 @pytest.mark.flight
+@pytest.mark.long
 def test_a_whole_flight_leaves_nothing(tmp_path):
     def once(number):
         clock = VirtualClock()

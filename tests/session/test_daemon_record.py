@@ -73,7 +73,7 @@ class FullDisk(FileIO):
         return count
 
 
-@pytest.fixture(params=["in the loop", "in the background"])
+@pytest.fixture(params=[pytest.param("in the loop", marks=pytest.mark.long), "in the background"])
 def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
     """Make a recorder on a disk with room for `room` bytes."""
 

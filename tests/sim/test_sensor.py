@@ -173,7 +173,11 @@ def test_closing_closes_the_source():
     ("pursuer", "evader"),
     [
         ({"policy": "lead_pursuit"}, {"policy": "recorded", "track": [(0, 0, 0, 0), (4, 6, 2, 0), (9, 6, 9, 0)]}),
-        ({"policy": "proportional_navigation", "autopilot": "arducopter"}, {"policy": "random_turns"}),
+        pytest.param(
+            {"policy": "proportional_navigation", "autopilot": "arducopter"},
+            {"policy": "random_turns"},
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_a_flight_with_a_sensor_replays_bit_for_bit(pursuer, evader, tmp_path):

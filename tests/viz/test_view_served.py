@@ -101,7 +101,7 @@ def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else
     until(lambda: not any(map(is_running, pids)))
 
 
-@pytest.mark.parametrize("end", ["our end", "kill -9"])
+@pytest.mark.parametrize("end", [pytest.param("our end", marks=pytest.mark.long), "kill -9"])
 def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
     child, _, pids = served
     assert len(pids) == 2

@@ -23,7 +23,9 @@ from sitl_mock.errors import MockError
 DATA = Path(__file__).parents[2] / "data"
 FILES = {FlavourName.PX4: DATA / "px4_steps.csv", FlavourName.ARDUCOPTER: DATA / "arducopter_steps.csv"}
 each_file = pytest.mark.parametrize("flavour", list(FlavourName))
-each_way = pytest.mark.parametrize("whole_vehicle", [True, False], ids=["mavlink", "dynamics"])
+each_way = pytest.mark.parametrize(
+    "whole_vehicle", [pytest.param(True, id="mavlink", marks=pytest.mark.long), pytest.param(False, id="dynamics")]
+)
 
 
 @cache
@@ -70,6 +72,7 @@ def test_px4_follows_large_steps_of_all_axes_at_once():
     assert np.sqrt(np.mean((answers - log.velocity_ned_m_s)[unseen] ** 2)) <= 0.15
 
 
+@pytest.mark.long
 @each_file
 def test_a_whole_vehicle_flies_as_its_dynamics_alone(flavour):
     apart = answered(flavour, True) - answered(flavour, False)

@@ -147,7 +147,7 @@ def hovering(fly, seed, **settings):
     return fly.airborne("px4", noise=True, seed=seed, **settings, height=20.0)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_row_07_home_jumps_in_height_in_flight_and_nothing_else_of_it_does(fly, ned_velocity, seed):
     flight = hovering(fly, seed)
     begun_s = flight.now_s
