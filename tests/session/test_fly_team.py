@@ -10,6 +10,7 @@ from guidance.session.fly import MockOptions
 from guidance.session.fly_team import fly_team
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
+from guidance.team import MemoryNetwork
 
 GUARD = load_any("teams_guard")[1]
 
@@ -71,3 +72,26 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
         comparison, _ = compare(path, recorded_settings)
         sent = flown.result.vehicles[pursuit.vehicle].setpoints_sent
         assert (comparison.differing, comparison.setpoints) == (0, sent)
+
+
+@pytest.mark.flight
+def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_captures():
+    networks, engaged_s = [], []
+
+    def join(clock):
+        networks.append(MemoryNetwork(clock.now_s, delay_s=0.05, jitter_s=0.05, loss=0.3, seed=1))
+        return networks[0].join
+
+    def cut(progress):
+        if progress.state is State.ENGAGED and not engaged_s:
+            engaged_s.append(progress.now_s)
+        since_s = progress.now_s - engaged_s[0] if engaged_s else 0.0
+        networks[0].cut = {"uav1"} if 1.0 <= since_s < 4.0 else set()
+
+    flown = fly_team(GUARD, MockOptions(fast=True), show=cut, join=join)
+    assert [row.end for row in flown.rows] == ["captured", "captured"]
+    assert flown.least_m > GUARD.flight.separation_m - 0.5
+    boards = [member.board for member in flown.members.values()]
+    assert len({(board.roles.vehicle, board.roles.term) for board in boards}) == 1
+    assert boards[0].roles.term >= 2
+    assert all(one.value is not None or one.cause for one in boards[0].roles.promises)
