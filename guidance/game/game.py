@@ -116,6 +116,8 @@ class Reason(Code):
     TOO_OLD = 5
     """The evader's position is older than `guaranteed_age_s` (PE), or has any age (TAD). Value and winner hold for an
     evader that keeps its heading; others can do better, so nothing is guaranteed."""
+    BRACKET = 6
+    """Several pursuers without a proven value: `value` is what they guarantee, `lower_bound` what the evader does."""
     NOT_FINITE = 10
     """A position or velocity is NaN or infinite."""
     PURSUER_TOO_SLOW = 11

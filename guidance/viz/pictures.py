@@ -18,9 +18,9 @@ from matplotlib.patheffects import withStroke
 from guidance.files import private_file
 from guidance.flight import State
 from guidance.frames import Vector
-from guidance.game import End
+from guidance.game import Ball, End, Game
 from guidance.game.team import Matching, TeamRollout
-from guidance.game.team.discs import Discs, rim
+from guidance.game.team.regions import regions_of, survived
 from guidance.session.plan import plan_of
 from guidance.session.result import FlightResult, ending_words
 from guidance.sim.batch import stack, starts
@@ -222,10 +222,9 @@ def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) ->
     """
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     n = np.cos(angle), np.sin(angle)
-    w = teams.pursuers_m[pursuers] - teams.evaders_m[evader]
-    ratio = teams.pursuer_speed_m_s[pursuers] / teams.evader_speed_m_s[evader]
-    discs = Discs(ratio**2 - 1.0, w[:, 0], w[:, 1], w[:, 2])
-    far = rim(discs, (n[0][:, None], n[1][:, None])).min(axis=1)
+    game = Game(Ball(teams.pursuer_speed_m_s[pursuers]), float(teams.evader_speed_m_s[evader]))
+    regions = regions_of(game, teams.pursuers_m[pursuers], teams.evaders_m[evader])
+    far = survived(regions, (n[0][:, None], n[1][:, None])).min(axis=1)
     return np.asarray(teams.evaders_m[evader, :2] + far[:, None] * np.stack(n, axis=-1))
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Exact, Extent, Game, StandOff, Winner, rollout, solve, solve_state
-from guidance.game.team import match_teams, solve_team
+from guidance.game.team import solve_team
 
 DISC = StandOff(3.0, 5.0)
 GAMES = {
@@ -171,8 +171,6 @@ def test_two_pursuers_defend_a_line_that_neither_defends_alone():
     answer = solve_team(game, P, E, T)
     assert answer.winner == Winner.PURSUER
     assert float(answer.value) == pytest.approx(searched(game, P, E, T), abs=1e-6)
-    with pytest.raises(ConfigError, match="use solve_team"):
-        match_teams(game, P, E[None], T)
 
 
 @pytest.mark.parametrize("shape", [SHAPES[name] for name in ("disc", "stadium", "polygon", "rounded")])

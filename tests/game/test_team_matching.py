@@ -381,8 +381,8 @@ def test_rows_without_an_answer_are_nan_and_say_why():
             r"pursuers = .*must be an array of numbers of shape \(..., n, 3\)",
         ),
         ({"evaders": np.ma.masked_array(np.zeros((2, 3)), mask=np.eye(2, 3))}, r"(?s)evaders = .*masked array"),
-        ({"game": Game(Ball(np.array([2.0, 3.0])), 1.0)}, r"speed_m_s = .*\(..., n, 1\)"),
-        ({"game": Game(Ball(np.array([[2.0, 3.0]])), 1.0)}, r"speed_m_s = .*\(..., n, 1\)"),
+        ({"game": [[PAPER, PAPER]]}, "game: its numbers have the shape"),
+        ({"game": [[PAPER], [PAPER, PAPER]]}, r"lists \(n, m\) of games"),
         ({"game": Game(Ball(2.0), np.array([[1.0], [1.5]]))}, r"(?s)evader_speed_m_s = .*\(..., 1, m\)"),
     ],
 )

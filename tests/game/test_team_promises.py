@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from guidance.game import Ball, End, Game
+from guidance.game import Ball, Cylinder, End, Game, StandOff
+from guidance.game.rows import for_rows
 from guidance.game.team import match_teams, rollout, rollout_teams, solve_team
 
 STEP_S = 0.2
@@ -35,13 +36,16 @@ class Searching:
         who = np.stack([first, np.where(second < 0, first, second)], axis=-1)
         row = np.arange(len(who))[:, None, None]
         later = (self.places + STEP_S * self.seen.pursuer_velocity_m_s)[row, who]
-        v = self.game.evader_speed_m_s
+        everybody = range(self.places.shape[-2]), range(evader.shape[-2])
+        numbers, j = [len(side) for side in everybody], np.arange(len(everybody[1]))[:, None]
+        team = for_rows(self.game, lambda value: np.broadcast_to(value, numbers)[who, j])
+        v = np.broadcast_to(self.game.evader_speed_m_s, evader.shape[-2])[:, None]
         runs = np.stack([np.cos(HEADINGS), np.sin(HEADINGS), 0.0 * HEADINGS], axis=-1)
         tried = evader + STEP_S * v * runs[:, None, None]
         if self.target is None:
-            cost = -solve_team(self.game, later[..., :1, :], tried).value
+            cost = -solve_team(team, later, tried).value
         else:
-            after = solve_team(self.game, later, tried, self.target)
+            after = solve_team(team, later, tried, self.target)
             cost = np.where(after.winner > 0, after.value, -after.value)
         best = v * runs[np.argmin(cost, axis=0)]
         return np.where((self.seen.first >= 0)[..., None], best, self.seen.evader_velocity_m_s)
@@ -74,7 +78,14 @@ def broken(monkeypatch, game, n, m, count, *, tad, seed, evaders="mixed"):
 
 
 def allowed(game):
-    return 2.0 * (game.pursuer.speed_m_s + game.evader_speed_m_s) * STEP_S
+    fastest = np.max(game.pursuer.horizontal_m_s) + np.max(game.evader_speed_m_s)
+    return 2.0 * fastest * STEP_S
+
+
+def vehicles(n, m):
+    """The game of vehicles, each pursuer and each evader with a speed of its own."""
+    u, v = np.array([[4.0], [3.5], [5.0], [4.4]])[:n], np.array([2.0, 1.6, 2.4, 1.8])[:m]
+    return Game(Cylinder(u, 2.0, 1.5), v, capture_radius_m=0.2, standoff=StandOff(3.0, 4.0))
 
 
 @pytest.mark.parametrize("tad", [True, False])
@@ -83,6 +94,24 @@ def test_every_promise_made_at_the_start_is_kept(monkeypatch, n, m, tad):
     game = Game(Ball(2.0), 1.0)
     promises, worst = broken(monkeypatch, game, n, m, 6, tad=tad, seed=10 * n + m)
     assert promises >= 4
+    assert worst <= allowed(game)
+
+
+@pytest.mark.parametrize("tad", [True, False])
+@pytest.mark.parametrize(("n", "m"), [(1, 2), (3, 2)])
+def test_vehicles_with_stand_off_and_speeds_of_their_own_keep_their_promises(monkeypatch, n, m, tad):
+    game = vehicles(n, m)
+    promises, worst = broken(monkeypatch, game, n, m, 5, tad=tad, seed=10 * n + m)
+    assert promises >= 3
+    assert worst <= allowed(game)
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("tad", [True, False])
+@pytest.mark.parametrize(("n", "m"), SIZES)
+def test_thousands_of_states_of_vehicles_keep_every_promise(monkeypatch, n, m, tad):
+    game = vehicles(n, m)
+    _, worst = broken(monkeypatch, game, n, m, 40, tad=tad, seed=100 * n + m)
     assert worst <= allowed(game)
 
 

@@ -1,73 +1,96 @@
-"""Arguments of games of teams: which games they play, and arrays of their shapes."""
+"""Arguments of games of teams: one game from those of all pairs, and arrays of their shapes."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.game import Ball, Game
+from guidance.game.game import Game, StandOff, parameters
+from guidance.game.records import is_zero
+from guidance.game.rows import for_rows, simplified
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from numpy.typing import ArrayLike
 
-    from guidance.game.team.discs import Array
+    from guidance.game.team.regions import Array
 
-ALLOWED: dict[str, Any] = {
-    "capture_radius_m": 0.0,
-    "information_age_s": 0.0,
-    "wind_m_s": (0.0, 0.0),
-    "target_velocity_m_s": (0.0, 0.0),
-    "evader_space": "plane",
-}
-"""The settings of a team's game that have one allowed value."""
+Games: TypeAlias = "Game | Sequence[Game] | Sequence[Sequence[Game | None]]"
+"""One game for all, or lists with one for each pursuer or pair; None where two do not play."""
 
 
-_NO_DISC = "because only then the points that an evader reaches first form a disc"
+class TeamGame(NamedTuple):
+    """The game of a team: its numbers may be arrays with one for each pair, and so is `plays`, whether the two play."""
+
+    game: Game
+    plays: Array
+
+    def rows(self, rows: Callable[[Array], Array]) -> TeamGame:
+        """Return the game of some pairs; `rows` takes them from each array."""
+        return TeamGame(for_rows(self.game, rows), rows(self.plays))
 
 
-def speeds(game: Game) -> tuple[Any, Any]:
-    """Return the speeds of pursuers and evader of a game that teams play.
+def joined(games: Games, shape: str) -> TeamGame:
+    """Return one game whose numbers are arrays of the shape of nested lists of games.
 
-    Raises:
-        ConfigError: If teams cannot play this game.
-    """
-    if not isinstance(game.pursuer, Ball):
-        raise ConfigError(f"pursuer = {game.pursuer!r}: must be a Ball in a game of teams, {_NO_DISC}")
-    for name, allowed in ALLOWED.items():
-        value = getattr(game, name)
-        varies = any(map(np.ndim, value if isinstance(value, tuple) else (value,)))
-        if varies or value != allowed:
-            raise ConfigError(f"{name} = {value!r}: must be {allowed!r} in a game of teams, {_NO_DISC}")
-    radius_m, height_m = game.standoff.radius_m, game.standoff.height_m
-    if np.ndim(radius_m) or radius_m != 0.0:
-        raise ConfigError(f"standoff.radius_m = {radius_m!r}: must be 0.0 in a game of teams, {_NO_DISC}")
-    if np.ndim(height_m):
-        raise ConfigError(f"standoff.height_m = {height_m!r}: must be one number in a game of teams")
-    return game.pursuer.speed_m_s, game.evader_speed_m_s
-
-
-def each_speed(game: Game) -> tuple[Any, Any]:
-    """Return the speeds of the pursuers, (..., n), and of the evaders, (..., m), or one number for all.
+    Args:
+        games: as `match_teams`.
+        shape: of the lists, "(n,)" or "(n, m)".
 
     Raises:
-        ConfigError: Teams do not play such a game, or speeds differ by pair.
+        ConfigError: If teams cannot play these games, or not together.
     """
-    u, v = speeds(game)
-    if np.ndim(u) and (np.ndim(u) < 2 or u.shape[-1] != 1):
-        raise ConfigError(f"speed_m_s = {u!r}: must be one number, or an array (..., n, 1), for n pursuers")
-    if np.ndim(v) > 1 and v.shape[-2] != 1:
+    if isinstance(games, Game):
+        return TeamGame(_played(games), np.array(True))
+    table = np.array(games, dtype=object)
+    known = [game for game in table.flat if game is not None]
+    nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(known) == table.size)
+    if not nested or not known or not all(isinstance(game, Game) for game in known):
+        raise ConfigError(f"game = {games!r}: must be one Game, or lists {shape} of games, None where two do not play")
+    first, varied = known[0], any(game.varies for game in known)
+    for name in ("evader_space", "target_velocity_m_s", "target_extent"):
+        varied |= any(getattr(game, name) != getattr(first, name) for game in known)
+    if varied or len({type(game.pursuer) for game in known}) > 1:
         raise ConfigError(
-            f"evader_speed_m_s = {v!r}: must be one number, or an array (m,) or (..., 1, m), for m evaders"
+            "game: the games of a team must have the same speed set (Ball or Cylinder), target_velocity_m_s, "
+            "target_extent and evader_space, and single numbers"
         )
-    return u[..., 0] if np.ndim(u) else u, v[..., 0, :] if np.ndim(v) > 1 else v
+    each = [parameters(game or first) for game in table.flat]
+    number = {name: np.array([one[name] for one in each]).reshape(table.shape) for name in each[0]}
+    standoff = StandOff(number.pop("radius_m"), number.pop("height_m"))
+    wind = number.pop("wind_x_m_s"), number.pop("wind_y_m_s")
+    speeds = {name: number.pop(name) for name in list(number) if name in type(first.pursuer).__dataclass_fields__}
+    whole = Game(
+        type(first.pursuer)(**speeds),
+        standoff=standoff,
+        wind_m_s=wind,
+        target_velocity_m_s=first.target_velocity_m_s,
+        evader_space=first.evader_space,
+        target_extent=first.target_extent,
+        **number,
+    )
+    plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
+    return TeamGame(_played(simplified(whole)), plays)
 
 
-def with_speeds(game: Game, u: Any, v: Any) -> Game:  # noqa: ANN401 - numbers or arrays
-    """Return a game with other speeds."""
-    return replace(game, pursuer=Ball(u), evader_speed_m_s=v)
+def _played(game: Game) -> Game:
+    """Return a game if teams can play it."""
+    if not is_zero(game.information_age_s):
+        raise ConfigError(
+            f"information_age_s = {game.information_age_s!r}: must be 0 in a game of teams; use Game.within_spread"
+        )
+    if game.evader_space != "plane":
+        raise ConfigError(f"evader_space = {game.evader_space!r}: must be 'plane' in a game of teams")
+    return game
+
+
+def pair_axes(team: TeamGame) -> tuple[int, ...]:
+    """Return the common shape of a game's numbers."""
+    shapes: dict[str, tuple[int, ...]] = {name: np.shape(value) for name, value in parameters(team.game).items()}
+    return fitting(shapes | {"game": team.plays.shape})
 
 
 def vectors(name: str, array: ArrayLike, shape: str) -> Array:

@@ -24,15 +24,17 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.extras import how_to_add
-from guidance.game.game import Game, Reason, Winner
+from guidance.game.game import Reason, Winner
 from guidance.game.records import require
 from guidance.game.team.arguments import spoiled
-from guidance.game.team.discs import Array, Meeting, taken
-from guidance.game.team.several import TeamSolution, chase, defence
-from guidance.game.team.table import Kept, Table, kept_of, pairs_with, table_of, worth_of
+from guidance.game.team.several import TeamSolution, assembled, defence, longest_run, taken
+from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, table_of, worth_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+    from guidance.game.team.arguments import Games
+    from guidance.game.team.regions import Array
 
 
 class Matching(NamedTuple):
@@ -51,7 +53,7 @@ class Matching(NamedTuple):
         winner: `Winner`, (..., m): 1 where the capture is guaranteed, −1 where it is not, 0 out of play.
         value: TAD: guaranteed distance of the evader from its target, (..., m), m; 0 without a guarantee. PE:
             guaranteed capture time, s; infinite without a guarantee. NaN out of play.
-        lower_bound: TAD: the value again. PE: the time that the evader has at least, (..., m), s.
+        lower_bound: what the evader's play guarantees to it against its team (TAD, m) or against all (PE, s), (..., m).
         meeting_point_m: end point of each evader, (..., m, 3), m: X*, or its target.
         pursuer_velocity_m_s: (..., n, 3), m/s; zero if no evader is in play.
         evader_velocity_m_s: (..., m, 3), m/s; zero out of play.
@@ -75,7 +77,7 @@ class Matching(NamedTuple):
 
 
 def match_teams(
-    game: Game,
+    game: Games,
     pursuers: ArrayLike,
     evaders: ArrayLike,
     target: ArrayLike | None = None,
@@ -87,8 +89,11 @@ def match_teams(
     """Match pursuers with evaders: TAD with a target, PE without one.
 
     Args:
-        game: as `solve_team`. Speeds may be arrays that broadcast with the pairs, (..., n, m): (n, 1) where pursuers
-            differ, (m,) where evaders do.
+        game: without information age, for evaders in the plane. Its numbers may be arrays that broadcast with the
+            pairs, (..., n, m): (n, 1) where pursuers differ, (m,) where evaders do. Or n lists of m games, one for
+            each pursuer and evader, and None where a pursuer has no game against an evader: it is not matched with it.
+            All these games have the same speed set (Ball or Cylinder), the same target's velocity and shape, and one
+            speed of each evader.
         pursuers: positions, (..., n, 3), NumPy, m.
         evaders: positions, (..., m, 3), m.
         target: position of each evader's target, (..., m, 3), or of the one target of all, (3,), m; None for PE.
@@ -140,7 +145,7 @@ def _seconds(table: Table, pairs: Meeting, first: Array, kept: Kept | None, hyst
     busy = (every == first[..., None]).any(axis=1)
     if busy.all() or not matched.any():
         return np.full_like(first, -1)
-    gain = pairs.distance - worth_of(table.worth, first)[..., None]
+    gain = pairs.worth - worth_of(table.worth, first)[..., None]
     useful = matched[..., None] & ~busy[:, None] & (gain > 0)
     if kept is None:
         return _assigned(np.where(useful, gain, -np.inf))
@@ -178,7 +183,8 @@ def _assigned(profit: Array, first: Array | None = None) -> Array:
 def _chased(table: Table, first: Array) -> Matching:
     """Put the answer in PE together, (b, ...)."""
     guarded = first >= 0
-    played, _ = chase(table.all, table.evaders, bracket=False)
+    run = longest_run(table.all)
+    played = assembled(table.all, table.evaders, run, run, table.all.alone.pursuer_velocity_m_s)
     value = np.where(guarded, -worth_of(table.worth, first), np.inf)
     return _answer(table, first, np.full_like(first, -1), played._replace(value=value))
 
@@ -189,14 +195,14 @@ def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second:
     row, evader, guarded = np.arange(b)[:, None], np.arange(m), first >= 0
     beside = np.maximum(np.where(second < 0, first, second), 0)
     team = table.all.pick((row[..., None], evader[:, None], np.stack([np.maximum(first, 0), beside], axis=-1)))
-    x, y = (part[row, evader, beside] for part in pairs.point)
-    found = Meeting((x, y), *(part[row, evader, beside] for part in pairs[1:]))
-    played = defence(team, table.evaders, found)
+    x, y, worth, one, other = (part[row, evader, beside] for part in pairs)
+    slots = [(who != first).astype(np.intp) for who in (one, other)]
+    played, _ = defence(team, table.evaders, Meeting(x, y, worth, *slots))
     value = np.where(guarded, played.value, 0.0)
     nearest = np.argmax(table.all.alone.margin_s, axis=-1)
     played = played._replace(
         value=value,
-        lower_bound=value,
+        lower_bound=np.where(guarded, played.lower_bound, 0.0),
         meeting_point_m=np.where(guarded[..., None], played.meeting_point_m, target),
         evader_velocity_m_s=np.where(guarded[..., None], played.evader_velocity_m_s, _to_target(table, target)),
         reason=np.where(guarded, played.reason, taken(table.all.alone.reason, nearest)),
@@ -242,16 +248,17 @@ def _evader_of(table: Table, first: Array, second: Array) -> Array:
     left = table.present & (first < 0)
     pool = np.where(left.any(axis=1, keepdims=True), left, table.present)[..., None]
     score = table.worth if table.target is None else table.all.alone.margin_s
-    closest = np.argmax(np.where(pool, score, -np.inf), axis=1)
+    closest = np.argmax(np.where(pool & table.plays, score, -np.inf), axis=1)
     own = np.where(mine.any(axis=1), np.argmax(mine, axis=1), closest)
-    return np.where(table.present.any(axis=1, keepdims=True), own, -1)
+    plays = (table.present[..., None] & table.plays).any(axis=1)
+    return np.where(plays, own, -1)
 
 
 def _to_target(table: Table, target: Array) -> Array:
     """Return the velocities of evaders that run straight to their targets, (b, m, 3), m/s."""
     to = (target - table.evaders) * [1.0, 1.0, 0.0]
     length = np.sqrt(to[..., 0] * to[..., 0] + to[..., 1] * to[..., 1])
-    rate = np.where(length > 0, table.all.v[..., 0] / length, 0.0 * length)
+    rate = np.where(length > 0, table.all.v / length, 0.0 * length)
     return np.asarray(rate[..., None] * to)
 
 

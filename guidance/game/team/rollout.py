@@ -9,16 +9,20 @@ to its target than promised, or no later, with an error of up to 2 (u + v) `step
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from guidance.errors import ConfigError
+from guidance.game.arrays import components, norm2
 from guidance.game.game import Game, Reason
+from guidance.game.pe import to_target
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.records import require
-from guidance.game.rollout import NANOSECOND_S, End
-from guidance.game.team.arguments import each_speed, with_speeds
+from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
+from guidance.game.rows import for_rows
+from guidance.game.team.arguments import joined
 from guidance.game.team.matching import Matching, match_teams
 
 if TYPE_CHECKING:
@@ -26,7 +30,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from guidance.game.team.discs import Array
+    from guidance.game.team.arguments import Games, TeamGame
+    from guidance.game.team.regions import Array
 
     Policies = str | Policy | Sequence[str | Policy]
     """One policy for all players of a side, or one for each."""
@@ -72,18 +77,16 @@ class TeamRollout(NamedTuple):
 
 
 class _Sides(NamedTuple):
-    """The constants of a rollout: speeds (..., n) and (..., m), targets, and policies."""
+    """The constants of a rollout: the game, with numbers (..., n, m), the one by which it ends, and policies."""
 
     game: Game
-    u: Array
-    v: Array
-    target: Array | None
+    ends: TeamGame
     pursuers: Sequence[str | Policy]
     evaders: Sequence[str | Policy]
 
 
 def rollout_teams(
-    game: Game,
+    game: Games,
     pursuers: ArrayLike,
     evaders: ArrayLike,
     target: ArrayLike | None = None,
@@ -106,7 +109,7 @@ def rollout_teams(
         pursuer_policy: "optimal" is the play of `match_teams`. Any other name in `PURSUER_POLICIES`, or a function
             like them, is played by each pursuer against its matched evader.
         evader_policy: "optimal", or a name in `EVADER_POLICIES` or a function, played against the nearest pursuer.
-        capture_m: distance that counts as captured, m.
+        capture_m: distance that counts as captured, m, beside the capture radius of the game.
         step_s: longest step, s.
         duration_s: when to stop at the latest, s.
         hysteresis: as `match_teams`.
@@ -120,22 +123,21 @@ def rollout_teams(
     require("capture_m", capture_m, zero_allowed=True)
     first = match_teams(game, pursuers, evaders, target)
     shape, (n, m) = first.guaranteed.shape, first.beats.shape[-2:]
-    u, v = each_speed(game)
+    pairs = joined(game, "(n, m)").rows(lambda value: np.broadcast_to(value, (*shape, n, m)))
     team = _Sides(
-        game,
-        np.broadcast_to(u, (*shape, n)),
-        np.broadcast_to(v, (*shape, m)),
-        None if target is None else np.broadcast_to(target, (*shape, m, 3)),
+        pairs.game,
+        pairs._replace(game=replace(pairs.game, capture_radius_m=pairs.game.capture_radius_m + capture_m)),
         _named("pursuer_policy", pursuer_policy, n, PURSUER_POLICIES),
         _named("evader_policy", evader_policy, m, EVADER_POLICIES),
     )
+    T = None if target is None else np.array(np.broadcast_to(target, (*shape, m, 3)), dtype=np.float64)
     P = np.array(np.broadcast_to(pursuers, (*shape, n, 3)), dtype=np.float64)
     E = np.array(np.broadcast_to(evaders, (*shape, m, 3)), dtype=np.float64)
     end = np.where(first.reason >= int(Reason.NOT_FINITE), int(End.NO_ANSWER), int(End.RUNNING))
     now, when, captor = np.zeros(shape), np.zeros((*shape, m)), np.full((*shape, m), -1)
     matching, path = first, []
     for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
-        capture, arrival = _ahead(team, P, E, capture_m)
+        capture, arrival, turn = _ahead(team, P, E, T)
         soonest = np.min(capture, axis=-2)
         running = end == End.RUNNING
         caught, arrived = running & (soonest <= NANOSECOND_S), running & (arrival <= NANOSECOND_S)
@@ -144,47 +146,52 @@ def rollout_teams(
         end = np.select([caught, arrived, late], [int(End.CAPTURED), int(End.ARRIVED), int(End.TIME_UP)], end)
         when = np.where(running, now[..., None], when)
         running = end == End.RUNNING
-        matching = match_teams(game, P, E, target, in_play=running, previous=matching, hysteresis=hysteresis)
+        matching = match_teams(game, P, E, T, in_play=running, previous=matching, hysteresis=hysteresis)
         if keep_path:
             path.append(TeamSample(now, P, E, end, matching))
         if not running.any():
             break
-        flown, run = _velocities(team, P, E, matching)
+        flown, run = _velocities(team, P, E, T, matching)
         free = np.where(running, np.minimum(soonest, arrival), np.inf)
-        h = np.minimum(np.minimum(np.min(free, axis=-1), step_s), duration_s - now)
+        mine = np.take_along_axis(turn, np.maximum(matching.evader_of, 0)[..., None], axis=-1)[..., 0]
+        least = np.minimum(np.min(free, axis=-1), np.min(mine, axis=-1))
+        h = np.minimum(np.minimum(least, step_s), duration_s - now)
         h = np.where(running.any(axis=-1), h, 0.0)
         P = P + h[..., None, None] * flown
-        E = E + np.where(running, h[..., None], 0.0)[..., None] * run
+        moved = np.where(running, h[..., None], 0.0)[..., None]
+        E = E + moved * run
+        T = None if T is None else T + moved * [*team.game.target_velocity_m_s, 0.0]
         now = now + h
     end = np.where(end == End.RUNNING, int(End.TIME_UP), end)
-    distance = np.full((*shape, m), math.nan) if team.target is None else _level(E - team.target)
+    distance: Array = np.full((*shape, m), math.nan)
+    if T is not None:
+        distance[...] = norm2(np, to_target(np, team.game, components(E), components(T))[:2])
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
 
 
-def _ahead(team: _Sides, P: Array, E: Array, capture_m: float) -> tuple[Array, Array]:
-    """Return the least times, s, until a pursuer could capture an evader, and an evader could arrive."""
-    w = P[..., :, None, :] - E[..., None, :, :]
-    height = w[..., 2] - team.game.standoff.height_m
-    gap = np.sqrt(w[..., 0] ** 2 + w[..., 1] ** 2 + height**2) - capture_m
-    capture = gap / (team.u[..., :, None] + team.v[..., None, :])
-    arrival = np.full(team.v.shape, math.inf) if team.target is None else _level(E - team.target) / team.v
-    return capture, arrival
+def _ahead(team: _Sides, P: Array, E: Array, T: Array | None) -> Ahead:
+    """Return the least times, s, until an evader could be captured (..., n, m), or arrive (..., m), or it turns."""
+    shape = (*P.shape[:-1], E.shape[-2])
+    goal = None if T is None else T[..., None, :, :]
+    capture, arrival, turn = look_ahead(np, team.ends.game, P[..., :, None, :], E[..., None, :, :], goal)
+    arrival = np.broadcast_to(arrival, shape)[..., 0, :]
+    return Ahead(np.where(team.ends.plays, capture, math.inf), arrival, np.broadcast_to(turn, shape))
 
 
-def _velocities(team: _Sides, P: Array, E: Array, matching: Matching) -> tuple[Array, Array]:
+def _velocities(team: _Sides, P: Array, E: Array, T: Array | None, matching: Matching) -> tuple[Array, Array]:
     """Return the velocities of all players, (..., n, 3) and (..., m, 3)."""
     chased = np.maximum(matching.evader_of, 0)
     w = P[..., :, None, :] - E[..., None, :, :]
     near = np.argmin(w[..., 0] ** 2 + w[..., 1] ** 2 + w[..., 2] ** 2, axis=-2)
 
     def chase(policy: Policy) -> Array:
-        game = with_speeds(team.game, team.u, np.take_along_axis(team.v, chased, axis=-1))
-        goal = None if team.target is None else _rows(team.target, chased)
+        game = for_rows(team.game, lambda value: np.take_along_axis(value, chased[..., None], axis=-1)[..., 0])
+        goal = None if T is None else _rows(T, chased)
         return np.asarray(policy(game, P, _rows(E, chased), goal))
 
     def flee(policy: Policy) -> Array:
-        game = with_speeds(team.game, np.take_along_axis(team.u, near, axis=-1), team.v)
-        return np.asarray(policy(game, _rows(P, near), E, team.target))
+        game = for_rows(team.game, lambda value: np.take_along_axis(value, near[..., None, :], axis=-2)[..., 0, :])
+        return np.asarray(policy(game, _rows(P, near), E, T))
 
     flown = _each(team.pursuers, PURSUER_POLICIES, matching.pursuer_velocity_m_s, chase)
     return flown, _each(team.evaders, EVADER_POLICIES, matching.evader_velocity_m_s, flee)
@@ -219,7 +226,3 @@ def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Polic
 
 def _rows(positions: Array, index: Array) -> Array:
     return np.take_along_axis(positions, index[..., None], axis=-2)
-
-
-def _level(v: Array) -> Array:
-    return np.asarray(np.sqrt(v[..., 0] ** 2 + v[..., 1] ** 2))

@@ -1,15 +1,16 @@
 """Several pursuers against one evader.
 
-TAD: the evader reaches the points of the intersection of the discs of `discs` before any pursuer. The intersection is
-convex, so one point X* of it is closest to the target, and the value of the game is
+The evader reaches the points of the intersection of its regions against all pursuers (`regions`) before any of them.
 
-    L = dist(T, ∩ᵢ discᵢ).
+TAD: if the regions are convex, one point X* of the intersection is closest to the target, and the value of the game is
+
+    L = dist(T, ∩ᵢ regionᵢ).
 
 A target with an extent is replaced by its point T* that is closest to the intersection. A team may then win although
 none of its pursuers wins alone.
 
-The team wins if one pursuer wins alone, because T is outside the intersection only if it is outside one disc. A second
-pursuer increases L, and at most two discs decide X*. The pursuers that decide it fly straight to X*; then L never
+The team wins if one pursuer wins alone, because T is outside the intersection only if it is outside one region. A
+second pursuer increases L, and at most two decide X*. The pursuers that decide it fly straight to X*; then L never
 falls for any play of the evader. The others are free and fly to X* too.
 
 PE with two pursuers ("two cutters": Szots & Harmati, arXiv 2403.15188; Von Moll et al., arXiv 2407.19954): the value is
@@ -18,8 +19,16 @@ to X*. With λᵢ as in `TeamSolution.multipliers`, the value changes at the rat
 
     −Σ λᵢ + (Σ λᵢ − 1) n·e ≤ −1    for every heading e of the evader, n the direction to X*, since Σ λᵢ ≥ 1.
 
-PE with three or more: the farthest point of the intersection is only a lower bound, because Σ λᵢ may be less than 1.
-The best pair is an upper bound: it captures in its own value alone. `TeamSolution` gives both.
+Σ λᵢ ≥ 1 holds in calm air: each run ends sooner the smaller its angle with the direction to the pursuer is. If both
+pursuers were less than half a turn apart on the side of X*, a heading with larger angles to both would lead farther.
+
+No value is proven in three cases, and `TeamSolution` gives a bracket (`Reason.BRACKET`) where its ends differ:
+
+* PE with three pursuers or more: the farthest point of the intersection is only a lower bound, because Σ λᵢ may be less
+  than 1. The best pair is an upper bound: it captures in its own value alone.
+* PE with several pursuers in wind: the upper bound is that of the best pursuer alone.
+* TAD with Cylinders that reach their heights at different times: the intersection is not convex, and the pursuers may
+  have to defend two of its points at once. They guarantee the value of the best pair with both as late as the later.
 
 If two points are equally far (a dispersal surface), both are optimal, and the evader may choose. Of points that are
 equally far to the last bit, `solve_team` takes the one with the larger y, then the larger x. Near such a surface each
@@ -29,22 +38,32 @@ new solution decides again; this costs the pursuers a time that goes to zero wit
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from guidance.errors import ConfigError
+from guidance.game.arrays import select2
 from guidance.game.extent import POINT, least_at, to_set
-from guidance.game.game import Game, Reason
+from guidance.game.game import STILL, Game, Reason
 from guidance.game.solution import Solution, solve
-from guidance.game.team.arguments import fitting, speeds, spoiled, vectors
-from guidance.game.team.discs import Array, Meeting, multipliers, pairs_of, taken
-from guidance.game.team.table import Team, meeting_of, team_of
+from guidance.game.team.arguments import Games, fitting, joined, pair_axes, spoiled, vectors
+from guidance.game.team.regions import Array, Point, Regions, corner, cross, edge, length, survived, unit
+from guidance.game.team.table import Goal, Meeting, Team, team_of, together
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from guidance.game.arrays import Plane
+
+FEW = 8
+"""Up to this number of pursuers every crossing of two edges is tried."""
+
+ROUNDING = 1e-11
+"""Relative difference of two bounds that counts as none."""
 
 
 class TeamSolution(NamedTuple):
@@ -55,13 +74,12 @@ class TeamSolution(NamedTuple):
     Attributes:
         winner: `Winner`: 1 the team, −1 the evader, 0 neither (the barrier itself, or no answer).
         value: TAD: distance of the evader from its target at the capture, m, or, where the evader wins, the distance
-            that the nearest pursuer is short of a capture then, m. PE: time to the capture, s. For three pursuers or
-            more it is an upper bound of the value, and the pursuers' play keeps it.
-        lower_bound: TAD, and PE with one or two pursuers: the value again. PE with three or more: the time that the
-            evader has at least, s.
+            that the nearest pursuer is short of a capture then, m. PE: time to the capture, s. The pursuers' play
+            guarantees it.
+        lower_bound: the value that the evader's play guarantees to it. It differs from `value` only where the value is
+            not proven (`Reason.BRACKET`): in PE it is then less, and in TAD more.
         margin_s: how much sooner a pursuer can guard the target than the evader can be there, s; infinite in PE.
-        meeting_point_m: where the evader is when the game ends, (..., 3), m: X*. PE with three or more: the point that
-            gives `lower_bound`.
+        meeting_point_m: where the evader is when the game ends, (..., 3), m: X*, the point that gives `lower_bound`.
         meeting_time_s: when it is there, from now, s.
         binds: which pursuers decide the value, (..., n): one, or two.
         multipliers: by how much the value changes for each second that a pursuer starts late, (..., n): in PE λᵢ s
@@ -85,7 +103,7 @@ class TeamSolution(NamedTuple):
 
 
 def solve_team(
-    game: Game,
+    game: Games,
     pursuers: ArrayLike,
     evader: ArrayLike,
     target: ArrayLike | None = None,
@@ -97,8 +115,8 @@ def solve_team(
     A team of one has the answer of `solve`, to the bit.
 
     Args:
-        game: the paper's game, at most with a height of the stand-off disc. Speeds may be arrays that broadcast with
-            (..., n): (n,) where pursuers differ, (..., 1) where evaders do.
+        game: without information age, for an evader in the plane. Its numbers may be arrays that broadcast with
+            (..., n): (n,) where pursuers differ, (..., 1) where evaders do. Or a list of n games.
         pursuers: positions, (..., n, 3), NumPy, m.
         evader: position, (..., 3), m.
         target: position of the evader's target, (..., 3), m, or None for PE.
@@ -108,15 +126,17 @@ def solve_team(
         ConfigError: teams do not play such a game, an argument is not an array of its shape, the shapes do not fit
             each other, or a single state has no answer. In a batch such a row is NaN instead.
     """
-    u, v = speeds(game)
-    if np.shape(v)[-1:] not in {(), (1,)}:
-        raise ConfigError(f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader")
+    team_game = joined(game, "(n,)")
     given = {"evader": evader, "target": target, "evader_velocity_m_s": evader_velocity_m_s}
     P = vectors("pursuers", pursuers, "(..., n, 3)")
     rest = {name: vectors(name, one, "(..., 3)") for name, one in given.items() if one is not None}
-    axes = {"pursuers": P.shape[:-2], "speed_m_s": np.shape(u)[:-1], "evader_speed_m_s": np.shape(v)[:-1]}
+    axes = {"pursuers": P.shape[:-2], "game": pair_axes(team_game)[:-1]}
     shape = fitting(axes | {name: one.shape[:-1] for name, one in rest.items()})
     P = np.broadcast_to(P, (*shape, *P.shape[-2:]))
+    game = team_game.rows(lambda value: np.broadcast_to(value, P.shape[:-1])).game
+    v = game.evader_speed_m_s
+    if np.ndim(v) and np.ptp(v, axis=-1).any():
+        raise ConfigError(f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader")
     if target is not None and game.target_extent != POINT:
         rest["target"] = _most_in_danger(
             game, P, *(np.broadcast_to(rest[name], (*shape, 3)) for name in ("evader", "target"))
@@ -126,15 +146,10 @@ def solve_team(
     E, T = lone["evader"], lone.get("target")
     alone = solve(game, P, E, T, evader_velocity_m_s=lone.get("evader_velocity_m_s"))
     with np.errstate(all="ignore"):
-        team, place = team_of(game, u, v, P, E, T, alone), E[..., 0, :]
-        if T is None:
-            answer, best = chase(team, place)
-        else:
-            best = meeting_of(team)
-            answer = defence(team, place, best)
-        won = (answer.winner > 0)[..., None]
-        late = multipliers(team.discs, (team.u, team.v), team.goal, best.point, (best.first, best.second))
-        answer = answer._replace(multipliers=np.where(won, late, 0.0))
+        team = team_of(game, P, E, T, alone)
+        answer, best = (chase if T is None else defence)(team, E[..., 0, :], _best_pair(team))
+        late = np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0)
+        answer = answer._replace(multipliers=late)
         return _judged(answer, alone, {"pursuers": P, **rest})
 
 
@@ -176,127 +191,242 @@ def _judged(answer: TeamSolution, alone: Solution, given: dict[str, Array]) -> T
     return TeamSolution(**parts)._replace(reason=np.where(sound, answer.reason, fault).astype(answer.reason.dtype))
 
 
-def defence(team: Team, evader: Array, found: Meeting) -> TeamSolution:
+def _best_pair(team: Team) -> Meeting:
+    """Return what the best two pursuers guarantee, or the best one."""
+    pairs = together(team, pairs_of(team.own.shape[-1]))
+    best = np.argmax(pairs.worth, axis=-1)
+    return Meeting(*(taken(part, best) for part in pairs))
+
+
+def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
     """Play TAD: see `solve_team`.
 
     Args:
         team: the pursuers.
         evader: position of the evader, (..., 3), m.
-        found: `meeting_of` this team.
+        best: what two of them guarantee.
     """
     alone = team.alone
     winner = np.max(alone.winner, axis=-1)
     won = winner > 0
     # If the evader wins, the value is that of the pursuer that comes least short, or is there at the same instant.
     least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
-    first, second = np.where(won, found.first, least), np.where(won, found.second, least)
-    value = np.where(won, found.distance, taken(alone.value, least))
-    found = Meeting(found.point, value, first, second)
-    flown = np.where(won[..., None, None], _straight(team, found), alone.pursuer_velocity_m_s)
-    return _assembled(team, evader, found, found, flown)
+    first, second = np.where(won, best.first, least), np.where(won, best.second, least)
+    best = _placed(
+        team, evader, Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second)
+    )
+    single = (first == second)[..., None] & (np.arange(alone.value.shape[-1]) == first[..., None])
+    straight = won[..., None] & ~single
+    flown = np.where(straight[..., None], team.straight((best.x, best.y)), alone.pursuer_velocity_m_s)
+    run = _nearest_run(team, evader, best, won) if team.regions.safe.any() else best
+    return assembled(team, evader, run, best, flown), best
 
 
-def chase(team: Team, evader: Array, *, bracket: bool = True) -> tuple[TeamSolution, Meeting]:
-    """Play PE: see `solve_team`. The meeting is that of the pursuers that decide the value.
+def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
+    """Play PE: see `solve_team` and `defence`."""
+    run = longest_run(team)
+    best = _placed(team, evader, _chosen(run.worth <= best.worth * (1.0 - ROUNDING), run, best))
+    every, both = np.arange(team.own.shape[-1]), (best.first != best.second)[..., None]
+    flies = both & ((every == best.first[..., None]) | (every == best.second[..., None]))
+    flown = np.where(flies[..., None], team.straight((best.x, best.y)), team.alone.pursuer_velocity_m_s)
+    return assembled(team, evader, run, best, flown), best
+
+
+def _placed(team: Team, evader: Array, best: Meeting) -> Meeting:
+    """Return a meeting at the first pursuer's own end of the game if that decides it alone."""
+    end = _own(team.alone.meeting_point_m, best.first) - evader
+    single = best.first == best.second
+    return best._replace(x=np.where(single, end[..., 0], best.x), y=np.where(single, end[..., 1], best.y))
+
+
+def _nearest_run(team: Team, evader: Array, best: Meeting, won: Array) -> Meeting:
+    """Return the straight run of TAD that ends closest to the target, and its worth.
+
+    Runs are tried to the pursuers' own ends of the game, to that of the best pair, and straight to the target until a
+    pursuer reaches its height. Worth that differs from that of the best pair by rounding is the same.
+    """
+    ends = np.moveaxis(team.alone.meeting_point_m - evader[..., None, :], -1, 0)
+    goal = team.goal if team.goal is not None else Goal(ends[0][..., 0], ends[1][..., 0], POINT, STILL)
+    straight = goal.towards(team.regions.safe)
+    x, y = (np.concatenate([ends[axis], best[axis][..., None], straight[axis]], axis=-1) for axis in (0, 1))
+    to = unit((x, y))
+    far = np.min(survived(team.regions.beside(), (to[0][..., None], to[1][..., None])), axis=-1)
+    x, y = far * to[0], far * to[1]
+    left = np.fmin(goal.left((x, y)), np.inf)
+    least = np.argmin(left, axis=-1)
+    worth = taken(left, least)
+    worth = np.where(worth <= best.worth * (1.0 + ROUNDING), best.worth, worth)
+    open_ = np.where(worth > best.worth, -1, best.first)
+    run = Meeting(taken(x, least), taken(y, least), worth, open_, np.where(worth > best.worth, -2, best.second))
+    return _chosen(won, run, best)
+
+
+def longest_run(team: Team) -> Meeting:
+    """Return the straight run of PE that lasts longest before all pursuers.
+
+    It leads to a pursuer's own end of the game, or to a crossing of two edges. All of a few pursuers are tried. Of many
+    only a few matter: begin with the one that captures soonest, and add the one that cuts the run off most, until none
+    does.
+    """
+    count = team.own.shape[-1]
+    headings = [part / team.v[..., None] for part in np.moveaxis(team.alone.evader_velocity_m_s, -1, 0)[:2]]
+    reach = team.alone.value * team.v[..., None]
+    if count <= FEW:
+        return _among(team, headings, reach, np.broadcast_to(np.arange(count), reach.shape))
+    chosen = np.argmin(reach, axis=-1)[..., None]
+    found = _among(team, headings, reach, chosen)
+    while chosen.shape[-1] < count:
+        far = length((found.x, found.y))
+        x, y = found.x / far, found.y / far
+        ends = survived(team.regions, (x[..., None], y[..., None]))
+        np.put_along_axis(ends, chosen, np.inf, axis=-1)
+        worst = np.argmin(ends, axis=-1)
+        cut = taken(ends, worst) < far * (1.0 - 1e-13)
+        if not cut.any():
+            break
+        chosen = np.concatenate([chosen, np.where(cut, worst, chosen[..., 0])[..., None]], axis=-1)
+        found = _chosen(cut, _among(team, headings, reach, chosen), found)
+    return found
+
+
+def _among(team: Team, headings: Sequence[Array], reach: Array, chosen: Array) -> Meeting:
+    """Return the longest run before some pursuers, whose numbers are (..., k).
+
+    Of equally long runs the one with the larger y, then the larger x is taken.
+    """
+    regions, count = team.regions, chosen.shape[-1]
+    own_x, own_y = headings
+    if count > FEW or count < reach.shape[-1]:
+        regions = Regions(*(np.take_along_axis(part, chosen, axis=-1) for part in regions))
+        own_x, own_y, reach = (np.take_along_axis(part, chosen, axis=-1) for part in (own_x, own_y, reach))
+    i, j = np.triu_indices(count, 1)
+    x, y = _crossings(regions, (own_x, own_y), i, j)
+    along = survived(regions.beside(), (x[..., None], y[..., None]))
+    own = np.arange(count)
+    along[..., own, own] = reach
+    far = np.fmax(np.min(along, axis=-1), -np.inf)
+    tied = far == np.max(far, axis=-1, keepdims=True)
+    north = np.where(tied, y, -2.0)
+    best = np.argmax(np.where(north == np.max(north, axis=-1, keepdims=True), x, -2.0), axis=-1)
+    run, met = taken(far, best), taken(np.argmin(along, axis=-1), best)
+    single = best < count
+    first = np.where(single, best, np.concatenate([own, i, i])[best])
+    second = np.where(single, met, np.concatenate([own, j, j])[best])
+    first, second = (taken(chosen, np.where(run > 0, part, met)) for part in (first, second))
+    time = np.where(first == second, taken(team.alone.value, first), run / team.v)
+    return Meeting(run * taken(x, best), run * taken(y, best), -time, first, second)
+
+
+def _crossings(regions: Regions, own: Point, i: Array, j: Array) -> Point:
+    """Return headings (..., k): the own ones of the pursuers, and those of both crossings of two edges.
+
+    The second crossing is on the side away from both own headings. A pair without crossings has NaN.
+    """
+    pairs = regions.pick((..., np.stack([i, j], axis=-1)))
+    begin, end = ((own[0][..., who], own[1][..., who]) for who in (i, j))
+    x, y = begin[0] + end[0], begin[1] + end[1]
+    back = unit((-x, -y))
+    reach = [edge(pairs, (to[0][..., None], to[1][..., None])).reach for to in (begin, end, back)]
+    crossed = (reach[0][..., 0] > reach[0][..., 1]) & (reach[1][..., 1] > reach[1][..., 0])
+    farther = reach[2][..., 0] > reach[2][..., 1]
+    rows = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
+    found = np.full((2, *crossed.shape[:-1], 2 * crossed.shape[-1]), np.nan, dtype=x.dtype)
+    if len(rows[0]):
+        sides = []
+        for way, turns in ((begin, farther), (end, ~farther)):
+            other = select2(np, turns, back, way)
+            parts = [np.concatenate([a, b], axis=-1)[rows] for a, b in zip(way, other, strict=True)]
+            sides.append((parts[0], parts[1]))
+        both = Regions(*(np.concatenate([part, part], axis=-2)[rows] for part in pairs))
+        found[0][rows], found[1][rows] = unit(corner(both, *sides))
+    x, y = (np.concatenate([part, one], axis=-1) for part, one in zip(own, found, strict=True))
+    return x, y
+
+
+def _chosen(rows: Array, one: Meeting, other: Meeting) -> Meeting:
+    """Return one meeting in some rows, and another in the rest."""
+    return Meeting(*(np.where(rows, a, b) for a, b in zip(one, other, strict=True)))
+
+
+def _own(part: Array, who: Array) -> Array:
+    """Return the vector of one pursuer, (..., n, 3) → (..., 3)."""
+    return np.take_along_axis(part, np.maximum(who, 0)[..., None, None], axis=-2)[..., 0, :]
+
+
+def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flown: Array) -> TeamSolution:
+    """Return an answer.
 
     Args:
         team: the pursuers.
         evader: position of the evader, (..., 3), m.
-        bracket: whether to look for the best pair of three pursuers or more; else `value` is the lower bound.
-    """
-    alone, v = team.alone, team.v[..., 0]
-    soonest, least = np.argmin(alone.value, axis=-1), np.min(alone.value, axis=-1)
-    found = meeting_of(team)
-    caught = least <= 0
-    found = found._replace(
-        distance=np.where(found.first == found.second, taken(alone.value, found.first), found.distance / v),
-        first=np.where(caught, soonest, found.first),
-        second=np.where(caught, soonest, found.second),
-    )
-    best = _best_pair(team, found, soonest) if bracket and alone.value.shape[-1] > 2 else found
-    both = best.first != best.second
-    every = np.arange(alone.value.shape[-1])
-    flies = both[..., None] & ((every == best.first[..., None]) | (every == best.second[..., None]))
-    flown = np.where(flies[..., None], _straight(team, best), alone.pursuer_velocity_m_s)
-    return _assembled(team, evader, found, best, flown), best
-
-
-def _best_pair(team: Team, found: Meeting, soonest: Array) -> Meeting:
-    """Return the meeting of the two pursuers, or the one, that capture soonest without the others.
-
-    Args:
-        team: three pursuers or more.
-        found: the meeting with all pursuers; it is exact if it is not sooner than that of the best pair.
-        soonest: number of the pursuer that captures soonest alone.
-    """
-    i, j = pairs_of(team.measure.shape[-1])
-    pairs = meeting_of(team, (..., np.stack([i, j], axis=-1)))
-    time = pairs.distance / team.v[..., :1]
-    time = np.where(pairs.first == pairs.second, np.inf, time)
-    which = np.argmin(time, axis=-1)
-    point = taken(pairs.point[0], which), taken(pairs.point[1], which)
-    alone, pair = taken(team.alone.value, soonest), taken(time, which)
-    single = alone <= pair
-    own = [taken(part, soonest) * taken(team.measure, soonest) for part in team.guide]
-    best = np.where(single, alone, pair)
-    exact = found.distance >= best * (1.0 - 1e-12)
-    x, y = (
-        np.where(exact, of_all, np.where(single, of_one, of_two))
-        for of_all, of_one, of_two in zip(found.point, own, point, strict=True)
-    )
-    return Meeting(
-        (x, y),
-        np.maximum(best, found.distance),
-        np.where(exact, found.first, np.where(single, soonest, i[which])),
-        np.where(exact, found.second, np.where(single, soonest, j[which])),
-    )
-
-
-def _assembled(team: Team, evader: Array, found: Meeting, best: Meeting, flown: Array) -> TeamSolution:
-    """Return an answer without multipliers.
-
-    Args:
-        team: the pursuers.
-        evader: position of the evader, (..., 3), m.
-        found: the point that the evader runs to.
-        best: the meeting that gives the value.
+        run: the run of the evader, and what it guarantees to it.
+        best: what the pursuers guarantee.
         flown: velocities of the pursuers, m/s.
     """
-    alone, (x, y), first = team.alone, found.point, found.first
-    single, v = found.first == found.second, team.v[..., 0]
-    run = np.sqrt(x * x + y * y)
-    end = evader + np.stack([x, y, np.zeros_like(x)], axis=-1)
-    rate = v / np.where(run > 0, run, 1.0)
+    alone, first, single = team.alone, run.first, run.first == run.second
+    far, sign = length((run.x, run.y)), 1.0 if team.goal is not None else -1.0
+    rate = team.v / np.where(far > 0, far, 1.0)
+    to = np.stack([run.x, run.y, np.zeros_like(far)], axis=-1)
     every = np.arange(alone.value.shape[-1])
+    reason = np.where(single, taken(alone.reason, np.maximum(first, 0)), np.int8(Reason.SOLVED))
     return TeamSolution(
         winner=np.max(alone.winner, axis=-1),
-        value=best.distance,
-        lower_bound=found.distance,
+        value=sign * best.worth,
+        lower_bound=sign * run.worth,
         margin_s=np.max(alone.margin_s, axis=-1),
-        meeting_point_m=_own_or(single, alone.meeting_point_m, first, end),
-        meeting_time_s=np.where(single, taken(alone.meeting_time_s, first), run / v),
+        meeting_point_m=np.where(single[..., None], _own(alone.meeting_point_m, first), evader + to),
+        meeting_time_s=np.where(single, taken(alone.meeting_time_s, np.maximum(first, 0)), far / team.v),
         binds=(every == best.first[..., None]) | (every == best.second[..., None]),
         multipliers=np.zeros(alone.value.shape),
         pursuer_velocity_m_s=flown,
-        evader_velocity_m_s=_own_or(
-            single, alone.evader_velocity_m_s, first, np.stack([rate * x, rate * y, np.zeros_like(x)], axis=-1)
-        ),
-        reason=np.where(single, taken(alone.reason, first), np.int8(Reason.SOLVED)),
+        evader_velocity_m_s=np.where(single[..., None], _own(alone.evader_velocity_m_s, first), rate[..., None] * to),
+        reason=np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
     )
 
 
-def _straight(team: Team, found: Meeting) -> Array:
-    """Return velocities straight to the meeting point; a pursuer that decides it alone plays its own game."""
-    x, y = (part[..., None] for part in found.point)
-    to = x - team.discs.x, y - team.discs.y, 0.0 - team.discs.z
-    length = np.sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2])
-    rate = np.where(length > 0, team.u / length, 0.0 * length)
-    every, single = np.arange(team.u.shape[-1]), found.first == found.second
-    own = single[..., None] & (every == found.first[..., None])
-    return np.where(own[..., None], team.alone.pursuer_velocity_m_s, np.stack([rate * part for part in to], axis=-1))
+def _multipliers(team: Team, best: Meeting) -> Array:
+    """Return by how much the value changes for each second that a pursuer starts late, (..., n).
+
+    X* maximises the evader's time t_E (PE), or minimises its distance from the target (TAD), among the points with
+    t_E(X) ≤ tᵢ(X) for every pursuer. The multipliers λᵢ of that problem solve
+
+        Σ λᵢ ∇(t_E − tᵢ) = ∇t_E  (PE),    Σ λᵢ ∇(t_E − tᵢ) = −∇‖X − T‖  (TAD).
+    """
+    far = length((best.x, best.y))
+    run = best.x / far, best.y / far
+    slow = run[0] / team.v, run[1] / team.v
+    pull, goal = slow, team.goal
+    if goal is not None:
+        x, y = (part[..., 0] for part in goal.place((best.x[..., None], best.y[..., None])))
+        pull = unit((goal.x - x, goal.y - y))
+        carried = pull[0] * goal.drift[0][..., 0] + pull[1] * goal.drift[1][..., 0]
+        pull = pull[0] - carried * run[0], pull[1] - carried * run[1]
+    met = edge(team.regions, (run[0][..., None], run[1][..., None]))
+    u, v = team.regions.ratio, team.v[..., None]
+    wind = team.regions.wind_x * v, team.regions.wind_y * v
+    size = np.sqrt(met.away[0] * met.away[0] + met.away[1] * met.away[1] + team.regions.z * team.regions.z)
+    rate = size * u * v + met.away[0] * wind[0] + met.away[1] * wind[1]
+    level = met.reach <= team.regions.safe
+    flown = [np.where(level, 0.0, part / np.where(rate > 0, rate, 1.0)) for part in met.away]
+    q = [(slow[0] - taken(flown[0], who), slow[1] - taken(flown[1], who)) for who in best[3:]]
+    turn = cross(q[0], q[1])
+    single = best.first == best.second
+    own = (pull[0] * q[0][0] + pull[1] * q[0][1]) / (q[0][0] * q[0][0] + q[0][1] * q[0][1])
+    first, second = np.where(single, own, cross(pull, q[1]) / turn), np.where(single, own, cross(q[0], pull) / turn)
+    every = np.arange(u.shape[-1])
+    found = np.where(every == best.second[..., None], second[..., None], 0.0)
+    found = np.where(every == best.first[..., None], first[..., None], found)
+    return np.where(np.isfinite(found), np.maximum(found, 0.0), 0.0)
 
 
-def _own_or(single: Array, own: Array, first: Array, other: Array) -> Array:
-    """Return the first pursuer's own vector if it decides alone, else another."""
-    picked = np.take_along_axis(own, first[..., None, None], axis=-2)[..., 0, :]
-    return np.where(single[..., None], picked, other)
+def taken(array: Array, index: Array) -> Array:
+    """Take one element along the last axis, (..., n) → (...)."""
+    rows = index.size
+    flat = array.reshape(rows, array.shape[-1])
+    return np.asarray(flat[np.arange(rows), index.reshape(rows)].reshape(index.shape))
+
+
+@lru_cache
+def pairs_of(count: int) -> Array:
+    """Return the numbers of both pursuers of every pair, (k, 2); of a single pursuer twice its own."""
+    return np.stack(np.triu_indices(count, 1 if count > 1 else 0), axis=-1)

@@ -1,91 +1,197 @@
-"""Teams against evaders: each pair's own game, everybody against everybody, and the promises of an earlier matching."""
+"""Teams against evaders: each pair's own game, what two pursuers guarantee together, and the promises kept.
+
+Two pursuers play together by their regions. The point X* of both regions is the closest to the target (TAD), or the
+farthest from the evader (PE). It is the one pursuer's own end of the game if the other's region contains that, and else
+the corner where the edges cross between both own ends. Cylinders play it horizontally, and the later of the two to be
+at its height adds the disc that the evader reaches until then.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.extent import POINT
+from guidance.game.extent import Extent, to_set
+from guidance.game.game import STILL, Ball, Game, StandOff
+from guidance.game.pe import steer
+from guidance.game.rows import for_rows
 from guidance.game.solution import Solution, solve
-from guidance.game.team.arguments import each_speed, fitting, in_play_of, vectors, with_speeds
-from guidance.game.team.discs import Array, Discs, Meeting, Point, farthest, project
+from guidance.game.team.arguments import Games, fitting, in_play_of, joined, pair_axes, vectors
+from guidance.game.team.regions import Array, Point, Regions, corner, edge, length, regions_of, unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from guidance.game.game import Game
+FAR_M = 1e150
+"""How far an evader runs before a pursuer that does not play captures it; its square is finite."""
+
+
+class Goal(NamedTuple):
+    """A target: its position from the evader, (...), m, its shape, and its velocity over the evader's speed."""
+
+    x: Array
+    y: Array
+    extent: Extent
+    drift: Point
+
+    def left(self, point: Point) -> Array:
+        """Return the distances, (..., k), m, of ends of runs from the target when the evader is there."""
+        x, y = self.place(point)
+        return length(to_set(np, self.extent, (x - self.x[..., None], y - self.y[..., None])))
+
+    def place(self, point: Point) -> Point:
+        """Return ends of runs, (..., k), from where the evader is carried with the target."""
+        far = length(point)
+        return point[0] - self.drift[0] * far, point[1] - self.drift[1] * far
+
+    def towards(self, reach: Array) -> Point:
+        """Return the ways, (..., k), m, to the target from the middle of all ends of runs up to some length."""
+        x, y = -self.drift[0] * reach - self.x[..., None], -self.drift[1] * reach - self.y[..., None]
+        return to_set(np, self.extent, (x, y))
+
+    def beyond(self, reach: Array) -> Array:
+        """Return the distances, (..., k), m, of the target from what the evader reaches in runs of some length."""
+        return np.asarray(np.maximum(length(self.towards(reach)) - reach, 0.0))
 
 
 class Team(NamedTuple):
-    """Every pursuer's game against the evader, (..., n), and its disc.
+    """Every pursuer's game against the evader, (..., n), and its region.
 
     Attributes:
-        u: speeds of the pursuers, m/s.
-        v: speed of the evader, m/s.
-        discs: the points that the evader reaches before each pursuer.
-        guide: TAD: each disc's point closest to the target, from the evader, m. PE: the direction of its farthest.
-        measure: TAD: the distance of that point from the target, m; zero if the target is in the disc. PE: from the
-            evader, m.
-        goal: the target from the evader, (...), m; None in PE.
+        game: the game; its numbers may be arrays (..., n).
+        v: speed of the evader, (...), m/s.
+        regions: the points that the evader reaches before each pursuer.
+        height: of the pursuer above the stand-off disc, m.
+        x: the end of each pursuer's own game (of a Cylinder, of the horizontal one), from the evader, m.
+        y: the same.
+        worth: of that end, larger is better: L, m, in TAD; minus the capture time, s, in PE.
         alone: each pursuer's own game.
+        own: worth of that game.
+        goal: the target; None in PE.
     """
 
-    u: Array
+    game: Game
     v: Array
-    discs: Discs
-    guide: Point
-    measure: Array
-    goal: Point | None
+    regions: Regions
+    height: Array
+    x: Array
+    y: Array
+    worth: Array
     alone: Solution
+    own: Array
+    goal: Goal | None
 
     def pick(self, index: Any) -> Team:  # noqa: ANN401 - whatever indexes an array
         """Return the team of some pursuers: those that an index takes from arrays (..., n)."""
-        discs, alone = Discs(*(part[index] for part in self.discs)), Solution(*(part[index] for part in self.alone))
-        guide = self.guide[0][index], self.guide[1][index]
-        return Team(self.u[index], self.v[index], discs, guide, self.measure[index], self.goal, alone)
+        shape = self.height.shape
+        game = for_rows(self.game, lambda value: np.broadcast_to(value, shape)[index])
+        regions, alone = self.regions.pick(index), Solution(*(part[index] for part in self.alone))
+        height, x, y, worth, own = (part[index] for part in (self.height, self.x, self.y, self.worth, self.own))
+        return Team(game, self.v, regions, height, x, y, worth, alone, own, self.goal)
+
+    def straight(self, point: Point) -> Array:
+        """Return the velocities, (..., n, 3), m/s, of pursuers that meet the evader at an end of its run, (...)."""
+        x, y = (part[..., None] for part in point)
+        to = x - self.regions.x, y - self.regions.y
+        gap = length(to) - self.game.standoff.radius_m - self.game.capture_radius_m
+        time = length((x, y)) / self.v[..., None]
+        return np.stack([part + 0.0 * gap for part in steer(np, self.game, to, gap, time, self.height, STILL)], axis=-1)
 
 
-def team_of(game: Game, u: Any, v: Any, P: Array, E: Array, T: Array | None, alone: Solution) -> Team:  # noqa: ANN401
+class Meeting(NamedTuple):
+    """What one or two pursuers guarantee, and where.
+
+    Attributes:
+        x: X* of their game, (...), from the evader, m.
+        y: the same.
+        worth: as in `Team`, (...).
+        first: number of a pursuer that decides it, (...).
+        second: number of the other, or the same again if one decides it alone.
+    """
+
+    x: Array
+    y: Array
+    worth: Array
+    first: Array
+    second: Array
+
+
+def team_of(game: Game, P: Array, E: Array, T: Array | None, alone: Solution) -> Team:
     """Return the team whose pursuers are along the last axis but one of P.
 
     Args:
-        game: the game.
-        u: speeds of the pursuers, one number or (..., n), m/s.
-        v: speed of the evader, one number or (..., 1), m/s.
+        game: the game; its numbers may be arrays (..., n).
         P: positions of the pursuers, (..., n, 3), m.
         E: position of the evader, (..., 1, 3), m.
         T: position of its target, (..., 1, 3), m, or None for PE.
         alone: each pursuer's own game, (..., n).
     """
-    w = P - E
-    zero = np.zeros(w.shape[:-1], dtype=w.dtype)
-    u, v = (zero + np.asarray(speed, dtype=w.dtype) for speed in (u, v))
-    discs = Discs((u - v) * (u + v) / (v * v), w[..., 0], w[..., 1], w[..., 2] - game.standoff.height_m)
-    if T is None:
-        run = alone.evader_velocity_m_s
-        return Team(u, v, discs, (run[..., 0] / v, run[..., 1] / v), alone.value * v, None, alone)
-    wins, to = alone.winner > 0, T - E
-    own = np.where(wins[..., None], alone.meeting_point_m - E, to)
-    measure = np.where(wins, alone.value, 0.0 * alone.value)
-    return Team(u, v, discs, (own[..., 0], own[..., 1]), measure, (to[..., 0, 0], to[..., 0, 1]), alone)
+    own, regions = worth_in(alone, T), regions_of(game, P, E)
+    v = np.max(game.evader_speed_m_s + 0.0 * regions.x, axis=-1)
+    level, worth = alone, own
+    if regions.safe.any():
+        reach, ground = game.standoff.radius_m + game.capture_radius_m, np.array([1.0, 1.0, 0.0])
+        ball = Ball(game.pursuer.horizontal_m_s)
+        flat = replace(game, pursuer=ball, capture_radius_m=reach, standoff=StandOff())
+        level = solve(flat, P * ground + E * (1.0 - ground), E, T)
+        worth = worth_in(level, T)
+    end, goal = level.meeting_point_m - E, None
+    if T is not None:
+        to, (drift_x, drift_y) = (T - E)[..., 0, :], game.target_velocity_m_s
+        goal = Goal(to[..., 0], to[..., 1], game.target_extent, (drift_x / v[..., None], drift_y / v[..., None]))
+    height = P[..., 2] - E[..., 2] - game.standoff.height_m
+    return Team(game, v, regions, height, end[..., 0], end[..., 1], worth, alone, own, goal)
 
 
-def meeting_of(team: Team, index: Any = ...) -> Meeting:  # noqa: ANN401 - whatever indexes an array
-    """Return where the evader is closest to its target, or else farthest from where it is, before all of a team.
+def worth_in(alone: Solution, T: Array | None) -> Array:
+    """Return the worth of each pursuer's own game, see `Team`."""
+    return -alone.value if T is None else np.where(alone.winner > 0, alone.value, 0.0 * alone.value)
+
+
+def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN401 - whatever indexes an array
+    """Return what each two pursuers guarantee, by one of them alone or together, (..., k).
 
     Args:
         team: the pursuers.
-        index: which of them, as in `Team.pick`.
+        who: numbers of the pursuers, (..., k, 2) or (k, 2).
+        index: what takes them from arrays (..., n), if that is not simply `who` along the last axis.
     """
-    discs, measure = Discs(*(part[index] for part in team.discs)), team.measure[index]
-    guide = team.guide[0][index], team.guide[1][index]
-    if team.goal is None:
-        return farthest(discs, guide, measure)
-    beside = (..., *[None] * (measure.ndim - 1 - team.goal[0].ndim))
-    return project(discs, (team.goal[0][beside], team.goal[1][beside]), guide, measure)
+    index = (..., who) if index is None else index
+    regions, end, worth, own = (
+        team.regions.pick(index),
+        (team.x[index], team.y[index]),
+        team.worth[index],
+        team.own[index],
+    )
+    far = length(end)
+    heading = unit(end)
+    crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
+    bind = np.all(crossed < far, axis=-1) & (who[..., 0] != who[..., 1])
+    if team.goal is None and not team.game.calm:
+        bind = np.zeros_like(bind)  # no value of two pursuers is proven in wind
+    better = worth[..., 1] > worth[..., 0]
+    x, y = (np.where(better, part[..., 1], part[..., 0]) for part in end)
+    found = np.max(worth, axis=-1)
+    rows = np.nonzero(bind)
+    if len(rows[0]):
+        ways = [(heading[0][rows][:, side], heading[1][rows][:, side]) for side in (0, 1)]
+        x[rows], y[rows] = corner(regions.pick(rows), *ways)
+        far = length((x, y))
+        found = np.where(bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found)
+    safe = np.max(regions.safe, axis=-1)
+    if safe.any():
+        found = np.minimum(found, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe))
+    alone = np.max(own, axis=-1)
+    single = ~bind | (alone >= found)
+    best = own[..., 1] > own[..., 0]
+    one, other = (np.broadcast_to(who[..., slot], single.shape) for slot in (0, 1))
+    chosen = np.where(best, other, one)
+    first, second = np.where(single, chosen, one), np.where(single, chosen, other)
+    return Meeting(x, y, np.where(single, alone, found), first, second)
 
 
 class Table(NamedTuple):
@@ -96,6 +202,7 @@ class Table(NamedTuple):
         evaders: positions, (b, m, 3), m.
         target: of each, (b, m, 3), m; None in PE.
         present: which are in play, (b, m).
+        plays: which pairs play, (b, m, n).
         all: each pair by itself, the pursuers along the last axis: (b, m, n).
         worth: of each pair, larger is better, (b, m, n): L, m, in TAD; minus the capture time, s, in PE.
         beats: whether a pursuer captures an evader that is in play alone, (b, m, n).
@@ -105,6 +212,7 @@ class Table(NamedTuple):
     evaders: Array
     target: Array | None
     present: Array
+    plays: Array
     all: Team
     worth: Array
     beats: Array
@@ -129,36 +237,51 @@ class Kept(NamedTuple):
 
 
 def table_of(
-    game: Game, pursuers: ArrayLike, evaders: ArrayLike, target: ArrayLike | None, in_play: ArrayLike | None
+    games: Games, pursuers: ArrayLike, evaders: ArrayLike, target: ArrayLike | None, in_play: ArrayLike | None
 ) -> Table:
     """Bring the arguments to one shape, and solve each pair."""
-    if game.target_extent != POINT:
-        raise ConfigError(
-            f"target_extent = {game.target_extent!r}: matchings defend a point; use solve_team for each evader"
-        )
-    u, v = each_speed(game)
     P, E = vectors("pursuers", pursuers, "(..., n, 3)"), vectors("evaders", evaders, "(..., m, 3)")
     T = None if target is None else vectors("target", target, "(..., 3)")
     n, m = P.shape[-2], E.shape[-2]
-    present = in_play_of(in_play, m)
-    evader_axes = {"evaders": E.shape[:-1], "in_play": present.shape, "evader_speed_m_s": np.shape(v)}
-    whole = fitting(evader_axes | ({} if T is None else {"target": T.shape[:-1]}))
-    shape = fitting({"pursuers": P.shape[:-2], "speed_m_s": np.shape(u)[:-1], "evaders and what they have": whole[:-1]})
+    team, present = joined(games, "(n, m)"), in_play_of(in_play, m)
+    v = team.game.evader_speed_m_s
+    if np.ndim(v) > 1 and np.ptp(v, axis=-2).any():
+        raise ConfigError(f"evader_speed_m_s = {v!r}: must be the same for all pursuers of an evader, (..., 1, m)")
+    one = {"pursuers": (n, 1), "evaders": (1, m), "game": pair_axes(team)}
+    one |= {} if T is None else {"target": (1, *T.shape[-2:-1])}
+    if fitting(one)[-2:] != (n, m) or team.plays.shape not in {(), (n, m)}:
+        raise ConfigError(f"game: its numbers have the shape {one['game']}; must fit {n} pursuers and {m} evaders")
+    leading = {"pursuers": P.shape[:-2], "evaders": E.shape[:-2], "in_play": present.shape[:-1]}
+    shape = fitting(leading | {"game": one["game"][:-2], "target": () if T is None else T.shape[:-2]})
     b = math.prod(shape)
+
+    def rows(value: Array) -> Array:
+        return np.broadcast_to(value, (*shape, n, m)).reshape(b, n, m).swapaxes(1, 2)
+
+    team = team.rows(rows)
     P, E = (np.broadcast_to(one, (*shape, *one.shape[-2:])).reshape(b, one.shape[-2], 3) for one in (P, E))
     T = None if T is None else np.broadcast_to(T, (*shape, m, 3)).reshape(b, m, 3)
-    if np.ndim(u) or np.ndim(v):
-        u = np.broadcast_to(u, (*shape, n)).reshape(b, 1, n)
-        v = np.broadcast_to(v, (*shape, m)).reshape(b, m, 1)
-        game = with_speeds(game, u, v)
     present = np.broadcast_to(present, (*shape, m)).reshape(b, m)
-    P, one = P[:, None], E[:, :, None]
+    P, alike = P[:, None], E[:, :, None]
     goal = None if T is None else T[:, :, None]
-    alone = solve(game, P, one, goal)
+    alone = solve(team.game, P, alike, goal)
     with np.errstate(all="ignore"):
-        each = team_of(game, u, v, P, one, goal, alone)
-    worth = alone.value if T is not None else -alone.value
-    return Table(shape, E, T, present, each, worth, (alone.winner > 0) & present[..., None])
+        each = team_of(team.game, P, alike, goal, alone)
+    if not team.plays.all():
+        each = _without(each, team.plays)
+    worth = each.own if T is None else np.where(team.plays, alone.value, -np.inf)
+    return Table(shape, E, T, present, team.plays, each, worth, (alone.winner > 0) & present[..., None] & team.plays)
+
+
+def _without(team: Team, plays: Array) -> Team:
+    """Return a team in which pairs that do not play capture nobody."""
+    regions = team.regions._replace(safe=np.where(plays, team.regions.safe, FAR_M))
+    nothing = -np.inf if team.goal is None else 0.0
+    worth, own = (np.where(plays, part, nothing) for part in (team.worth, team.own))
+    lost = np.array(np.nan, dtype=worth.dtype)
+    reason = np.where(plays, team.alone.reason, 0).astype(team.alone.reason.dtype)
+    alone = team.alone._replace(value=np.where(plays, team.alone.value, lost), reason=reason)
+    return team._replace(regions=regions, worth=worth, own=own, alone=alone)
 
 
 def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
@@ -170,18 +293,18 @@ def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
     worth, wins, pairs = worth_of(table.worth, first), worth_of(table.beats, first), None
     if table.target is not None:
         pairs = pairs_with(table, first)
-        worth = np.where(second < 0, worth, worth_of(pairs.distance, second))
+        worth = np.where(second < 0, worth, worth_of(pairs.worth, second))
         wins |= (second >= 0) & worth_of(table.beats, second)
     stays = (first >= 0) & wins
     return Kept(np.where(stays, first, -1), np.where(stays, second, -1), worth, first, pairs)
 
 
 def pairs_with(table: Table, first: Array) -> Meeting:
-    """Return where the first of each evader meets it together with each other pursuer, (b, m, n)."""
+    """Return what the first of each evader guarantees together with each other pursuer, (b, m, n)."""
     b, m, n = table.worth.shape
     who = np.empty((b, m, n, 2), dtype=np.intp)
     who[..., 0], who[..., 1] = np.maximum(first, 0)[..., None], np.arange(n)
-    return meeting_of(table.all, (np.arange(b)[:, None, None, None], np.arange(m)[:, None, None], who))
+    return together(table.all, who, (np.arange(b)[:, None, None, None], np.arange(m)[:, None, None], who))
 
 
 def worth_of(table: Array, who: Array) -> Array:

@@ -1,0 +1,198 @@
+"""Evaders' regions: the points that an evader reaches before a pursuer can capture it there, seen from the evader.
+
+Let W = P − E, δ = u/v, ω the wind over v, and l the capture radius. A run along n ends after ρ with
+
+    ‖ρ (n − ω) − W − q‖ = δ ρ + l,
+
+q the point of the stand-off disc closest to that point. Without a disc it is a quadratic in ρ,
+
+    κ ρ² + 2 h ρ = ‖W‖² − l²,    κ = δ² − ‖n − ω‖²,    h = W·(n − ω) + δ l,
+
+of which Apollonius' circle is the case ω = l = 0 (Li, Wang & Xie, section II-B). It is written without centre and
+radius, because these go to infinity as δ → 1 and cost digits. With a disc, q is found in rounds: an error of q changes
+ρ by its square. A Cylinder's region is that of its horizontal game, with the stand-off and capture radius as l,
+together with the disc around the evader that this reaches before the pursuer can be at its height.
+
+All regions contain the evader and are convex, except for that disc. So two edges cross once between a heading along
+which the first reaches farther and one along which the second does. Everything about several pursuers is such a
+crossing (`corner`). Functions of two regions give the same bits when the regions change places.
+"""
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guidance.game.arrays import half_of_digits
+from guidance.game.game import Cylinder, Game, head_wind, least_square_in_hand
+from guidance.game.pe import level_time
+
+Array: TypeAlias = NDArray[Any]
+
+Point: TypeAlias = tuple[Any, Any]
+"""x and y, from the evader, m; or a direction."""
+
+ROUNDS = 8
+"""Rounds that find the closest point of a stand-off disc to the last bit."""
+
+STEPS = 80
+"""Newton and bisection steps to a crossing; five are usual."""
+
+
+class Regions(NamedTuple):
+    """Regions of an evader against pursuers along the last axis, every field (..., n).
+
+    Attributes:
+        ratio: δ.
+        curvature: least κ over all headings, that up the wind.
+        x: of the pursuer from the evader, m.
+        y: of the pursuer from the evader, m.
+        z: height of the pursuer above the stand-off disc, m; zero for a Cylinder.
+        capture: capture radius l, m; of a Cylinder with its stand-off radius.
+        radius: radius of the stand-off disc, m; zero for a Cylinder.
+        wind_x: velocity of the air over the evader's speed.
+        wind_y: velocity of the air over the evader's speed.
+        safe: how far the evader runs before the pursuer can be at its height, m; zero for a Ball.
+    """
+
+    ratio: Array
+    curvature: Array
+    x: Array
+    y: Array
+    z: Array
+    capture: Array
+    radius: Array
+    wind_x: Array
+    wind_y: Array
+    safe: Array
+
+    def pick(self, index: Any) -> "Regions":  # noqa: ANN401 - whatever indexes an array
+        """Return some of the regions."""
+        return Regions(*(part[index] for part in self))
+
+    def beside(self) -> "Regions":
+        """Return the regions with an axis for headings, (..., 1, n)."""
+        return Regions(*(part[..., None, :] for part in self))
+
+
+class Edge(NamedTuple):
+    """The end of a run, at the edge of a region (of a Cylinder's: of its horizontal game).
+
+    Attributes:
+        reach: length of the run, m.
+        turn: its derivative by the heading, m/rad.
+        away: x and y to the end from the point of the stand-off disc closest to it, carried with the air, m.
+    """
+
+    reach: Array
+    turn: Array
+    away: Point
+
+
+def regions_of(game: Game, P: Array, E: Array) -> Regions:
+    """Return the regions of evaders E against pursuers P, (..., n, 3); numbers of the game may be arrays (..., n)."""
+    w, v = P - E, game.evader_speed_m_s
+    z, zero = w[..., 2] - game.standoff.height_m, 0.0 * w[..., 0]
+    capture, radius, safe = game.capture_radius_m, game.standoff.radius_m, zero
+    if isinstance(game.pursuer, Cylinder):
+        safe = np.maximum(v * level_time(np, game, game.pursuer, z), 0.0)
+        capture, radius, z = capture + radius, zero, zero
+    least = least_square_in_hand(game) / (v * v)
+    parts = (game.pursuer.horizontal_m_s / v, least, w[..., 0], w[..., 1], z, capture, radius)
+    wind = (part / v for part in game.wind_m_s)
+    return Regions(*(part + zero for part in (*parts, *wind, safe)))
+
+
+def edge(regions: Regions, heading: Point) -> Edge:
+    """Return how far a run along a heading of length 1 goes."""
+    ratio, curvature, x, y, z, capture, radius, *wind, _ = regions
+    nx, ny = heading
+    if wind[0].any() or wind[1].any():
+        curvature = curvature + 2.0 * head_wind((wind[0], wind[1]), heading)
+        nx, ny = nx - wind[0], ny - wind[1]
+    behind_x, behind_y, over, lead = x, y, radius.any(), ratio * capture
+    beyond = z * z - capture * capture
+    for _ in range(ROUNDS if over else 1):
+        power = x * x + y * y + beyond
+        half = x * nx + y * ny + lead
+        root = np.sqrt(half * half + curvature * power)
+        ahead = half > 0
+        reach = np.where(ahead, power, root - half) / np.where(ahead, half + root, curvature)
+        away = reach * nx - behind_x, reach * ny - behind_y
+        if over:
+            far = length(away)
+            share = radius / np.where(far > 0, far, 1.0)
+            x, y = behind_x + share * away[0], behind_y + share * away[1]
+    if over:
+        met = np.maximum(abs(z) - capture, 0.0) / ratio
+        within = radius + np.sqrt(np.maximum(-beyond, 0.0))
+        above = length((met * nx - behind_x, met * ny - behind_y)) <= within
+        share = np.where(above, 0.0, np.maximum(1.0 - share, 0.0))
+        reach, away = np.where(above, met, reach), (share * away[0], share * away[1])
+    turn = reach * (away[1] * heading[0] - away[0] * heading[1]) / root
+    return Edge(np.maximum(reach, 0.0), turn, away)
+
+
+def survived(regions: Regions, heading: Point) -> Array:
+    """Return how far a run goes along a heading, (..., 1), before each pursuer captures the evader, (..., n)."""
+    return np.maximum(edge(regions, heading).reach, regions.safe)
+
+
+def corner(pairs: Regions, begin: Point, end: Point) -> Point:
+    """Return the point where the edges of two regions cross, (...), m.
+
+    Args:
+        pairs: the two regions, (..., 2).
+        begin: a heading along which the first reaches farther, (...).
+        end: a heading along which the second does, at most half a turn away. At exactly half a turn the headings with
+            larger y, then larger x, lie between.
+    """
+    middle = begin[0] + end[0], begin[1] + end[1]
+    size, half = length(middle), half_of_digits(begin[0])
+    across = np.where((begin[0] < 0) | ((begin[0] == 0) & (begin[1] > 0)), -1.0, 1.0)
+    opposite = size <= half * half
+    middle = tuple(
+        np.where(opposite, across * side, part / np.where(opposite, 1.0, size))
+        for side, part in zip((-begin[1], begin[0]), middle, strict=True)
+    )
+    mx, my = middle
+    low, high = (cross((mx, my), to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
+    s, done = 0.0 * low, low == high
+    for _ in range(STEPS):
+        heading = _turned((mx, my), s)
+        reach, turn, _ = edge(pairs, (heading[0][..., None], heading[1][..., None]))
+        gap = reach[..., 0] - reach[..., 1]
+        low, high = np.where(gap > 0, s, low), np.where(gap > 0, high, s)
+        new = s - 0.5 * (1.0 + s * s) * gap / (turn[..., 0] - turn[..., 1])
+        sound = ((new - low) * (new - high) < 0) | (gap == 0)
+        new = np.where(gap == 0, s, np.where(sound, new, 0.5 * (low + high)))
+        near = abs(new - s) <= half * (sound + half)
+        s, done = np.where(done, s, new), done | near
+        if done.all():
+            break
+    heading = _turned((mx, my), s)
+    reach = np.min(edge(pairs, (heading[0][..., None], heading[1][..., None])).reach, axis=-1)
+    return reach * heading[0], reach * heading[1]
+
+
+def _turned(middle: Point, s: Array) -> Point:
+    """Return a heading by the tangent of half its angle from another."""
+    scale = 1.0 / (1.0 + s * s)
+    cosine, sine = (1.0 - s * s) * scale, (s + s) * scale
+    return cosine * middle[0] - sine * middle[1], cosine * middle[1] + sine * middle[0]
+
+
+def cross(a: Point, b: Point) -> Array:
+    """Return the cross product of plane vectors: positive if b lies to the left of a."""
+    return np.asarray(a[0] * b[1] - a[1] * b[0])
+
+
+def length(v: Point) -> Array:
+    """Return the length of plane vectors."""
+    return np.asarray(np.sqrt(v[0] * v[0] + v[1] * v[1]))
+
+
+def unit(v: Point) -> Point:
+    """Return the direction of plane vectors."""
+    size = length(v)
+    return v[0] / size, v[1] / size
