@@ -34,7 +34,7 @@ def weaving(seed, every_s=0.4):
         x, y = -evader[..., 0], -evader[..., 1]
         turn = rng.uniform(-1.5, 1.5, x.shape)
         run = np.stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 0.0 * x], axis=-1)
-        return game.evader_speed_m_s[..., None] * run / np.linalg.norm(run, axis=-1, keepdims=True)
+        return np.asarray(game.evader_speed_m_s)[..., None] * run / np.linalg.norm(run, axis=-1, keepdims=True)
 
     return policy
 
