@@ -9,8 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.screen import Cell, sheet
-from guidance.sim.team_maths import TeamOutcome, summary_of
-from guidance.sim.teams import TeamScenario
+from guidance.sim.teams import TeamOutcome, TeamScenario, summary_of
 
 if TYPE_CHECKING:
     from guidance.session.fly import MockOptions

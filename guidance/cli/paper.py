@@ -20,7 +20,7 @@ def paper(
     """Recompute the paper's tables and figures; the exit code is 1 if a published digit differs."""
     from guidance.extras import require  # noqa: PLC0415
     from guidance.files import writing  # noqa: PLC0415
-    from guidance.paper import tables  # noqa: PLC0415 - numpy takes a moment
+    from guidance.paper import draw_figures, tables  # noqa: PLC0415 - numpy takes a moment
     from guidance.screen import console, sheet  # noqa: PLC0415
 
     if figures:
@@ -43,8 +43,6 @@ def paper(
             there.print(sheet(headings, rows, left=(0, 1), title=f"{table.title}; {table.quantity}"))
         there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
     if figures:
-        from guidance.paper.figures import draw_figures  # noqa: PLC0415 - matplotlib takes a second
-
         for path in draw_figures(*computed, out):
             there.print(f"drawn: {path}", soft_wrap=True)
     if wrong:

@@ -24,8 +24,7 @@ from guidance.sim.maths import opening, play
 from guidance.sim.outcome import Outcome, outcome_json, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
-from guidance.sim.team_maths import opening_of, play_teams, summary_of
-from guidance.sim.teams import TeamScenario
+from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
 
 scenario = typer.Typer(
     cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."

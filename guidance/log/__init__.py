@@ -6,15 +6,17 @@ Reading:
     metadata_of: configuration, versions and seed. title_of: title of the flight.
     survey_of: summary of a whole record, as `Survey`: duration, counts, damage.
     record_errors: turns any error caused by a damaged record into one that names the file.
-    Aggregator: computes the numbers of each cycle, as `Cycle`.
+    Aggregator: reads the cycles and events of flights, and computes the numbers of each cycle, as `Cycle`.
 
 Replay:
     replay: runs the present code on a record, `ReplayedCycle` by cycle. compare: counts differences in a `Comparison`.
     SettingsOf: type of the function that makes settings from metadata.
 """
 
-from guidance.log.entries import Aggregator, Cycle, CycleEntry, EventEntry
+from guidance.log.entries import CycleEntry, EventEntry
 from guidance.log.reader import (
+    Aggregator,
+    Cycle,
     Item,
     SettingsOf,
     Survey,

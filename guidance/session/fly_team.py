@@ -27,8 +27,7 @@ from guidance.sim.live import LiveWorld
 from guidance.sim.scenario import Pursuit
 from guidance.sim.stepped import SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team, rows_of
-from guidance.sim.team_maths import TeamOutcome
-from guidance.sim.teams import TeamScenario
+from guidance.sim.teams import TeamOutcome, TeamScenario
 from guidance.team import Member, MemoryNetwork, Transport
 
 DELAY_S = 0.02

@@ -183,9 +183,9 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         min_altitude_m=min((sample.pursuer_m[2] for sample in game), default=math.nan) + scenario.evader.height_m,
         duration_s=result.duration_s,
         reachable_speed_m_s=result.reachable_speed_m_s,
-        limits=result.limits,
+        limits=tuple(result.limits),
         alarms=len(result.alarms),
-        events=dict.fromkeys(str(each.event) for each in since_engagement),
+        events=tuple(dict.fromkeys(str(each.event) for each in since_engagement)),
         reason=ending.reason,
     )
 

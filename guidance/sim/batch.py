@@ -5,7 +5,7 @@ A number that is equal in all rows stays a single float: faster, and the results
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from guidance.sim.sensor import PERFECT, Noise
 from guidance.strategies import Strategy
 
 Array = NDArray[np.float64]
+G = TypeVar("G")
+R = TypeVar("R")
 
 
 class Batch(NamedTuple):
@@ -77,6 +79,17 @@ def kind_of(scenario: Scenario) -> Hashable:
             for player in (pursuer, evader)
         ),
     )
+
+
+def by_kind(games: Sequence[G], kind_of: Callable[[G], Hashable], play: Callable[[list[G]], Sequence[R]]) -> list[R]:
+    """Play the games of each kind together; return the results in the order of the games."""
+    kinds: dict[Hashable, list[int]] = {}
+    for index, game in enumerate(games):
+        kinds.setdefault(kind_of(game), []).append(index)
+    played: dict[int, R] = {}
+    for indices in kinds.values():
+        played |= zip(indices, play([games[index] for index in indices]), strict=True)
+    return [played[index] for index in range(len(games))]
 
 
 def starts(scenarios: Sequence[Scenario]) -> tuple[Array, Array]:

@@ -54,6 +54,15 @@ class CheckedExpectation(NamedTuple):
     held: bool
 
 
+def range_verdicts(expected: Section, values: Mapping[str, Any]) -> list[CheckedExpectation]:
+    """Return the verdict on every range of a section; its keys name the values."""
+    return [
+        CheckedExpectation(column, str(each), values[column], each.holds(values[column]))
+        for column, each in expected
+        if isinstance(each, Range)
+    ]
+
+
 RENAMED_COLUMNS: Final[Mapping[str, str]] = {
     "final_distance_m": "evader_to_target_m (tad) or distance_to_disc_m (pe)",
     "predicted": "predicted_capture_time_s (pe) or predicted_evader_to_target_m (tad)",
@@ -120,20 +129,17 @@ class Expectations(Section):
 
     def verdicts(self, outcome: dict[str, Any]) -> list[CheckedExpectation]:
         """Return the verdict on every expectation."""
-        found = []
-        for column in Expectations.model_fields:
-            expected = getattr(self, column)
-            if expected is None or column == "events":
-                continue
-            value = outcome[column]
-            held = expected.holds(value) if isinstance(expected, Range) else expected == value
-            found.append(CheckedExpectation(column, str(expected), value, held))
+        named = ((column, getattr(self, column)) for column in ("end", "winner"))
+        found = [
+            CheckedExpectation(column, expected, outcome[column], expected == outcome[column])
+            for column, expected in named
+            if expected is not None
+        ]
         happened = outcome["events"]
-        found.extend(
-            CheckedExpectation("events", f"has {event!r}", ", ".join(happened), event in happened)
-            for event in self.events
-        )
-        return found
+        events = [
+            CheckedExpectation("events", f"has {one!r}", ", ".join(happened), one in happened) for one in self.events
+        ]
+        return [*found, *range_verdicts(self, outcome), *events]
 
 
 class Expect(Expectations):

@@ -5,9 +5,9 @@ as long as the least time until an end or a change. Elsewhere velocities are hel
 flight. No step passes the end of a game, and a game has the same bits alone and in a batch.
 """
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,10 @@ from guidance.game.arrays import Real, quiet
 from guidance.game.game import wind_speed
 from guidance.game.pe import TOUCH_M
 from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
-from guidance.sim.batch import Array, Batch, keep, kind_of, stack, starts
-from guidance.sim.moment import ARRIVED, CAPTURED, ENDS, FAILED, LIMITS, RUNNING, TIME_UP, Moment, begun, beside
+from guidance.sim.batch import Array, Batch, by_kind, keep, kind_of, stack, starts
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
-from guidance.sim.sensor import PERFECT, TIMEOUT_S, Known, Received, known, listen, next_event_s
+from guidance.sim.sensor import PERFECT, TIMEOUT_S, Known, Received, begin, known, listen, next_event_s
 from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
 from guidance.strategies.catalogue import PROPORTIONAL
 from guidance.strategies.navigation import turning
@@ -44,17 +43,55 @@ _SHARE_LEFT = 0.75
 
 _LONG_LOST_S = LIMITS_S[State.PAUSED]
 
+RUNNING, CAPTURED, ARRIVED, TIME_UP, FAILED = range(5)
+ENDS = ("running", "captured", "arrived", "time_up", "failed")
+LIMITS = ("fence", "floor", "ceiling")
+
+
+class Moment(NamedTuple):
+    """A batch of games, each at one moment of its own; arrays (n, …).
+
+    Attributes:
+        row: Number of the game.
+        now_s: Time since engagement.
+        pursuer_m: Position.
+        evader_m: Position.
+        flown_m_s: Pursuer velocity at the begin of the last step.
+        run_m_s: Evader velocity at the begin of the last step.
+        step_s: Length of the last step.
+        turning_rad_s: Mean rate of turn of the last step, for proportional navigation of a pursuer that sees the
+            evader; else None.
+        heard: Reports that the pursuer received; None if it sees the evader.
+        lost_s: Waiting time for a report.
+        standoff_m: Least horizontal distance so far.
+        altitude_m: Least height above the evader's plane so far.
+        met: Which of `LIMITS` have held the pursuer back, (n, 3).
+        lost: Whether the evader was ever lost.
+        no_game: Whether the evader was too fast for a game.
+        end: Index into `ENDS`.
+    """
+
+    row: NDArray[np.intp]
+    now_s: Array
+    pursuer_m: Array
+    evader_m: Array
+    flown_m_s: Array
+    run_m_s: Array
+    step_s: Array
+    turning_rad_s: Array | None
+    heard: Received | None
+    lost_s: Array
+    standoff_m: Array
+    altitude_m: Array
+    met: NDArray[np.bool_]
+    lost: NDArray[np.bool_]
+    no_game: NDArray[np.bool_]
+    end: NDArray[np.int8]
+
 
 def play(scenarios: Sequence[Scenario]) -> list[Outcome]:
     """Play scenarios of any kinds to their ends; outcomes in their order. Faults need an autopilot and are ignored."""
-    kinds: dict[Hashable, list[int]] = {}
-    for index, scenario in enumerate(scenarios):
-        kinds.setdefault(kind_of(scenario), []).append(index)
-    outcomes: dict[int, Outcome] = {}
-    for indices in kinds.values():
-        for row, outcome in _play_kind([scenarios[index] for index in indices]):
-            outcomes[indices[row]] = outcome
-    return [outcomes[index] for index in range(len(scenarios))]
+    return by_kind(scenarios, kind_of, _play_kind)
 
 
 def moments(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Iterator[Moment]:
@@ -79,15 +116,56 @@ def opening(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Soluti
     return solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
 
 
-def _play_kind(scenarios: Sequence[Scenario]) -> Iterator[tuple[int, Outcome]]:
+def begun(scenarios: Sequence[Scenario]) -> Moment:
+    """Return the moment of engagement of scenarios of one kind."""
+    P, E = starts(scenarios)
+    count = len(scenarios)
+    zeros = np.zeros(count)
+    no = np.zeros(count, dtype=bool)
+    sensor, navigates = scenarios[0].sensor, scenarios[0].pursuer.policy == PROPORTIONAL
+    return Moment(
+        row=np.arange(count),
+        now_s=zeros,
+        pursuer_m=P,
+        evader_m=E,
+        flown_m_s=np.zeros_like(P),
+        run_m_s=np.zeros_like(E),
+        step_s=zeros,
+        turning_rad_s=np.zeros_like(P) if navigates and sensor == PERFECT else None,
+        heard=None if sensor == PERFECT else begin(sensor, E),
+        lost_s=zeros,
+        standoff_m=beside(P, E),
+        altitude_m=P[:, 2],
+        met=np.zeros((count, len(LIMITS)), dtype=bool),
+        lost=no,
+        no_game=no,
+        end=np.zeros(count, dtype=np.int8),
+    )
+
+
+def beside(P: Array, E: Array) -> Array:
+    """Return the horizontal distances of pursuers and evaders, (n,), m."""
+    return np.asarray(np.sqrt((P[:, 0] - E[:, 0]) ** 2 + (P[:, 1] - E[:, 1]) ** 2))
+
+
+def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
     batch = stack(scenarios)
-    first = opening(scenarios, batch)
+    first = _listed(opening(scenarios, batch))
+    found: dict[int, Outcome] = {}
     done = np.zeros(len(scenarios), dtype=bool)
     for moment in moments(scenarios, batch):
-        for place in np.flatnonzero((moment.end != RUNNING) & ~done[moment.row]):
-            row = int(moment.row[place])
-            done[row] = True
-            yield row, _outcome(scenarios[row], first, row, moment, int(place))
+        new = (moment.end != RUNNING) & ~done[moment.row]
+        if new.any():
+            done[moment.row[new]] = True
+            ended = _listed(keep(moment, new))
+            for place, row in enumerate(ended.row):
+                found[row] = _outcome(scenarios[row], first, row, ended, place)
+    return [found[row] for row in range(len(scenarios))]
+
+
+def _listed(arrays: Any) -> Any:  # noqa: ANN401 - a named tuple
+    """Return a named tuple of arrays as one of lists: Python's numbers are faster one by one."""
+    return type(arrays)(*(part.tolist() if isinstance(part, np.ndarray) else part for part in arrays))
 
 
 def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
@@ -276,12 +354,12 @@ def _from_home(batch: Batch, P: Array) -> tuple[Array, Array, Array]:
     return x, y, np.sqrt(x**2 + y**2)
 
 
-def _outcome(scenario: Scenario, first: Solution, row: int, moment: Moment, place: int) -> Outcome:
-    end = ENDS[moment.end[place]]
-    P, E = moment.pursuer_m[place], moment.evader_m[place]
+def _outcome(scenario: Scenario, first: Any, row: int, ended: Any, place: int) -> Outcome:  # noqa: ANN401
+    """Return the outcome of one game: a row of the opening's lists, and a place in those of an ended moment."""
+    end, no_game, lasted_s = ENDS[ended.end[place]], ended.no_game[place], ended.now_s[place]
     events = {
-        Event.EVADER_LOST: bool(moment.lost[place]),
-        Event.NO_GAME: bool(moment.no_game[place]),
+        Event.EVADER_LOST: ended.lost[place],
+        Event.NO_GAME: no_game,
         Event.CAPTURED: end == "captured",
         Event.ESCAPED: end == "arrived",
     }
@@ -289,16 +367,16 @@ def _outcome(scenario: Scenario, first: Solution, row: int, moment: Moment, plac
         scenario,
         "maths",
         end=end,
-        game_time_s=float(moment.now_s[place]),
-        distance_to_disc_m=distance_to_disc_m(scenario, P, E),
-        evader_to_target_m=evader_to_target_m(scenario, E),
-        predicted=float(first.value[row]),
-        predicted_winner=winner_name(int(first.winner[row])),
-        time_needed_s=float(first.meeting_time_s[row]),
-        min_standoff_m=float(moment.standoff_m[place]),
-        min_altitude_m=float(moment.altitude_m[place]) + scenario.evader.height_m,
-        duration_s=float(moment.now_s[place]),
-        limits=[name for name, met in zip(LIMITS, moment.met[place], strict=True) if met],
-        events=[str(event) for event, happened in events.items() if happened],
-        reason="" if end != "failed" else str(Event.NO_GAME if moment.no_game[place] else Event.EVADER_LOST),
+        game_time_s=lasted_s,
+        distance_to_disc_m=distance_to_disc_m(scenario, ended.pursuer_m[place], ended.evader_m[place]),
+        evader_to_target_m=evader_to_target_m(scenario, ended.evader_m[place]),
+        predicted=first.value[row],
+        predicted_winner=winner_name(first.winner[row]),
+        time_needed_s=first.meeting_time_s[row],
+        min_standoff_m=ended.standoff_m[place],
+        min_altitude_m=ended.altitude_m[place] + scenario.evader.height_m,
+        duration_s=lasted_s,
+        limits=tuple(name for name, met in zip(LIMITS, ended.met[place], strict=True) if met),
+        events=tuple(str(event) for event, happened in events.items() if happened),
+        reason="" if end != "failed" else str(Event.NO_GAME if no_game else Event.EVADER_LOST),
     )

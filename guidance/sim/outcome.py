@@ -1,8 +1,8 @@
 """The outcome of a run: one row, with the same columns for mathematics and for every kind of flight."""
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any, Final, NamedTuple, Protocol, TypedDict, Unpack
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
 
 from guidance.game import Winner
 from guidance.sim.expect import WINNERS
@@ -88,69 +88,36 @@ class Outcome(NamedTuple):
         return self.evader_to_target_m if self.end in {"captured", "arrived"} else math.nan
 
 
-class Measured(TypedDict, total=False):
-    """Columns of an `Outcome` that a run measures; NaN or empty where it does not."""
-
-    distance_to_disc_m: float
-    time_needed_s: float
-    min_standoff_m: float
-    min_altitude_m: float
-    duration_s: float
-    reachable_speed_m_s: float
-    alarms: int
-    reason: str
-
-
 def outcome_of(
     scenario: Scenario,
     run: str,
     *,
     end: str,
-    game_time_s: float = math.nan,
-    evader_to_target_m: float = math.nan,
     predicted: float = math.nan,
     predicted_winner: str = "none",
-    limits: Iterable[str] = (),
-    events: Iterable[str] = (),
-    **measured: Unpack[Measured],
+    **measured: Any,  # noqa: ANN401 - a column's
 ) -> Outcome:
     """Return a complete row: compute the columns that follow from the others, the same for every kind of run.
 
     Args:
         scenario: Of the run.
         run: `maths`, `fast`, `live` or `vehicle`.
-        end: See `Outcome`; so are the others.
-        game_time_s: From engagement to the end.
-        evader_to_target_m: At the end.
+        end: See `Outcome`.
         predicted: The game's value at engagement, for either winner.
         predicted_winner: `pursuer`, `evader` or `none`.
-        limits: Names of those that were active.
-        events: What happened, in order.
-        **measured: Other columns.
+        **measured: Other columns of `Outcome` that the run measures.
     """
-    pe, winnable, nan = scenario.game == "pe", predicted_winner != "evader", math.nan
-    achieved, regret = achieved_and_regret(scenario.game, end, game_time_s, evader_to_target_m, predicted)
-    return Outcome(
-        scenario=scenario.title,
-        run=run,
-        game=scenario.game,
-        pursuer_policy=scenario.pursuer.policy,
-        evader_policy=scenario.evader.policy,
-        seed=scenario.seed,
-        end=end,
-        winner=WINNERS.get(end, "none"),
-        predicted_winner=predicted_winner,
-        game_time_s=game_time_s,
-        capture_time_s=game_time_s if end == "captured" else nan,
-        evader_to_target_m=evader_to_target_m,
+    names = (scenario.title, run, scenario.game, scenario.pursuer.policy, scenario.evader.policy)
+    row = Outcome(*names, scenario.seed, end, WINNERS.get(end, "none"), predicted_winner, **measured)
+    achieved, regret = achieved_and_regret(row.game, end, row.game_time_s, row.evader_to_target_m, predicted)
+    pe, winnable, nan = row.game == "pe", predicted_winner != "evader", math.nan
+    return row._replace(
+        capture_time_s=row.game_time_s if end == "captured" else nan,
         predicted_capture_time_s=predicted if pe else nan,
         predicted_evader_to_target_m=predicted if winnable and not pe else nan,
         predicted_short_m=nan if winnable or pe else predicted,
         regret=regret if winnable else nan,
         ratio=achieved / predicted if winnable and predicted else nan,
-        limits=tuple(limits),
-        events=tuple(events),
-        **measured,
     )
 
 
@@ -191,27 +158,13 @@ def winner_name(winner: int) -> str:
     return {int(Winner.PURSUER): "pursuer", int(Winner.EVADER): "evader"}.get(winner, "none")
 
 
-def rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """Return outcomes as dictionaries."""
-    return [outcome._asdict() for outcome in outcomes]
-
-
 _DIGITS: Final = 9
 """Decimal places in JSON: nanoseconds and nanometres. Later digits are rounding errors, as in 5.4199999999998845."""
 
 
-class OutcomeRow(Protocol):
-    """A named tuple of columns."""
-
-    def _asdict(self) -> dict[str, Any]: ...
-
-
-def outcome_json(outcome: OutcomeRow) -> dict[str, Any]:
+def outcome_json(outcome: Any) -> dict[str, Any]:  # noqa: ANN401 - an `Outcome`, or one of teams
     """Return an outcome for JSON: numbers with nine decimal places, NaN as None."""
-    return {name: _as_json(value) for name, value in outcome._asdict().items()}
-
-
-def _as_json(value: Any) -> Any:  # noqa: ANN401 - any column
-    if not isinstance(value, float):
-        return value
-    return None if math.isnan(value) else round(value, _DIGITS) + 0.0
+    return {
+        name: value if not isinstance(value, float) else None if math.isnan(value) else round(value, _DIGITS) + 0.0
+        for name, value in outcome._asdict().items()
+    }

@@ -57,8 +57,8 @@ class Player(Section):
 
     @model_validator(mode="after")
     def _check_course(self) -> Self:
-        for policy, key in (("waypoints", "waypoints_m"), ("recorded", "track")):
-            given = bool(getattr(self, key))
+        for policy, key, course in (("waypoints", "waypoints_m", self.waypoints_m), ("recorded", "track", self.track)):
+            given = bool(course)
             if (self.policy == policy) != given:
                 raise ValueError(
                     f"{key}: {'missing' if not given else 'not allowed'} with policy = {self.policy!r}; "

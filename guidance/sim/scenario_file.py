@@ -77,6 +77,7 @@ def json_schema() -> dict[str, Any]:
 
 
 _COLUMNS: Final = ("t_s", "x_m", "y_m", "z_m")
+_NAMED: Final = ", ".join(_COLUMNS)
 _LEAST_STEP_S: Final = 0.2
 """Rows of a flight's record closer than this are left out: 50 rows a second say no more than 5."""
 
@@ -95,13 +96,13 @@ def read_track(path: Path, player: str, *, key: str) -> Rows:
         ConfigError: If the file cannot be read, is neither, or has no such rows.
     """
     if path.suffix not in {".csv", ".mcap"}:
-        raise ConfigError(f"{key} = {path.name!r}: allowed are a .csv with the columns {_named()} or a record, .mcap")
+        raise ConfigError(f"{key} = {path.name!r}: allowed are a .csv with the columns {_NAMED} or a record, .mcap")
     try:
         rows = _from_csv(path) if path.suffix == ".csv" else _from_record(path, f"{player}_game_m")
     except OSError as error:
         raise ConfigError(f"{key}: {path} cannot be read ({error.strerror})") from error
     except (ValueError, KeyError, UnicodeDecodeError, ConfigError) as error:
-        raise ConfigError(f"{key}: {path.name} is no track: {error}; needed are the columns {_named()}") from error
+        raise ConfigError(f"{key}: {path.name} is no track: {error}; needed are the columns {_NAMED}") from error
     if not all(math.isfinite(number) for row in rows for number in row):
         raise ConfigError(f"{key}: {path.name} is no track: a number is not finite")
     if len(rows) < 2:
@@ -131,7 +132,3 @@ def _from_record(path: Path, part: str) -> Rows:
             x, y, z = certificate[part]
             rows.append((float(row["now_s"]), float(x), float(y), float(z)))
     return rows
-
-
-def _named() -> str:
-    return ", ".join(_COLUMNS)

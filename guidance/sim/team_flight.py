@@ -10,8 +10,7 @@ from guidance.frames import Vector
 from guidance.game.team import match_teams
 from guidance.sim.outcome import achieved_and_regret, winner_name
 from guidance.sim.scenario import Evader, Pursuer, Pursuit, Scenario
-from guidance.sim.team_maths import TeamOutcome, opening_of
-from guidance.sim.teams import Teams, TeamScenario, teams_of
+from guidance.sim.teams import TeamOutcome, Teams, TeamScenario, opening_of, teams_of
 
 
 def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:

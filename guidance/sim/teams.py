@@ -1,11 +1,11 @@
-"""The scenario file of teams: `[[pursuer]]` and `[[evader]]` tables, simulated with point masses.
+"""Games of teams: their scenario file, `[[pursuer]]` and `[[evader]]` tables, and their play with point masses.
 
 Positions are in the game frame, as in `guidance.sim.scenario`. A table can describe several equal players: the seed
-scatters `count` of them over a disc, so a sweep can vary their number.
+scatters `count` of them over a disc, so a sweep can vary their number. Every evader has one outcome row.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -15,13 +15,17 @@ from pydantic import Field, WithJsonSchema, model_validator
 from guidance.autopilots import AutopilotName
 from guidance.config import Section
 from guidance.flight.settings import TeamSection
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game
-from guidance.sim.expect import CheckedExpectation, Range
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, End, Game
+from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
+from guidance.sim.batch import by_kind
+from guidance.sim.expect import WINNERS, CheckedExpectation, Range, range_verdicts
+from guidance.sim.outcome import achieved_and_regret, winner_name
 from guidance.sim.scenario import Point2, Point3, ScenarioLimits, Sensor, Site, Standoff, Target
 
 Array = NDArray[np.float64]
 
 _NEEDS_TARGET = "task_oriented"
+_ENDS = {End.CAPTURED: "captured", End.ARRIVED: "arrived", End.TIME_UP: "time_up"}
 
 
 class PlayerGroup(Section):
@@ -32,8 +36,6 @@ class PlayerGroup(Section):
         0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters the players"
     )
     speed_m_s: float = Field(gt=0.0, le=30.0, description="speed in every direction")
-    policy: str = Field("optimal", description="strategy of the players")
-    position_m: Point3 | Point2 = Field(description="initial position")
 
     @model_validator(mode="after")
     def _check_scatter(self) -> Self:
@@ -70,12 +72,7 @@ class TeamExpect(Section):
 
     def verdicts(self, summary: dict[str, Any]) -> list[CheckedExpectation]:
         """Compare the expectations with a game's summary."""
-        wanted = ((column, getattr(self, column)) for column in TeamExpect.model_fields)
-        return [
-            CheckedExpectation(column, str(range_), summary[column], range_.holds(summary[column]))
-            for column, range_ in wanted
-            if range_ is not None
-        ]
+        return range_verdicts(self, summary)
 
 
 class TeamFlightSection(TeamSection):
@@ -168,7 +165,9 @@ def teams_of(scenario: TeamScenario) -> Teams:
     return Teams(P, E, u, v, target, plays, flees)
 
 
-def _players(groups: Sequence[PlayerGroup], seed: int, side: int) -> tuple[Array, Array, tuple[str, ...]]:
+def _players(
+    groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int
+) -> tuple[Array, Array, tuple[str, ...]]:
     places, speeds, policies = [], [], []
     for number, group in enumerate(groups):
         draws = np.random.default_rng([seed, side, number])
@@ -179,3 +178,161 @@ def _players(groups: Sequence[PlayerGroup], seed: int, side: int) -> tuple[Array
         speeds += [group.speed_m_s] * group.count
         policies += [group.policy] * group.count
     return np.array(places), np.array(speeds), tuple(policies)
+
+
+class TeamOutcome(NamedTuple):
+    """The outcome for one evader of a game of teams. Columns are as in `Outcome`; NaN means "none".
+
+    Attributes:
+        scenario: Title.
+        run: "maths", always.
+        game: "pe" or "tad".
+        evader: Number of the evader, from 0.
+        pursuer_policy: Of the pursuers; several are joined by "+".
+        evader_policy: Of this evader.
+        seed: Seed of all random numbers.
+        pursuers: Number of pursuers.
+        evaders: Number of evaders.
+        guaranteed: Captures guaranteed at the start, in the whole game.
+        captured: Captures in the whole game.
+        end: "captured", "arrived", "time_up", or "invalid" (only in sweeps).
+        winner: "pursuer", "evader" or "none".
+        predicted_winner: "pursuer" where the capture was guaranteed, else "evader" (TAD) or "none" (PE).
+        first: Number of the pursuer that guaranteed the capture; −1 for none.
+        second: Number of the pursuer that supports it; −1 for none.
+        captor: Number of the pursuer that captured the evader; −1 for none.
+        game_time_s: Time of its end.
+        capture_time_s: The same if it is a capture.
+        evader_to_target_m: Of the evader from its target; NaN in PE.
+        predicted: TAD: the guaranteed distance, m. PE: the guaranteed time, s.
+        lower_bound: PE: the time that the evader had at least, s. TAD: as predicted.
+        achieved: In the unit of predicted; NaN without a capture.
+        regret: Loss of the pursuers against the guarantee: achieved − predicted in PE, predicted − achieved in TAD.
+        ratio: achieved / predicted.
+        reason: Why it is invalid, else empty.
+    """
+
+    scenario: str
+    run: str
+    game: str
+    evader: int = -1
+    pursuer_policy: str = ""
+    evader_policy: str = ""
+    seed: int = 0
+    pursuers: int = 0
+    evaders: int = 0
+    guaranteed: int = 0
+    captured: int = 0
+    end: str = "invalid"
+    winner: str = "none"
+    predicted_winner: str = "none"
+    first: int = -1
+    second: int = -1
+    captor: int = -1
+    game_time_s: float = math.nan
+    capture_time_s: float = math.nan
+    evader_to_target_m: float = math.nan
+    predicted: float = math.nan
+    lower_bound: float = math.nan
+    achieved: float = math.nan
+    regret: float = math.nan
+    ratio: float = math.nan
+    reason: str = ""
+
+
+def play_teams(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
+    """Simulate scenarios; return the rows of each, one for every evader."""
+    return by_kind(scenarios, _kind_of, _play_kind)
+
+
+def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: bool = False) -> TeamRollout:
+    """Simulate several teams of one kind as a batch, with the settings of a scenario."""
+    target = None if teams[0].target_m is None else np.array([[one.target_m] for one in teams])
+    u = np.array([one.pursuer_speed_m_s[:, None] for one in teams])
+    v = np.array([one.evader_speed_m_s[None, :] for one in teams])
+    return rollout_teams(
+        Game(Ball(u), v),
+        np.array([one.pursuers_m for one in teams]),
+        np.array([one.evaders_m for one in teams]),
+        target,
+        pursuer_policy=teams[0].pursuer_policy,
+        evader_policy=teams[0].evader_policy,
+        capture_m=scenario.capture_m,
+        hysteresis=scenario.hysteresis,
+        step_s=scenario.step_s,
+        duration_s=scenario.time_limit_s,
+        keep_path=keep_path,
+    )
+
+
+def opening_of(scenario: TeamScenario) -> Matching:
+    """Match the teams of a scenario at its start."""
+    teams = teams_of(scenario)
+    return match_teams(teams.game, teams.pursuers_m, teams.evaders_m, teams.target_m)
+
+
+def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
+    """Return the summary of a game of teams."""
+    regrets = [row.regret for row in rows if not math.isnan(row.regret)]
+    sure = [row.predicted for row in rows if row.predicted_winner == "pursuer"]
+    return {
+        "pursuers": rows[0].pursuers,
+        "evaders": rows[0].evaders,
+        "guaranteed": rows[0].guaranteed,
+        "captured": rows[0].captured,
+        "total": math.fsum(sure),
+        "worst_regret": max(regrets, default=math.nan),
+    }
+
+
+def _kind_of(scenario: TeamScenario) -> Hashable:
+    """Return a key that is equal for scenarios of one batch."""
+    sides = (tuple((one.policy, one.count) for one in side) for side in (scenario.pursuer, scenario.evader))
+    return (scenario.game, *sides, scenario.capture_m, scenario.hysteresis, scenario.step_s, scenario.time_limit_s)
+
+
+def _play_kind(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
+    teams = [teams_of(scenario) for scenario in scenarios]
+    played = played_teams(scenarios[0], teams)
+    return [_outcomes(*each, played, row) for row, each in enumerate(zip(scenarios, teams, strict=True))]
+
+
+def _outcomes(scenario: TeamScenario, teams: Teams, played: TeamRollout, row: int) -> list[TeamOutcome]:
+    first = played.first
+    ends = [_ENDS[End(int(end))] for end in played.end[row]]
+    rows = []
+    for j, end in enumerate(ends):
+        sure = bool(first.first[row, j] >= 0)
+        time, predicted = float(played.time_s[row, j]), float(first.value[row, j])
+        distance = float(played.distance_m[row, j])
+        achieved, regret = achieved_and_regret(scenario.game, end, time, distance, predicted)
+        rows.append(
+            TeamOutcome(
+                scenario=scenario.title,
+                run="maths",
+                game=scenario.game,
+                evader=j,
+                pursuer_policy="+".join(dict.fromkeys(teams.pursuer_policy)),
+                evader_policy=teams.evader_policy[j],
+                seed=scenario.seed,
+                pursuers=len(teams.pursuers_m),
+                evaders=len(teams.evaders_m),
+                guaranteed=int(first.guaranteed[row]),
+                captured=ends.count("captured"),
+                end=end,
+                winner=WINNERS.get(end, "none"),
+                predicted_winner=winner_name(int(first.winner[row, j])),
+                first=int(first.first[row, j]),
+                second=int(first.second[row, j]),
+                captor=int(played.captor[row, j]),
+                game_time_s=time,
+                capture_time_s=time if end == "captured" else math.nan,
+                evader_to_target_m=distance,
+                predicted=predicted,
+                lower_bound=float(first.lower_bound[row, j]),
+                achieved=achieved,
+                regret=regret if sure else math.nan,
+                ratio=achieved / predicted if sure and predicted else math.nan,
+            )
+        )
+    return rows

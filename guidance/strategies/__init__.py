@@ -19,8 +19,7 @@ from guidance.strategies.catalogue import (
     evade,
     pursue,
 )
-from guidance.strategies.course import Course, bounded, random_turns, recorded, waypoints
-from guidance.strategies.draws import normal, uniform
+from guidance.strategies.course import Course, bounded, normal, random_turns, recorded, uniform, waypoints
 
 __all__ = [
     "COURSES",

@@ -1,6 +1,10 @@
 """A course: a table of places and times, with straight legs at constant speed.
 
 Waypoints, random turns and recorded tracks are courses with tables from different sources.
+
+Random numbers have no state: the k-th draw of a stream is a function of the seed and of k, for arrays of either. So a
+game draws the same numbers alone and in a batch, on one worker or eight, in simulation and in flight. The generator is
+SplitMix64 (Steele, Lea & Flood, "Fast splittable pseudorandom number generators", 2014).
 """
 
 from collections.abc import Sequence
@@ -11,12 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from guidance.game import Ball, SpeedSet
-from guidance.strategies.draws import uniform
 
 Array = NDArray[np.float64]
 
 _BACK_S: Final = 2.0
 """Time constant with which a player returns to its course."""
+
+_GOLDEN: Final = np.uint64(0x9E3779B97F4A7C15)
+_FIRST: Final = np.uint64(0xBF58476D1CE4E5B9)
+_SECOND: Final = np.uint64(0x94D049BB133111EB)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,16 +40,14 @@ class Course:
 
     def velocity_m_s(self, played_s: ArrayLike, position_m: Array) -> Array:
         """Return the velocity (..., 3) that follows the course, and returns to it, from a position (..., 3)."""
-        t = np.asarray(played_s, dtype=np.float64)[..., None]
-        passed = np.sum(self.times_s <= t, axis=-1) - 1
+        t = np.asarray(played_s, dtype=np.float64)
+        passed = np.sum(self.times_s <= t[..., None], axis=-1) - 1
         leg = np.clip(passed, 0, self.times_s.shape[-1] - 2)
-        begin_s, end_s = self._time(leg), self._time(leg + 1)
-        begin_m, end_m = self._place(leg), self._place(leg + 1)
+        (begin_s, begin_m), (end_s, end_m) = self._corner(leg), self._corner(leg + 1)
         lasts_s = np.maximum(end_s - begin_s, 1e-9)[..., None]
         way = end_m - begin_m
-        share = np.clip((t - begin_s[..., None]) / lasts_s, 0.0, 1.0)
-        running = ((passed >= 0) & (passed < self.times_s.shape[-1] - 1))[..., None]
-        along = np.where(running, way / lasts_s, 0.0)
+        share = np.clip((t - begin_s)[..., None] / lasts_s, 0.0, 1.0)
+        along = np.where((passed == leg)[..., None], way / lasts_s, 0.0)
         return np.asarray(along + (begin_m + share * way - position_m) / _BACK_S)
 
     def corner_s(self, played_s: ArrayLike) -> Array:
@@ -50,13 +55,13 @@ class Course:
         t = np.asarray(played_s, dtype=np.float64)[..., None]
         return np.asarray(np.min(np.where(self.times_s > t, self.times_s, np.inf), axis=-1))
 
-    def _time(self, index: NDArray[np.intp]) -> Array:
-        times = np.broadcast_to(self.times_s, (*index.shape, self.times_s.shape[-1]))
-        return np.take_along_axis(times, index[..., None], axis=-1)[..., 0]
-
-    def _place(self, index: NDArray[np.intp]) -> Array:
-        places = np.broadcast_to(self.places_m, (*index.shape, *self.places_m.shape[-2:]))
-        return np.take_along_axis(places, index[..., None, None], axis=-2)[..., 0, :]
+    def _corner(self, index: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Return time and place of one corner of each course."""
+        corners = self.times_s.shape[-1]
+        times = np.broadcast_to(self.times_s, (*index.shape, corners))
+        places = np.broadcast_to(self.places_m, (*index.shape, corners, 3))
+        at = index[..., None]
+        return np.take_along_axis(times, at, -1)[..., 0], np.take_along_axis(places, at[..., None], -2)[..., 0, :]
 
 
 def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
@@ -124,3 +129,31 @@ def bounded(velocity_m_s: Array, speed_m_s: ArrayLike) -> Array:
     speed = np.sqrt(np.sum(velocity_m_s * velocity_m_s, axis=-1))
     scale = np.where(speed > limit, limit / np.where(speed > 0.0, speed, 1.0), 1.0)
     return np.asarray(velocity_m_s * scale[..., None])
+
+
+def uniform(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:
+    """Draw from [0, 1).
+
+    Args:
+        seed: Non-negative integers, (...).
+        stream: Which of the independent sequences of a seed.
+        index: Number of the draw, (...); broadcast against `seed`.
+    """
+    with np.errstate(over="ignore"):  # the arithmetic is modulo 2^64
+        state = _mix(np.asarray(seed).astype(np.uint64) + _GOLDEN)
+        state = _mix(state + np.uint64(stream) * _GOLDEN)
+        state = _mix(state + np.asarray(index).astype(np.uint64) * _GOLDEN)
+    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
+
+
+def normal(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:
+    """Draw from the standard normal distribution (Box & Muller); arguments as of `uniform`."""
+    k = 2 * np.asarray(index, dtype=np.int64)
+    radius = np.sqrt(-2.0 * np.log1p(-uniform(seed, stream, k)))
+    return np.asarray(radius * np.cos(2.0 * np.pi * uniform(seed, stream, k + 1)))
+
+
+def _mix(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    state = (state ^ (state >> np.uint64(30))) * _FIRST
+    state = (state ^ (state >> np.uint64(27))) * _SECOND
+    return state ^ (state >> np.uint64(31))

@@ -5,11 +5,11 @@ A random draw depends on the seed and the key only. So it is equal for all polic
 
 import json
 import math
+import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
-from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -249,66 +249,56 @@ def _distribution(name: str, table: Mapping[str, Any]) -> Distribution:
     if "about_m" in table and kinds[0] not in {"disc", "annulus"}:
         raise ConfigError(f"random.{name}.about_m: only with disc or annulus")
     try:
-        return read(table)
+        return read(table[kinds[0]], table.get("about_m", (0.0, 0.0)))
     except (TypeError, ValueError) as error:
         raise ConfigError(f"random.{name} = {as_toml(table)}: must be {form}") from error
 
 
-def _pair(value: Any) -> tuple[float, float]:  # noqa: ANN401 - from a file
+def _pair(value: Any, allowed: Callable[[float, float], bool]) -> tuple[float, float]:  # noqa: ANN401 - from a file
     low, high = map(_number, value)
-    if not math.isfinite(low + high):
+    if not (math.isfinite(low + high) and allowed(low, high)):
         raise ValueError
     return low, high
 
 
-def _rising(value: Any, *, above: float = -math.inf) -> tuple[float, float]:  # noqa: ANN401 - from a file
-    low, high = _pair(value)
-    if not above < low < high:
-        raise ValueError
-    return low, high
-
-
-def _uniform(table: Mapping[str, Any]) -> Distribution:
-    low, high = _rising(table["uniform"])
+def _uniform(value: Any, _: Any) -> Distribution:  # noqa: ANN401
+    low, high = _pair(value, operator.lt)
     return Number(stats.uniform(low, high - low))
 
 
-def _normal(table: Mapping[str, Any]) -> Distribution:
-    mean, deviation = _pair(table["normal"])
-    if deviation <= 0.0:
+def _log_uniform(value: Any, _: Any) -> Distribution:  # noqa: ANN401
+    return Number(stats.loguniform(*_pair(value, lambda low, high: 0.0 < low < high)))
+
+
+def _normal(value: Any, _: Any) -> Distribution:  # noqa: ANN401
+    return Number(stats.norm(*_pair(value, lambda _, deviation: deviation > 0.0)))
+
+
+def _choice(value: Any, _: Any) -> Distribution:  # noqa: ANN401
+    if not isinstance(value, list) or not value:
         raise ValueError
-    return Number(stats.norm(mean, deviation))
+    return Choice(tuple(value))
 
 
-def _choice(table: Mapping[str, Any]) -> Distribution:
-    if not isinstance(table["choice"], list) or not table["choice"]:
-        raise ValueError
-    return Choice(tuple(table["choice"]))
+def _annulus(value: Any, about_m: Any) -> Distribution:  # noqa: ANN401
+    inner, outer = _pair(value, lambda inner, outer: 0.0 <= inner < outer)
+    return Annulus(inner, outer, _pair(about_m, lambda _x, _y: True))
 
 
-def _annulus(table: Mapping[str, Any]) -> Distribution:
-    inner, outer = _pair((0.0, table["disc"]) if "disc" in table else table["annulus"])
-    if not 0.0 <= inner < outer:
-        raise ValueError
-    return Annulus(inner, outer, _pair(table.get("about_m", (0.0, 0.0))))
-
-
-_KINDS: Final[Mapping[str, tuple[Callable[[Mapping[str, Any]], Distribution], str]]] = MappingProxyType(
-    {
-        "uniform": (_uniform, "{ uniform = [low, high] } with low < high"),
-        "log_uniform": (
-            lambda table: Number(stats.loguniform(*_rising(table["log_uniform"], above=0.0))),
-            "{ log_uniform = [low, high] } with 0 < low < high",
-        ),
-        "normal": (_normal, "{ normal = [mean, deviation] } with a deviation above 0"),
-        "choice": (_choice, "{ choice = [value, …] }"),
-        "disc": (_annulus, "{ disc = radius } in m, with about_m = [x, y] if its centre is not zero"),
-        "annulus": (
-            _annulus,
-            "{ annulus = [inner, outer] } in m, 0 <= inner < outer, with about_m = [x, y] if its centre is not zero",
-        ),
-    }
-)
+_KINDS: Final[Mapping[str, tuple[Callable[[Any, Any], Distribution], str]]] = {
+    "uniform": (_uniform, "{ uniform = [low, high] } with low < high"),
+    "log_uniform": (_log_uniform, "{ log_uniform = [low, high] } with 0 < low < high"),
+    "normal": (_normal, "{ normal = [mean, deviation] } with a deviation above 0"),
+    "choice": (_choice, "{ choice = [value, …] }"),
+    "disc": (
+        lambda radius, about_m: _annulus((0.0, radius), about_m),
+        "{ disc = radius } in m, with about_m = [x, y] if its centre is not zero",
+    ),
+    "annulus": (
+        _annulus,
+        "{ annulus = [inner, outer] } in m, 0 <= inner < outer, with about_m = [x, y] if its centre is not zero",
+    ),
+}
 
 
 def _spaced(text: str, spec: Mapping[str, Any]) -> tuple[float, ...]:

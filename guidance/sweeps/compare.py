@@ -176,15 +176,14 @@ def _largest(a: pa.Table, b: pa.Table, column: str, count: int) -> list[dict[str
 def compare_outcomes(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
     """Compare two outcomes column by column; the difference of values that are not numbers is None."""
     return {
-        name: {"a": value, "b": b[name], "difference": _difference(value, b[name])}
+        name: {
+            "a": value,
+            "b": b[name],
+            "difference": b[name] - value if {type(value), type(b[name])} <= {int, float} else None,
+        }
         for name, value in a.items()
         if name in b
     }
-
-
-def _difference(a: Any, b: Any) -> float | None:  # noqa: ANN401 - any column
-    numbers = all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in (a, b))
-    return b - a if numbers else None
 
 
 def read_outcome(path: Path) -> dict[str, Any]:
@@ -232,40 +231,32 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
         there.print(part)
 
 
+def _known(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:
+    """Return name, A, B and difference of the columns with a value."""
+    return [(name, *row.values()) for name, row in compared.items() if not row["a"] is row["b"] is None]
+
+
 def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     """Yield a table of numbers, and one of texts, whose cells may be long."""
-    known = [
-        (name, *values.values())
-        for name, values in compared.items()
-        if not (values["a"] is None and values["b"] is None)
-    ]
-    numbers = [row for row in known if row[3] is not None]
-    yield sheet(("column", "A", "B", "B − A"), [tuple(map(_cell, row)) for row in numbers])
-    texts = [tuple(map(_cell, row[:3])) for row in known if row not in numbers]
-    yield sheet(("column", "A", "B"), texts, left=range(3), title=" ")
+    rows = [tuple(map(_cell, row)) for row in _known(compared)]
+    yield sheet(("column", "A", "B", "B − A"), [row for row in rows if row[3] != "-"])
+    yield sheet(("column", "A", "B"), [row[:3] for row in rows if row[3] == "-"], left=range(3), title=" ")
 
 
 def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | str]:
     kind = "paired rows" if compared["paired"] else "independent rows (the sweeps vary different values)"
     for group in compared["groups"]:
-        rows = [
-            (name, _cell(values["a"], 4), _cell(values["b"], 4), _apart(values["difference"]))
-            for name, values in group["columns"].items()
-            if not (values["a"] is None and values["b"] is None)
-        ]
+        rows = [(name, _cell(a, 4), _cell(b, 4), _apart(apart)) for name, a, b, apart in _known(group["columns"])]
         count = group["rows_a"] if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
         yield f"\n[italic]{_both(group, '')}: {count} {kind}[/italic]"
         yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)
     if compared["largest"]:
         yield f"\n[italic]the rows that differ most in {compared['largest'][0]['column']}[/italic]"
-        yield sheet(
-            ("row", "end", "A", "B", "B − A"),
-            [
-                (_both(row, "row_"), _both(row, "end_"), *(_cell(row[key]) for key in ("a", "b", "difference")))
-                for row in compared["largest"]
-            ],
-            left=(0, 1),
-        )
+        largest = [
+            (_both(row, "row_"), _both(row, "end_"), *(_cell(row[key]) for key in ("a", "b", "difference")))
+            for row in compared["largest"]
+        ]
+        yield sheet(("row", "end", "A", "B", "B − A"), largest, left=(0, 1))
 
 
 def _both(values: Mapping[str, Any], prefix: str) -> str:

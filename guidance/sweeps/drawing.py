@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from guidance.files import private_file
-from guidance.viz.figures import figure_of
+from guidance.viz.figures import figure_of, legend_below, save_twice
 
 _STYLES: Final = (
     {"color": "black", "linestyle": "-", "marker": "o"},
@@ -68,16 +67,8 @@ def draw_all(
         down, across = grid
         figures["map"] = _map(report, down, across, "regret_mean", f"mean regret, {report['unit']}")
         figures["map-captures"] = _map(report, down, across, "capture", "share captured")
-    paths = []
-    for name, figure in figures.items():
-        if figure is None:
-            continue
-        for kind in ("png", "pdf"):
-            path = out / f"{name}.{kind}"
-            figure.savefig(private_file(path), dpi=160, metadata={"CreationDate": None} if kind == "pdf" else None)
-            figure.set_layout_engine(None)  # keep the layout for the second file
-            paths.append(path)
-    return paths
+    drawn = {name: figure for name, figure in figures.items() if figure is not None}
+    return [path for name, figure in drawn.items() for path in save_twice(figure, out / name, dpi=160, private=True)]
 
 
 def key_label(column: str) -> str:
@@ -109,13 +100,9 @@ def _styles(report: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def _legend(figure: Figure, axes: Any) -> None:  # noqa: ANN401 - Matplotlib has no types for it
-    named: dict[str, Any] = {}
     for one in axes.ravel():
         one.grid(visible=True, linewidth=0.3)
-        named |= dict(zip(*reversed(one.get_legend_handles_labels()), strict=True))
-    figure.legend(
-        named.values(), named, loc="outside lower center", ncols=3, frameon=False, fontsize=9, title="pursuer"
-    )
+    legend_below(figure, *axes.ravel(), columns=3, title="pursuer")
 
 
 def _regret(report: Mapping[str, Any], regrets: Sequence[NDArray[np.float64]]) -> Figure | None:
@@ -147,15 +134,12 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
         return None
     evaders, styles = _names(report, "evader"), _styles(report)
     groups = [one for policies in report["policies"] for key in keys for one in policies["by_key"][key.column]]
-    draw = [_regret_curve]
-    if len({one["capture"]["estimate"] for one in groups if one["games"]}) > 1:
-        draw = [_capture_curve, _regret_curve]
-    rows, columns = len(draw) * len(evaders), len(keys)
-    if len(keys) == 1:
-        rows, columns = len(draw), len(evaders)
-    figure, axes = _figure(f"{report['title']}: results by swept key", rows, columns)
-    for number, (evader, curve, key) in enumerate(itertools.product(evaders, draw, keys)):
-        panel = axes[number % rows, number // rows] if len(keys) == 1 else axes[number // columns, number % columns]
+    differ = len({one["capture"]["estimate"] for one in groups if one["games"]}) > 1
+    rows = list(itertools.product(evaders, [_capture_curve, _regret_curve] if differ else [_regret_curve]))
+    shape = (len(rows) // len(evaders), len(evaders)) if len(keys) == 1 else (len(rows), len(keys))
+    figure, axes = _figure(f"{report['title']}: results by swept key", *shape)
+    panels = axes.T.ravel() if len(keys) == 1 else axes.ravel()
+    for panel, ((evader, curve), key) in zip(panels, itertools.product(rows, keys), strict=True):
         for one in report["policies"]:
             if one["evader"] == evader:
                 curve(panel, key, one["by_key"][key.column], styles[one["pursuer"]])
@@ -167,18 +151,17 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
     return figure
 
 
-def _capture_curve(panel: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401 - Matplotlib has no types for it
+def _capture_curve(panel: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401
     known = [one for one in groups if one["games"]]
     shares = [one["capture"] for one in known]
-    ends = [[one["estimate"] if one[end] is None else one[end] for one in shares] for end in ("low", "high")]
     middle = np.array([one["estimate"] for one in shares])
-    panel.errorbar(
-        _centres(key, known), middle, yerr=np.abs(np.array(ends) - middle), capsize=2, elinewidth=1.0, **style
-    )
+    ends = [[one["estimate"] if one[end] is None else one[end] for one in shares] for end in ("low", "high")]
+    reach = np.abs(np.array(ends) - middle)
+    panel.errorbar(_centres(key, known), middle, yerr=reach, capsize=2, elinewidth=1.0, **style)
     panel.set(ylim=(-0.03, 1.03))
 
 
-def _regret_curve(panel: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401 - Matplotlib has no types for it
+def _regret_curve(panel: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401
     known = [one for one in groups if one["regret_games"]]
     low, middle, high = ([one["regret_quantiles"][name] for one in known] for name in ("0.05", "0.5", "0.95"))
     panel.plot(_centres(key, known), middle, **style)

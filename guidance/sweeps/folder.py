@@ -21,7 +21,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from guidance.errors import ConfigError, OutputError
-from guidance.files import private_file, private_folder
+from guidance.files import private_file, private_folder, writing
 from guidance.log.writer import PACKAGE, commit
 from guidance.sweeps.plan import ROW, Plan, plan_of
 
@@ -137,7 +137,7 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callabl
         ConfigError: If the folder holds another sweep, or other files.
         OutputError: If it cannot be written.
     """
-    try:
+    with writing(f"--out {path}"):
         private_folder(path)
         if (path / MANIFEST).is_file():
             return _resumed(path, plan, chunk_rows)
@@ -145,18 +145,9 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callabl
             raise ConfigError(f"--out {path}: has files but no sweep ({MANIFEST}); choose a new folder")
         private_folder(path / ROWS)
         rows = chunk_rows or default_rows()
-        manifest = {
-            "format": _FORMAT,
-            "digest": plan.digest,
-            "rows": plan.rows,
-            "chunk_rows": rows,
-            "versions": _versions(),
-            "commit": commit(),
-            **plan.document,
-        }
+        manifest = {"format": _FORMAT, "digest": plan.digest, "rows": plan.rows, "chunk_rows": rows}
+        manifest |= {"versions": _versions(), "commit": commit(), **plan.document}
         write_whole(path / MANIFEST, json.dumps(manifest, indent=1).encode())
-    except OSError as error:
-        raise OutputError(f"--out {path}: cannot be written ({error.strerror}); choose another folder") from error
     return Folder(path, plan, rows)
 
 
@@ -186,10 +177,8 @@ def alone(path: Path) -> Iterator[None]:
         return
     import fcntl  # noqa: PLC0415 - not on every system
 
-    try:
+    with writing(f"--out {path}"):
         lock = private_file(private_folder(path) / ".lock").open("w")
-    except OSError as error:
-        raise OutputError(f"--out {path}: cannot be written ({error.strerror}); choose another folder") from error
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

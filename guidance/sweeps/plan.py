@@ -24,7 +24,7 @@ from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import EvaderPolicy, PursuerPolicy
 from guidance.sim.scenario_file import FOLDER as SCENARIOS
 from guidance.sim.scenario_file import has_teams, load_any
-from guidance.sim.team_maths import TeamOutcome
+from guidance.sim.teams import TeamOutcome
 from guidance.sweeps.axes import Axis, flat, grid_axis, random_axis
 
 Way = Literal["maths", "fast"]
@@ -66,6 +66,17 @@ class Seeds(Section):
     begin: int = Field(0, alias="from", ge=0, description="the first")
     count: int = Field(1, ge=1, description="how many")
     values: tuple[Annotated[int, Field(ge=0)], ...] = Field((), alias="list", description="these, instead of both")
+
+    def __len__(self) -> int:
+        """Number of seeds."""
+        return len(self.values) or self.count
+
+    def at(self, number: Rows) -> Rows:
+        """Return the seeds with these numbers."""
+        return np.array(self.values, dtype=np.int64)[number] if self.values else number + self.begin
+
+
+_ONE_SEED: Final = Seeds()
 
 
 def _seeds(given: Any) -> Any:  # noqa: ANN401 - from a file
@@ -177,8 +188,7 @@ class Plan:
         """Number of seeds."""
         if self.sweep.rows is not None:
             return self.sweep.rows // (self.points * len(self.pairs))
-        given = self.sweep.seeds
-        return 1 if given is None else len(given.values) or given.count
+        return len(self.sweep.seeds or _ONE_SEED)
 
     @property
     def rows(self) -> int:
@@ -189,10 +199,7 @@ class Plan:
         """Return pair of policies, grid point and seed of rows, (n,) each."""
         rest, number = np.divmod(row, self.seeds)
         pair, point = np.divmod(rest, self.points)
-        given = self.sweep.seeds
-        if given is not None and given.values:
-            return pair, point, np.array(given.values, dtype=np.int64)[number]
-        return pair, point, number + (0 if given is None else given.begin)
+        return pair, point, (self.sweep.seeds or _ONE_SEED).at(number)
 
     def cases(self, row: Rows) -> Cases:
         """Return policies, seeds and values of rows, by their numbers (n,)."""

@@ -5,7 +5,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -16,8 +16,7 @@ import tomli_w
 from numpy.typing import NDArray
 from rich.console import Console
 
-from guidance.errors import OutputError
-from guidance.files import private_folder
+from guidance.files import private_folder, writing
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sweeps.axes import Axis
@@ -65,17 +64,16 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     plan = folder.plan
     table = _read(folder)
     keys = [key for axis in plan.axes for key in _keys(plan, axis, table)]
-    try:
+    with writing(f"--out {out}"):
         private_folder(out)
         cases = list(_write_worst(folder, table, out, worst))
         report = summed_up(plan, table, keys, cases)
-        write_whole(out / "report.json", (json.dumps(report, indent=1) + "\n").encode())
+        text = json.dumps(report, indent=1) + "\n"
+        write_whole(out / "report.json", text.encode())
         regrets = [_finite(table.filter(pc.equal(table[PAIR], number))["regret"]) for number in range(len(plan.pairs))]
         pictures = draw_all(report, keys, regrets, out)
-    except OSError as error:
-        raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from error
     if as_json:
-        sys.stdout.write(json.dumps(report, indent=1) + "\n")
+        sys.stdout.write(text)
     else:
         _show(console(), report, keys)
     return [out / "report.json", *pictures, *(case.path for case in cases)]
@@ -101,29 +99,27 @@ def _known(first: pa.ChunkedArray, second: pa.ChunkedArray) -> pa.ChunkedArray:
 
 def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
     """Yield groups of rows: by the values of a grid, or by ten even bins of each random number."""
-    if axis.distribution is None:
-        if len(axis.values) < 2:
-            return
-        after = plan.axes[plan.axes.index(axis) + 1 :]
-        before = math.prod(len(other.values) or 1 for other in after)
-        labels = tuple(f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values)
+    if axis.distribution is None and len(axis.values) > 1:
+        after = math.prod(len(other.values) or 1 for other in plan.axes[plan.axes.index(axis) + 1 :])
+        places = table[POINT].to_numpy() // after % len(axis.values)
         numbers = all(isinstance(value, (int, float)) for value in axis.values)
-        centres = axis.values if numbers else range(len(labels))
-        places = table[POINT].to_numpy() // before % len(axis.values)
-        yield Key(axis.key.text, labels, tuple(map(float, centres)), places, grid=True)
-        return
-    for column in axis.columns():
+        labels = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values]
+        yield _key(axis.key.text, labels, axis.values if numbers else range(len(labels)), places, grid=True)
+    for column in axis.columns() if axis.distribution is not None else ():
         if not pa.types.is_floating(table[column].type):
-            values = pc.unique(table[column]).to_pylist()
-            order = {value: place for place, value in enumerate(sorted(values, key=str))}
-            places = np.array([order[value] for value in table[column].to_pylist()])
-            yield Key(column, tuple(map(str, order)), tuple(map(float, range(len(order)))), places, grid=False)
+            cells = [str(value) for value in table[column].to_pylist()]
+            texts, places = np.unique(cells, return_inverse=True)
+            yield _key(column, texts.tolist(), range(len(texts)), places, grid=False)
             continue
         numbers = table[column].to_numpy()
         edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
-        labels = tuple(f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(edges.tolist()))
-        centres = tuple((0.5 * (edges[1:] + edges[:-1])).tolist())
-        yield Key(column, labels, centres, np.searchsorted(edges[1:-1], numbers, side="right"), grid=False)
+        labels = [f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(edges.tolist())]
+        places = np.searchsorted(edges[1:-1], numbers, side="right")
+        yield _key(column, labels, 0.5 * (edges[1:] + edges[:-1]), places, grid=False)
+
+
+def _key(column: str, labels: Sequence[str], centres: Iterable[float], places: NDArray[np.int64], *, grid: bool) -> Key:
+    return Key(column, tuple(labels), tuple(map(float, centres)), places, grid)
 
 
 def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], cases: Sequence[Worst]) -> dict[str, Any]:
@@ -188,14 +184,9 @@ def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[
         at = {key.column: key.labels[row[_place(key)]] for key in keys}
         times = row["game_time_s_min_max"]
         drawn = any(axis.distribution is not None for axis in plan.axes) or times["min"] != times["max"]
-        found.setdefault(row[PAIR], []).append(
-            ({"at": at} if keys else {})
-            | _summary(
-                row,
-                regrets[number].values.to_numpy(zero_copy_only=False),
-                intervals=drawn and not mixed and not plan.teams,
-            )
-        )
+        regret = regrets[number].values.to_numpy(zero_copy_only=False)
+        summary = _summary(row, regret, intervals=drawn and not mixed and not plan.teams)
+        found.setdefault(row[PAIR], []).append(({"at": at} if keys else {}) | summary)
     return found
 
 
@@ -270,8 +261,7 @@ def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> Non
     for one in report["policies"]:
         others = ", ".join(f"{count} {end}" for end, count in sorted(one["ends"].items()) if end != CAPTURED)
         ends.append((_names(one), str(one["games"]), _share(one["capture"]), others or "-"))
-        quantiles = [_number(one["regret_quantiles"].get(name)) for name in _SHOWN.values()]
-        regrets.append((_names(one), _with_interval(one["regret_mean"]), *quantiles))
+        regrets.append((_names(one), *_regret(one, _SHOWN)))
     there.print(sheet(("policies", "games", "captured", "other ends"), ends, left=(0, 3)))
     there.print()
     there.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
@@ -302,16 +292,17 @@ def _by_key(
         return
     names = list(_SHOWN)[:3]
     for key in grid:
-        rows = [
-            (
-                one["at"][key.column],
-                _share(one["capture"]),
-                _with_interval(one["regret_mean"]),
-                *(_number(one["regret_quantiles"].get(_SHOWN[name])) for name in names),
-            )
-            for one in policies["by_key"][key.column]
-        ]
+        groups = policies["by_key"][key.column]
+        rows = [(one["at"][key.column], _share(one["capture"]), *_regret(one, names)) for one in groups]
         yield f", by {key_label(key.column)}", ("captured", "mean regret", *names), rows
+
+
+def _regret(one: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:
+    """Return the mean regret with half the width of its interval, if that is known, and some quantiles."""
+    mean, quantiles = one["regret_mean"], one["regret_quantiles"]
+    half = 0.0 if mean["low"] is None or mean["high"] is None else 0.5 * (mean["high"] - mean["low"])
+    words = _number(mean["estimate"]) + (f" ± {half:.2g}" if half > _ROUNDING else "")
+    return (words, *(_number(quantiles.get(_SHOWN[name])) for name in names))
 
 
 def _share(interval: Mapping[str, float | None]) -> str:
@@ -322,13 +313,6 @@ def _share(interval: Mapping[str, float | None]) -> str:
 
 def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100.0 * share:.3g} %"
-
-
-def _with_interval(interval: Mapping[str, float | None]) -> str:
-    """Return an estimate, with half the width of its interval if that is known."""
-    low, high = interval["low"], interval["high"]
-    half = 0.0 if low is None or high is None else 0.5 * (high - low)
-    return _number(interval["estimate"]) + (f" ± {half:.2g}" if half > _ROUNDING else "")
 
 
 def _number(value: float | None) -> str:

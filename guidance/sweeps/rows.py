@@ -4,8 +4,9 @@ import gc
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from io import BytesIO
 from typing import Any, Final, NamedTuple
 
@@ -19,10 +20,9 @@ from guidance.config import explain, parse
 from guidance.errors import ConfigError, GuidanceError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
 from guidance.sim.maths import play
-from guidance.sim.outcome import Outcome
+from guidance.sim.outcome import Outcome, outcome_of
 from guidance.sim.scenario import PURSUER, Scenario
-from guidance.sim.team_maths import TeamOutcome, play_teams
-from guidance.sim.teams import TeamScenario
+from guidance.sim.teams import TeamOutcome, TeamScenario, play_teams
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.plan import Cases, Pair, Plan, policy_in
@@ -150,9 +150,8 @@ def check(plan: Plan, source: str) -> None:
 
 
 def _check_policies(plan: Plan, source: str) -> None:
-    known: dict[str, Collection[str]] = {"pursuer": PURSUER_STRATEGIES, "evader": EVADER_STRATEGIES}
-    if plan.teams:
-        known = {"pursuer": PURSUER_POLICIES, "evader": EVADER_POLICIES}
+    alone, teams = (PURSUER_STRATEGIES, EVADER_STRATEGIES), (tuple(PURSUER_POLICIES), tuple(EVADER_POLICIES))
+    known = dict(zip(("pursuer", "evader"), teams if plan.teams else alone, strict=True))
     for pair in plan.pairs:
         for player, policy in pair._asdict().items():
             if policy not in known[player] and policy != policy_in(plan.scenario[player]):
@@ -293,33 +292,17 @@ def _played(plan: Plan, games: list[Any]) -> Iterator[Sequence[Any]]:
 
 
 def _invalid(plan: Plan, cases: Cases, place: int, reason: str) -> Outcome | TeamOutcome:
-    pursuer, evader = plan.pairs[cases.pair[place]]
-    kind = TeamOutcome if plan.teams else Outcome
-    return kind(
-        scenario=plan.scenario["title"],
-        run=plan.way,
-        game=plan.scenario["game"],
-        pursuer_policy=pursuer or "",
-        evader_policy=evader or "",
-        seed=int(cases.seed[place]),
-        reason=reason,
-    )
+    policies, seed = plan.pairs[cases.pair[place]], int(cases.seed[place])
+    kind = partial(TeamOutcome if plan.teams else Outcome, plan.scenario["title"], plan.way, plan.scenario["game"])
+    names = policies.pursuer or "", policies.evader or ""
+    return kind(pursuer_policy=names[0], evader_policy=names[1], seed=seed, reason=reason)
 
 
 def _flown(scenario: Scenario) -> Outcome:
     try:
         return flown(scenario)
     except GuidanceError as error:
-        return Outcome(
-            scenario.title,
-            "fast",
-            scenario.game,
-            scenario.pursuer.policy,
-            scenario.evader.policy,
-            scenario.seed,
-            end="failed",
-            reason=str(error),
-        )
+        return outcome_of(scenario, "fast", end="failed", reason=str(error))
 
 
 def flown(scenario: Scenario) -> Outcome:

@@ -17,12 +17,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.extras import require
-from guidance.screen import console
+from guidance.screen import console, redraws
 from guidance.sweeps.folder import MANIFEST, Folder, alone, opened
 from guidance.sweeps.plan import Plan, Way, laid_out, load_sweep
-from guidance.sweeps.progress import Work, clock, shown
 from guidance.sweeps.rows import ChunkSize, check, chunk_size, computed, refuse_without_games, uncollected
 
 CONNECT_S = 10.0
@@ -33,6 +34,65 @@ _DEATHS: Final = 5
 """The sweep gives up when this many workers have died of one chunk."""
 
 _UNITS: Final[dict[Way, str]] = {"maths": "games", "fast": "flights"}
+
+_LINE_S: Final = 10.0
+"""Least time between two lines of progress where nothing can be redrawn."""
+
+
+class Work(NamedTuple):
+    """Work in a folder: the missing chunks, the number of rows already there, and the time of a chunk, s."""
+
+    folder: Folder
+    missing: list[int]
+    rows_there: int
+    chunk_s: float = math.nan
+
+
+class Shown:
+    """Progress on the terminal, a bar or a line now and then; call it with the number of rows that were just written.
+
+    Args:
+        work: The folder and its missing chunks.
+        unit: "games" or "flights".
+        expected_s: How long it should take; NaN if unknown.
+    """
+
+    def __init__(self, work: Work, unit: str, expected_s: float) -> None:
+        self.kept = self._before = work.rows_there
+        self._rows = work.folder.plan.rows
+        self._unit, self._expected_s = unit, expected_s
+        self._there = console(stderr=True)
+        columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
+        self.bar = Progress(*columns, console=self._there, transient=True, disable=not redraws(self._there))
+        self._task = self.bar.add_task("", total=self._rows, completed=self.kept, text="")
+        self._begun_s = self._shown_s = time.monotonic()
+
+    def __call__(self, rows: int) -> None:
+        """Count rows, and show them if it is time."""
+        self.kept += rows
+        now_s = time.monotonic()
+        text = self._text(now_s - self._begun_s)
+        if not self.bar.disable:
+            self.bar.update(self._task, completed=self.kept, text=text)
+        elif now_s - self._shown_s >= _LINE_S:
+            self._shown_s = now_s
+            self._there.print(f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}")
+
+    def _text(self, passed_s: float) -> str:
+        done = self.kept - self._before
+        if not done:
+            left_s = self._expected_s - passed_s
+            return f"about {clock(left_s)} left" if left_s > 0.0 else ""
+        rate = done / max(1e-9, passed_s)
+        return f"{rate:.3g} {self._unit}/s, {clock((self._rows - self.kept) / rate)} left"
+
+
+def clock(seconds: float) -> str:
+    """Return a duration as hours, minutes and seconds."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}"
+
 
 OnKept = Callable[[int], None]
 """Called with the number of rows that were just written, also with 0 while waiting."""
@@ -270,7 +330,8 @@ def run_sweep(
         takes = "" if math.isnan(expected_s) else f"; about {clock(expected_s)}"
         there.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}{takes}")
         begun_s = time.monotonic()
-        with shown(work, unit, expected_s) as progress, workers_of(size, scheduler) as working:
+        progress = Shown(work, unit, expected_s)
+        with progress.bar, workers_of(size, scheduler) as working:
             try:
                 finish(work, working, progress)
             except KeyboardInterrupt:

@@ -47,6 +47,7 @@ _NUMBERS: Final = (
 )
 """Columns that must hold numbers."""
 
+_NUMBER_FORM: Final = r"^([+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?inf(inity)?|nan)$"
 _KINDS: Final = (".csv", ".parquet")
 _NOT_A_NUMBER: Final = "not_a_number"
 _SHOWN: Final = 5
@@ -186,23 +187,16 @@ def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Ce
         if name not in _NUMBERS or not (pa.types.is_string(kind) or pa.types.is_null(kind)):
             continue
         words = pc.utf8_trim_whitespace(chunk.column(place).cast(pa.string()))
-        try:
-            numbers = words.cast(pa.float64())
-        except pa.ArrowInvalid:
-            texts = words.to_pylist()
-            cells = [_number(text) for text in texts]
-            wrong = [row for row, text in enumerate(texts) if text is not None and cells[row] is None]
-            strange += [Cell(first_row + row, name, texts[row]) for row in wrong]
-            numbers = pa.array(cells, pa.float64())
-        chunk = chunk.set_column(place, name, numbers)
+        wrong = pc.fill_null(
+            pc.invert(pc.match_substring_regex(words, _NUMBER_FORM, ignore_case=True)), fill_value=False
+        )
+        rows = np.flatnonzero(wrong.to_numpy())
+        strange += [
+            Cell(first_row + row, name, text)
+            for row, text in zip(rows.tolist(), words.take(rows).to_pylist(), strict=True)
+        ]
+        chunk = chunk.set_column(place, name, pc.if_else(wrong, None, words).cast(pa.float64()))
     return chunk, sorted(strange)
-
-
-def _number(word: str | None) -> float | None:
-    try:
-        return None if word is None else float(word)
-    except ValueError:
-        return None
 
 
 def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool) -> pa.Table:

@@ -17,21 +17,18 @@ from guidance.viz.figures import (
     STANDOFF,
     TARGET,
     Chase,
-    draw_chase,
-    draw_fence,
+    chase_figure,
     draw_place,
     figure_of,
+    flown_chase,
     label_plan,
-    label_space,
     legend_below,
     legend_beside,
     panels,
     thinned,
 )
-from guidance.viz.shapes import Array, circle, fence_edges, isochron_at
+from guidance.viz.shapes import Array, circle, fence_edges
 from guidance.viz.story import Story
-
-_MARGIN_M = 8.0
 
 FRAMES: Final = 90
 FRAME_MS: Final = 80
@@ -49,65 +46,25 @@ _SHADES = ("0.96", "0.86", "0.91", "0.82")
 
 def tracks(story: Story) -> Figure:
     """Draw the flight in space, from above, and from above with the whole fence."""
-    figure = figure_of(13.0, 5.8)
-    grid = figure.add_gridspec(1, 4, width_ratios=[1.15, 0.08, 1.0, 0.7])  # space for the height's label
-    space = figure.add_subplot(grid[0], projection="3d")
-    plan, whole = figure.add_subplot(grid[2]), figure.add_subplot(grid[3])
-    chase = chase_of(story)
-    low, high = _box(chase, story.column("pursuer_m"), story.column("evader_m"))
-    for axes, dimensions in ((space, 3), (plan, 2), (whole, 2)):
-        draw_chase(axes, chase, dimensions)
-        if axes is not whole:
-            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        draw_fence(axes, chase.fence, chase.fence_height_m, dimensions, whole=axes is whole)
-    space.set_zlim(min(0.0, low[2] + _MARGIN_M), high[2])
-    label_space(space, zoom=0.92)
-    label_plan(plan, adjustable="box")
-    plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    label_plan(whole, "from above, with the fence", adjustable="box")
-    legend_below(figure, whole, columns=5)
-    return figure
+    return chase_figure(chase_of(story), with_whole_fence=True, columns=5)
 
 
 def chase_of(story: Story) -> Chase:
     """Return the shapes of a recorded flight."""
-    settings = story.settings.cycle
-    pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
-    begin = len(pursuer) if story.engaged is None else story.engaged
-    played = np.array([one is not None for one in story.certificates])
-    end = begin + int(played[begin:].sum()) if begin < len(pursuer) else begin
-    first, last = (
-        None if cycle is None or (one := story.certificates[cycle]) is None or one.no_game else one
-        for cycle in (story.engaged, story.captured)
-    )
-    return Chase(
-        (pursuer[:begin], pursuer[end:]),
-        pursuer[begin:end],
-        evader[begin:end],
-        settings.standoff,
+    begin = len(story.cycles) if story.engaged is None else story.engaged
+    end = begin + sum(one is not None for one in story.certificates[begin:])
+    first, last = story.certificate(story.engaged), story.certificate(story.captured)
+    return flown_chase(
+        story.settings.cycle,
+        story.column("pursuer_m"),
+        story.column("evader_m"),
+        slice(begin, end),
+        first,
+        last,
         reached_m=None if last is None else last.evader_game_m,
-        isochron=None if first is None else isochron_at(settings, first),
-        isochron_later=None if last is None else isochron_at(settings, last),
-        meeting_m=None if first is None else first.meeting_point_game_m,
-        target_m=settings.target_game_m,
-        target_extent=settings.target_extent,
         fence=() if story.home_m is None else fence_edges(story.envelope, story.home_m),
         fence_height_m=0.0 if story.home_m is None else story.home_m[2],
     )
-
-
-def _box(chase: Chase, *tracks: Array) -> tuple[Array, Array]:
-    """Return the corners of the tracks, the target and the evader's reachable area, with a margin."""
-    points = list(tracks)
-    if chase.isochron is not None:
-        points.append(np.column_stack([chase.isochron, np.zeros(len(chase.isochron))]))
-    if chase.target_m is not None:
-        points.append(np.array([chase.target_m]))
-    known = np.concatenate(points)
-    known = known[np.isfinite(known).all(axis=-1)]
-    if not len(known):
-        known = np.zeros((1, 3))
-    return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
 
 
 def game(story: Story) -> Figure:
@@ -115,31 +72,32 @@ def game(story: Story) -> Figure:
     figure = figure_of(11.0, 7.0)
     distance, value, guarantee = axes = panels(figure, 3)
     span = playing_span(story)
-    now_s, to_go_s = story.column("now_s")[span], story.column("meeting_time_s")[span]
+    now_s, needed_s, values = (story.column(name)[span] for name in ("now_s", "time_needed_s", "value"))
     distance.plot(now_s, story.column("gap_m")[span], **PURSUER, label="ground distance to the disc's rim")
     distance.plot(now_s, story.column("height_gap_m")[span], **EVADER, label="height above the disc")
     distance.axhline(0.0, color="0.0", linewidth=0.6)
     distance.set_ylabel("range, m")
-    needed_s = story.column("time_needed_s")[span]
-    value.plot(now_s, to_go_s, **EVADER, label="the game's pursuer")
+    value.plot(now_s, story.column("meeting_time_s")[span], **EVADER, label="the game's pursuer")
     value.plot(now_s, needed_s, **PURSUER, label="this vehicle")
     value.set_ylabel("time to go, s")
-    game_line, thin = {**EVADER, "linewidth": 0.9}, {**PURSUER, "linewidth": 0.9}
-    certificate = None if story.engaged is None else story.certificates[story.engaged]
+    certificate = story.certificate(story.engaged)
     if story.with_target:
-        guarantee.plot(now_s, story.column("value")[span], **game_line, label="L, evader's final\ndistance to T")
-        guarantee.plot(now_s, story.column("assured_distance_m")[span], **thin, label="the same, of\nthis vehicle")
-        guarantee.set_ylabel("guarantee L, m")
+        labels = ("guarantee L, m", "L, evader's final\ndistance to T", "the same, of\nthis vehicle")
+        ideal, own = values, story.column("assured_distance_m")[span]
         promised = None if certificate is None else certificate.assured_distance_m
     else:
+        labels = ("time of capture, s", "V + t, the game's\npursuer", "time of capture,\nthis vehicle")
         since_s = now_s - (now_s[0] if story.engaged is None else story.cycles[story.engaged].now_s)
-        guarantee.plot(now_s, story.column("value")[span] + since_s, **game_line, label="V + t, the game's\npursuer")
-        guarantee.plot(now_s, needed_s + since_s, **thin, label="time of capture,\nthis vehicle")
-        guarantee.set_ylabel("time of capture, s")
+        ideal, own = values + since_s, needed_s + since_s
         promised = None if certificate is None else certificate.time_needed_s
+    guarantee.set_ylabel(labels[0])
+    for line, style, label in ((ideal, EVADER, labels[1]), (own, PURSUER, labels[2])):
+        guarantee.plot(now_s, line, **{**style, "linewidth": 0.9}, label=label)
     if promised is not None:
         guarantee.axhline(promised, **_THIRD, label="promised at engagement")
-    _alarms(guarantee, story)
+    for number, (alarm_s, _) in enumerate(story.alarms):
+        style = {**MARK, "color": "0.0", "linestyle": "-"}
+        guarantee.axvline(alarm_s, **style, label=None if number else "alarm")
     mark_moments(axes, story)
     for one in axes:
         legend_beside(one)
@@ -188,7 +146,8 @@ def ages(story: Story) -> Figure:
     trips.plot(now_s[answered], 1e3 * round_trip_s[answered], "k.", ms=4, label="TIMESYNC\nthere and back")
     trips.set_ylabel("round trip, ms")
     for one in axes:
-        one.set_ylim(*_from_zero(one.get_ylim()))
+        low, high = one.get_ylim()
+        one.set_ylim(min(0.0, low), max(high, 1.0))
         legend_beside(one)
     mark_moments(axes, story)
     return figure
@@ -234,16 +193,6 @@ def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
     seconds, starts = np.unique(np.floor(now_s[known]), return_index=True)
     worst = np.maximum.reduceat(values[known], starts) if len(starts) else np.zeros(0)
     return seconds, worst
-
-
-def _alarms(axes: object, story: Story) -> None:
-    for number, (now_s, _) in enumerate(story.alarms):
-        style = {**MARK, "color": "0.0", "linestyle": "-"}
-        axes.axvline(now_s, **style, label=None if number else "alarm")  # type: ignore[attr-defined]
-
-
-def _from_zero(limits: tuple[float, float]) -> tuple[float, float]:
-    return (min(0.0, limits[0]), max(limits[1], 1.0))
 
 
 def mark_moments(axes: list[Any], story: Story) -> None:
@@ -306,8 +255,8 @@ def _stage(story: Story, pursuer: Array, evader: Array, distance_m: Array) -> tu
     ):
         if place is not None:
             draw_place(plan, place, style, 2, name)
-    low, high = _box(chase, pursuer, evader)
-    label_plan(plan, adjustable="box")
+    low, high = chase.box
+    label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     legend_below(figure, plan, columns=5)
     side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")

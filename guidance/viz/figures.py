@@ -5,7 +5,7 @@ draw in either take the number of dimensions. All pictures of a flight show the 
 game, the target and the fence.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -14,11 +14,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from guidance.certificate import Certificate
+from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError, OutputError
+from guidance.files import private_file
 from guidance.frames import Vector
 from guidance.game import Extent, StandOff
 from guidance.game.extent import POINT
-from guidance.viz.shapes import Array, circle, target_edge
+from guidance.viz.shapes import Array, circle, isochron_at, target_edge
 
 PURSUER: Final = {"color": "#b3261e", "linewidth": 1.8}
 EVADER: Final = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
@@ -31,6 +34,8 @@ ISOCHRON_LATER: Final = {"color": "0.25", "linewidth": 1.6, "linestyle": (0, (1,
 MARK: Final = {"color": "0.35", "linewidth": 0.8, "linestyle": (0, (2, 2))}
 MEETING: Final = {"color": "black", "marker": "*", "markersize": 11, "linestyle": "none"}
 TARGET: Final = {"color": "black", "marker": "X", "markersize": 9, "linestyle": "none"}
+
+_MARGIN_M: Final = 8.0
 
 MOST_POINTS: Final = 3000
 """Largest number of points of a curve."""
@@ -52,13 +57,6 @@ def figure_of(width: float, height: float) -> Figure:
     return figure
 
 
-def space_and_plan() -> tuple[Figure, Any, Any]:
-    """Return a figure with axes in space and, beside them, axes seen from above."""
-    figure = figure_of(12.0, 6.4)
-    grid = figure.add_gridspec(1, 3, width_ratios=[1.0, 0.06, 0.9])  # space for the height's label
-    return figure, figure.add_subplot(grid[0], projection="3d"), figure.add_subplot(grid[2])
-
-
 def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format of its name.
 
@@ -70,6 +68,19 @@ def save(figure: Figure, path: Path) -> None:
     except (OSError, ValueError) as error:  # ValueError: a format that matplotlib does not know
         reason = error.strerror if isinstance(error, OSError) else str(error).split(" (")[0]
         raise OutputError(f"{path}: cannot be written ({reason}); choose another file, as flight.png") from error
+
+
+def save_twice(figure: Figure, stem: Path, *, dpi: float, private: bool = False) -> list[Path]:
+    """Write a figure as PNG and as PDF with the same layout, `private` for their owner only; return the paths.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    paths = [stem.with_name(f"{stem.name}.{kind}") for kind in ("png", "pdf")]
+    for path, metadata in zip(paths, (None, {"CreationDate": None}), strict=True):
+        figure.savefig(private_file(path) if private else path, dpi=dpi, metadata=metadata)
+        figure.set_layout_engine(None)
+    return paths
 
 
 def check_picture(path: Path) -> None:
@@ -97,40 +108,36 @@ def lifted(curve: Array, height_m: float, dimensions: int) -> list[Array]:
 
 
 def draw_place(axes: Any, place_m: Vector, style: dict[str, Any], dimensions: int, label: str) -> None:  # noqa: ANN401
-    """Mark a place in a style such as `MEETING` or `TARGET`.
-
-    Args:
-        axes: In the plane or in space.
-        place_m: In the game frame.
-        style: `MEETING` or `TARGET`.
-        dimensions: 2 or 3.
-        label: In the legend.
-    """
+    """Mark a place in a style such as `MEETING` or `TARGET`."""
     axes.plot(*([part] for part in place_m[:dimensions]), **style, label=label)
 
 
-def label_space(axes: Any, zoom: float = 0.95) -> None:  # noqa: ANN401
+def label_space(axes: Any) -> None:  # noqa: ANN401
     """Label 3D axes and give them equal scales."""
     axes.set(xlabel="x east, m", zlabel="z up, m")
     axes.set_ylabel("y north, m", labelpad=10.0)
     axes.locator_params(nbins=5)
     axes.set_zlim(bottom=min(0.0, axes.get_zlim3d()[0]))
     spans = [high - low for low, high in (axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d())]
-    axes.set_box_aspect(spans, zoom=zoom)  # equal scales, with space for the labels
+    axes.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
     axes.view_init(elev=22.0, azim=-60.0)
 
 
-def label_plan(axes: Any, title: str = "from above", adjustable: str = "datalim") -> None:  # noqa: ANN401
+def label_plan(axes: Any, title: str = "from above", *, adjustable: str = "box") -> None:  # noqa: ANN401
     """Label plan axes and give them equal scales."""
     axes.set(xlabel="x east, m", ylabel="y north, m", title=title)
     axes.set_aspect("equal", adjustable=adjustable)
     axes.grid(visible=True, linewidth=0.3)
 
 
-def legend_below(figure: Figure, axes: Any, columns: int = 4) -> None:  # noqa: ANN401
-    """Put the legend of `axes` below the figure."""
-    lines = axes.get_legend_handles_labels()
-    figure.legend(*lines, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+def legend_below(figure: Figure, *axes: Any, columns: int = 4, title: str = "") -> None:  # noqa: ANN401
+    """Put the legend of all axes below the figure; each name is there once."""
+    named: dict[str, Any] = {}
+    for one in axes:
+        for line, name in zip(*one.get_legend_handles_labels(), strict=True):
+            named.setdefault(name, line)
+    style: dict[str, Any] = {"frameon": False, "fontsize": 9, "title": title or None}
+    figure.legend(named.values(), named, loc="outside lower center", ncols=columns, **style)
 
 
 def legend_beside(axes: Any) -> None:  # noqa: ANN401
@@ -164,6 +171,7 @@ class Chase(NamedTuple):
         target_extent: Its shape.
         fence: Its edges, (n, 2) each.
         fence_height_m: Height of the fence in space.
+        courses: Places of the courses that players follow, by name, (n, 3) each; drawn from above only.
     """
 
     before: Sequence[Array]
@@ -178,12 +186,89 @@ class Chase(NamedTuple):
     target_extent: Extent = POINT
     fence: Sequence[Array] = ()
     fence_height_m: float = 0.0
+    courses: Mapping[str, Array] = {}
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """The corners of everything but courses and fence, with a margin."""
+        points = [*self.before, self.pursuer, self.evader]
+        if self.isochron is not None:
+            points.append(np.column_stack([self.isochron, np.zeros(len(self.isochron))]))
+        if self.target_m is not None:
+            points.append(np.array([self.target_m]))
+        known = np.concatenate(points)
+        known = known[np.isfinite(known).all(axis=-1)]
+        if not len(known):
+            known = np.zeros((1, 3))
+        return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
+
+
+def flown_chase(
+    settings: CycleSettings,
+    pursuer: Array,
+    evader: Array,
+    game: slice,
+    first: Certificate | None,
+    last: Certificate | None = None,
+    **more: Any,  # noqa: ANN401
+) -> Chase:
+    """Return the elements of a flown game.
+
+    Args:
+        settings: Of the flight.
+        pursuer: Track of the whole flight, (n, 3).
+        evader: Of the evader, (n, 3).
+        game: The part of the tracks in the game.
+        first: Certificate at engagement.
+        last: Certificate at capture.
+        **more: Further elements.
+    """
+    first, last = (None if one is None or one.no_game else one for one in (first, last))
+    return Chase(
+        (pursuer[: game.start], pursuer[game.stop :]),
+        pursuer[game],
+        evader[game],
+        settings.standoff,
+        isochron=None if first is None else isochron_at(settings, first),
+        isochron_later=None if last is None else isochron_at(settings, last),
+        meeting_m=None if first is None else (*first.meeting_point_game_m[:2], 0.0),
+        target_m=settings.target_game_m,
+        target_extent=settings.target_extent,
+        **more,
+    )
+
+
+def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int = 4) -> Figure:
+    """Draw a chase in space and from above, and from above with the whole fence if asked for."""
+    if with_whole_fence:
+        figure, widths = figure_of(13.0, 5.8), [1.15, 0.08, 1.0, 0.7]  # with space for the height's label
+    else:
+        figure, widths = figure_of(12.0, 6.4), [1.0, 0.06, 0.9]
+    grid = figure.add_gridspec(1, len(widths), width_ratios=widths)
+    space = figure.add_subplot(grid[0], projection="3d")
+    plan, *whole = (figure.add_subplot(grid[place]) for place in range(2, len(widths)))
+    low, high = chase.box
+    for axes, dimensions in ((space, 3), (plan, 2), *((axes, 2) for axes in whole)):
+        draw_chase(axes, chase, dimensions)
+        if axes is space or (whole and axes is plan):
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    label_plan(plan, adjustable="box" if whole else "datalim")
+    for axes in whole:
+        label_plan(axes, "from above, with the fence", adjustable="box")
+    for axes, dimensions in ((space, 3), (plan, 2), *((axes, 2) for axes in whole)):
+        draw_fence(axes, chase.fence, chase.fence_height_m, dimensions, whole=axes in whole)
+    space.set_zlim(min(0.0, low[2] + _MARGIN_M), high[2])
+    label_space(space)
+    legend_below(figure, *whole or (plan,), columns=columns)
+    return figure
 
 
 def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN401 - 2D or 3D axes
     """Draw tracks, isochrons, stand-off disc, meeting point and target."""
     for number, part in enumerate(chase.before):
         axes.plot(*thinned(part)[:, :dimensions].T, **BEFORE, label=None if number else "pursuer before and after")
+    for name, places in chase.courses.items() if dimensions == 2 else ():
+        axes.plot(*places[:, :2].T, **COURSE, label=f"course of {name}")
     _draw_run(axes, chase.pursuer, dimensions, "pursuer", PURSUER, "os")
     _draw_run(axes, chase.evader, dimensions, "evader", EVADER, "^v")
     for curve, style, when in (
@@ -200,13 +285,9 @@ def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN40
         disc = lifted(rim, chase.standoff.height_m, dimensions)
         axes.plot(*disc, **STANDOFF, label="stand-off disc at capture")
     if chase.target_m is not None:
-        draw_target(axes, chase.target_m, chase.target_extent, dimensions)
-
-
-def draw_target(axes: Any, place_m: Vector, extent: Extent, dimensions: int) -> None:  # noqa: ANN401
-    """Draw a target and the edge of its shape."""
-    draw_place(axes, place_m, TARGET, dimensions, "T, target")
-    axes.plot(*lifted(target_edge(place_m, extent), place_m[2], dimensions), color=TARGET["color"])
+        draw_place(axes, chase.target_m, TARGET, dimensions, "T, target")
+        edge = target_edge(chase.target_m, chase.target_extent)
+        axes.plot(*lifted(edge, chase.target_m[2], dimensions), color=TARGET["color"])
 
 
 def _draw_run(axes: Any, track: Array, dimensions: int, name: str, style: dict[str, Any], marks: str) -> None:  # noqa: ANN401

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from guidance.files import private_file
@@ -23,26 +22,14 @@ from guidance.game.team import Matching, TeamRollout
 from guidance.game.team.regions import regions_of, survived
 from guidance.session.plan import plan_of
 from guidance.session.result import FlightResult, ending_words
-from guidance.sim.batch import stack, starts
+from guidance.sim.batch import Batch, stack, starts
 from guidance.sim.maths import game_of, moments, opening
 from guidance.sim.outcome import Outcome
-from guidance.sim.players import evader_strategy, pursuer_strategy, speed_set, standoff, target_extent, target_game_m
+from guidance.sim.players import standoff, target_extent, target_game_m
 from guidance.sim.scenario import Scenario
-from guidance.sim.team_maths import opening_of, played_teams
-from guidance.sim.teams import Teams, TeamScenario, teams_of
-from guidance.viz.figures import (
-    COURSE,
-    Chase,
-    draw_chase,
-    draw_fence,
-    figure_of,
-    label_plan,
-    label_space,
-    legend_below,
-    save,
-    space_and_plan,
-)
-from guidance.viz.shapes import Array, circle, isochron, isochron_at
+from guidance.sim.teams import Teams, TeamScenario, played_teams, teams_of
+from guidance.viz.figures import Chase, chase_figure, figure_of, flown_chase, legend_below, save
+from guidance.viz.shapes import Array, circle, isochron
 
 _POINTS_A_STEP = 8
 _EVADERS = ("#0b5fa5", "#2e7d32", "#8e44ad", "#c77800", "#00838f", "#ad1457", "#5d4037", "#546e7a")
@@ -60,36 +47,26 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     P, E = (_vector(start[0]) for start in starts([scenario]))
     played_s, pursuer, evader = played(scenario)
     batch, meeting_m = stack([scenario]), opening([scenario]).meeting_point_m[0]
-    figure, plan = _drawn(
-        Chase(
-            (),
-            pursuer,
-            evader,
-            standoff(scenario),
-            reached_m=(*_vector(evader[-1])[:2], 0.0),
-            isochron=isochron(game_of(batch, batch.believed_m_s), P, E),
-            meeting_m=(*_vector(meeting_m)[:2], 0.0) if np.isfinite(meeting_m).all() else None,
-            target_m=target_game_m(scenario),
-            target_extent=target_extent(scenario),
-            fence=_fence(scenario),
-        )
+    chase = Chase(
+        (),
+        pursuer,
+        evader,
+        standoff(scenario),
+        reached_m=(*_vector(evader[-1])[:2], 0.0),
+        isochron=isochron(game_of(batch, batch.believed_m_s), P, E),
+        meeting_m=(*_vector(meeting_m)[:2], 0.0) if np.isfinite(meeting_m).all() else None,
+        target_m=target_game_m(scenario),
+        target_extent=target_extent(scenario),
+        fence=_fence(scenario),
+        courses=_courses(batch, 2.0 * played_s),
     )
-    _courses(plan, scenario, 2.0 * played_s)
-    figure.suptitle(scenario.title)
-    legend_below(figure, plan)
+    _save(chase, scenario.title, path)
+
+
+def _save(chase: Chase, title: str, path: Path) -> None:
+    figure = chase_figure(chase)
+    figure.suptitle(title)
     save(figure, path)
-
-
-def _drawn(chase: Chase) -> tuple[Figure, Any]:
-    """Draw a chase in space and from above; return the figure and the axes from above."""
-    figure, space, plan = space_and_plan()
-    for axes, dimensions in ((space, 3), (plan, 2)):
-        draw_chase(axes, chase, dimensions)
-    label_plan(plan)
-    for axes, dimensions in ((space, 3), (plan, 2)):
-        draw_fence(axes, chase.fence, chase.fence_height_m, dimensions)
-    label_space(space)
-    return figure, plan
 
 
 def _fence(scenario: Scenario) -> tuple[Array]:
@@ -120,17 +97,14 @@ def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Ar
     return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
 
 
-def _courses(plan: Any, scenario: Scenario, until_s: float) -> None:  # noqa: ANN401
-    """Draw the players' courses, and no more of them than the game needs: some go on for minutes."""
-    P, E = starts([scenario])
-    for name, strategy in (
-        ("P", pursuer_strategy(scenario, P[0], speed_set(scenario), scenario.seed)),
-        ("E", evader_strategy(scenario, E[0], scenario.evader.speed_m_s, scenario.seed)),
-    ):
-        if strategy.course is not None:
-            within = np.concatenate([[True], strategy.course.times_s[:-1] <= until_s])
-            places = strategy.course.places_m[within]
-            plan.plot(*places[:, :2].T, **COURSE, label=f"course of {name}")
+def _courses(batch: Batch, until_s: float) -> dict[str, Array]:
+    """Return the places of the players' courses, and no more of them than the game needs: some go on for minutes."""
+    courses = {"P": batch.pursuer.course, "E": batch.evader.course}
+    return {
+        name: course.places_m[0][np.concatenate([[True], course.times_s[0, :-1] <= until_s])]
+        for name, course in courses.items()
+        if course is not None
+    }
 
 
 def _vector(place: Array) -> Vector:
@@ -139,44 +113,25 @@ def _vector(place: Array) -> Vector:
 
 
 def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
-    """Draw the flight into a PNG.
+    """Draw the flight into a PNG: the game is from the engagement until the landing begins.
 
     Raises:
         OutputError: If the file cannot be written.
     """
-    figure, plan = _drawn(chase_of(result))
-    figure.suptitle(f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}")
-    legend_below(figure, plan)
+    samples, count = result.samples, len(result.samples)
+    playing = [sample.state in {State.ENGAGED, State.PAUSED, State.ON_STATION} for sample in samples]
+    begun = playing.index(True) if True in playing else count
+    ended = playing.index(False, begun) if False in playing[begun:] else count
+    tracks = (np.array(places).reshape(-1, 3) for places in zip(*(sample[2:] for sample in samples), strict=True))
+    pursuer, evader = tracks if samples else (np.zeros((0, 3)),) * 2
+    reached_m = next((sample.evader_m for sample in samples if sample.state is State.ON_STATION), None)
+    settings, fence = plan_of(scenario=result.scenario).flight.cycle, _fence(result.scenario)
+    chase = flown_chase(
+        settings, pursuer, evader, slice(begun, ended), result.engaged, reached_m=reached_m, fence=fence
+    )
     with contextlib.suppress(OSError):  # `save` says what cannot be written
         private_file(path)
-    save(figure, path)
-
-
-def chase_of(result: FlightResult) -> Chase:
-    """Return what is drawn of a flight: the game is from the engagement until the landing begins."""
-    scenario = result.scenario
-    playing = {State.ENGAGED, State.PAUSED, State.ON_STATION}
-    samples = result.samples
-    begun = next((place for place, one in enumerate(samples) if one.state in playing), len(samples))
-    ended = next((place for place in range(begun, len(samples)) if samples[place].state not in playing), len(samples))
-    pursuer, evader = (
-        np.array(places).reshape(-1, 3)
-        for places in ([one.pursuer_m for one in samples], [one.evader_m for one in samples])
-    )
-    settings = plan_of(scenario=scenario).flight.cycle
-    engaged = None if result.engaged is None or result.engaged.no_game else result.engaged
-    return Chase(
-        (pursuer[:begun], pursuer[ended:]),
-        pursuer[begun:ended],
-        evader[begun:ended],
-        settings.standoff,
-        reached_m=next((one.evader_m for one in samples if one.state is State.ON_STATION), None),
-        isochron=None if engaged is None else isochron_at(settings, engaged),
-        meeting_m=None if engaged is None else (*engaged.meeting_point_game_m[:2], 0.0),
-        target_m=settings.target_game_m,
-        target_extent=settings.target_extent,
-        fence=_fence(scenario),
-    )
+    _save(chase, f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}", path)
 
 
 def _score(outcome: Outcome) -> str:
@@ -192,22 +147,23 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     Raises:
         OutputError: If the file cannot be written.
     """
-    teams, matching = teams_of(scenario), opening_of(scenario)
+    teams = teams_of(scenario)
     played = played_teams(scenario, [teams], keep_path=True)
+    matching = Matching(*(field[0] for field in played.first))
     figure = figure_of(9.6, 8.4)
     axes = figure.add_subplot()
     for j in range(len(teams.evaders_m)):
-        _regions(axes, teams, matching, j)
-        _team_meeting(axes, teams, matching, j)
-    _tracks(axes, played)
-    _team_players(axes, teams)
+        _draw_region(axes, teams, matching, j)
+    _draw_players(axes, teams, played)
     axes.set(xlabel="x east, m", ylabel="y north, m")
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(visible=True, linewidth=0.3)
     axes.set_axisbelow(True)
     figure.suptitle(scenario.title, fontsize=13)
-    axes.set_title(_said(scenario, matching, played), fontsize=10, color="0.3")
-    figure.legend(*_once(axes), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    captured, unit = int(np.count_nonzero(played.end == End.CAPTURED)), "s" if scenario.game == "pe" else "m from T"
+    foreseen = f"{int(matching.guaranteed)} captures guaranteed, {float(matching.total):.2f} {unit} in all"
+    axes.set_title(f"{foreseen}; {captured} captured", fontsize=10, color="0.3")
+    legend_below(figure, axes)
     save(figure, path)
 
 
@@ -228,81 +184,47 @@ def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) ->
     return np.asarray(teams.evaders_m[evader, :2] + far[:, None] * np.stack(n, axis=-1))
 
 
-def _regions(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
-    """Draw the discs of an evader and its pursuers, and shade their intersection."""
-    team = [int(i) for i in (matching.first[j], matching.second[j]) if i >= 0]
-    colour = _colour(j)
-    for i in team:
-        axes.plot(
-            *region(teams, [i], j).T,
-            color=colour,
-            linewidth=0.9,
-            linestyle=(0, (4, 3)),
-            label="first there, before one pursuer",
-        )
-    if team:
-        edge = region(teams, team, j)
-        axes.fill(
-            *edge.T,
-            facecolor=to_rgba(colour, 0.14),
-            edgecolor=colour,
-            linewidth=1.6,
-            label="before both: the intersection",
-        )
-
-
-def _team_meeting(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # noqa: ANN401
-    """Draw the pursuers of an evader and the meeting point."""
+def _draw_region(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
+    """Draw the discs of an evader and its pursuers, shade their intersection, and mark the meeting point."""
+    colour, goal = _EVADERS[j % len(_EVADERS)], teams.target_m
+    roles = {"first": (matching.first[j], "-"), "second": (matching.second[j], (0, (2, 1.5)))}
+    team = {role: (int(i), style) for role, (i, style) in roles.items() if i >= 0}
+    for i, _ in team.values():
+        thin = {"color": colour, "linewidth": 0.9, "linestyle": (0, (4, 3))}
+        axes.plot(*region(teams, [i], j).T, **thin, label="first there, before one pursuer")
+    if not team:
+        return
+    edge = region(teams, [i for i, _ in team.values()], j)
+    shade = {"facecolor": to_rgba(colour, 0.14), "edgecolor": colour, "linewidth": 1.6}
+    axes.fill(*edge.T, **shade, label="before both: the intersection")
     x, y, _ = matching.meeting_point_m[j]
-    if matching.first[j] >= 0 and teams.target_m is not None:
-        goal = teams.target_m
-        axes.plot([x, goal[0]], [y, goal[1]], color=_colour(j), linewidth=1.0, alpha=0.6, label="L, guaranteed")
-    for who, role, style in ((matching.first[j], "first", "-"), (matching.second[j], "second", (0, (2, 1.5)))):
-        if who >= 0:
-            place = teams.pursuers_m[int(who)]
-            line = {"color": "0.2", "linewidth": 1.4, "linestyle": style, "zorder": 4}
-            axes.plot([place[0], x], [place[1], y], **line, label=f"matched, {role}")
-    if matching.first[j] >= 0:
+    if goal is not None and "first" in team:
+        axes.plot([x, goal[0]], [y, goal[1]], color=colour, linewidth=1.0, alpha=0.6, label="L, guaranteed")
+    for role, (i, style) in team.items():
+        line = {"color": "0.2", "linewidth": 1.4, "linestyle": style, "zorder": 4}
+        axes.plot([teams.pursuers_m[i, 0], x], [teams.pursuers_m[i, 1], y], **line, label=f"matched, {role}")
+    if "first" in team:
         star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
-        axes.plot([x], [y], "*", color=_colour(j), **star, label="X*, meeting point")
+        axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
 
 
-def _tracks(axes: Any, played: TeamRollout) -> None:  # noqa: ANN401
-    pursuers = np.array([sample.pursuers_m[0] for sample in played.path])
-    evaders = np.array([sample.evaders_m[0] for sample in played.path])
-    for i in range(pursuers.shape[1]):
-        axes.plot(*pursuers[:, i, :2].T, color=_PURSUER, linewidth=4.0, alpha=0.3, label="pursuer as played")
-    for j in range(evaders.shape[1]):
-        axes.plot(*evaders[:, j, :2].T, color=_colour(j), linewidth=4.0, alpha=0.5, label="evader as played")
-        if played.end[0, j] == End.ARRIVED:
-            axes.plot(*evaders[-1:, j, :2].T, "o", mfc="none", color=_colour(j), markersize=18, label="arrived")
-
-
-def _team_players(axes: Any, teams: Teams) -> None:  # noqa: ANN401
+def _draw_players(axes: Any, teams: Teams, played: TeamRollout) -> None:  # noqa: ANN401
+    """Draw the tracks as played, and all players at their start."""
     own = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
     beside: dict[str, Any] = {"textcoords": "offset points", "fontsize": 10, "zorder": 7, "fontweight": "bold"}
     beside["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
     for i, (x, y, z) in enumerate(teams.pursuers_m):
+        track = np.array([sample.pursuers_m[0, i] for sample in played.path])
+        axes.plot(*track[:, :2].T, color=_PURSUER, linewidth=4.0, alpha=0.3, label="pursuer as played")
         axes.plot([x], [y], "^", color=_PURSUER, markersize=12, **own, label="pursuer, and its height")
         axes.annotate(f"P{i} · {z:g} m", (x, y), xytext=(9, -4), color=_PURSUER, **beside)
     for j, (x, y, _) in enumerate(teams.evaders_m):
-        axes.plot([x], [y], "o", color=_colour(j), markersize=11, **own, label="evader")
-        axes.annotate(f"E{j}", (x, y), xytext=(8, 6), color=_colour(j), **beside)
+        colour = _EVADERS[j % len(_EVADERS)]
+        track = np.array([sample.evaders_m[0, j] for sample in played.path])
+        axes.plot(*track[:, :2].T, color=colour, linewidth=4.0, alpha=0.5, label="evader as played")
+        if played.end[0, j] == End.ARRIVED:
+            axes.plot(*track[-1:, :2].T, "o", mfc="none", color=colour, markersize=18, label="arrived")
+        axes.plot([x], [y], "o", color=colour, markersize=11, **own, label="evader")
+        axes.annotate(f"E{j}", (x, y), xytext=(8, 6), color=colour, **beside)
     if teams.target_m is not None:
         axes.plot(*teams.target_m[:2], "kX", markersize=14, **own, label="T, target")
-
-
-def _said(scenario: TeamScenario, matching: Matching, played: TeamRollout) -> str:
-    captured = int(np.count_nonzero(played.end == End.CAPTURED))
-    unit = "s in all" if scenario.game == "pe" else "m from T in all"
-    return f"{int(matching.guaranteed)} captures guaranteed, {float(matching.total):.2f} {unit}; {captured} captured"
-
-
-def _once(axes: Any) -> tuple[list[Any], list[str]]:  # noqa: ANN401
-    """Return the legend without duplicates."""
-    named = {name: handle for handle, name in reversed(list(zip(*axes.get_legend_handles_labels(), strict=True)))}
-    return list(named.values())[::-1], list(named)[::-1]
-
-
-def _colour(evader: int) -> str:
-    return _EVADERS[evader % len(_EVADERS)]

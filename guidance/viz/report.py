@@ -3,8 +3,10 @@
 import base64
 from collections.abc import Callable, Mapping
 from html import escape
+from importlib import resources
 from io import BytesIO
 from pathlib import Path
+from string import Template
 from typing import Final, NamedTuple
 
 import matplotlib as mpl
@@ -46,26 +48,6 @@ PICTURES: Final[Mapping[str, Picture]] = {
     "ages": Picture("Ages and latencies", "How old what each cycle knew was, and how the loop kept time.", charts.ages),
     "events": Picture("Events", "Every event of the flight.", charts.events),
 }
-
-_STYLE: Final = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, sans-serif; color: #111; background: #fff; max-width: 72rem; margin: 2rem auto;
-  padding: 0 1rem; }
-h1 { font-size: 1.5rem; margin-bottom: 0.5rem; }
-h2 { font-size: 1.15rem; margin: 2rem 0 0.5rem; }
-table { border-collapse: collapse; }
-th, td { text-align: left; padding: 0.2rem 1.2rem 0.2rem 0; border-bottom: 1px solid #ccc; vertical-align: top; }
-th { font-weight: 600; white-space: nowrap; }
-figure { margin: 0; break-inside: avoid; }
-figure img { width: 100%; height: auto; display: block; }
-p { max-width: 60rem; font-size: 1.05rem; }
-figcaption { color: #444; max-width: 60rem; }
-td { overflow-wrap: anywhere; }
-@media (max-width: 40rem) {
-  tr, th, td { display: block; white-space: normal; padding-right: 0; }
-  th { border-bottom: 0; padding-bottom: 0; color: #444; }
-}
-"""
 
 
 def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: bool = False) -> list[Path]:
@@ -117,35 +99,16 @@ def svg_of(figure: Figure) -> bytes:
 
 
 def page_of(story: Story, pictures: Mapping[str, bytes], mark: str) -> str:
-    """Return the page."""
-    title = escape(story.title)
-    rows = "\n".join(
-        f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in summary(story)
+    """Return the page: the template `report.html` with its places filled."""
+    rows = (f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in summary(story))
+    template = Template(resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        mark=mark,
+        title=escape(story.title),
+        opening=escape(opening(story)),
+        rows="\n".join(rows),
+        sections="\n".join(_section(name, image) for name, image in pictures.items()),
     )
-    sections = "\n".join(_section(name, image) for name, image in pictures.items())
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
-{mark}
-<title>{title}</title>
-<link rel="icon" href="data:,">
-<style>{_STYLE}</style>
-</head>
-<body>
-<h1>{title}</h1>
-<p>{escape(opening(story))}</p>
-<table>
-<tbody>
-{rows}
-</tbody>
-</table>
-{sections}
-</body>
-</html>
-"""
 
 
 def _section(name: str, image: bytes) -> str:

@@ -16,13 +16,10 @@ import subprocess
 import sys
 import tempfile
 import threading
-import urllib.error
-import urllib.request
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Final
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote
 
 import rerun as rr
 import rerun_cli
@@ -38,11 +35,8 @@ STOP_LIMIT_S: Final = 3.0
 _LIMIT_S: Final = 20.0
 _MAX_HEADER_BYTES: Final = 65_536
 _PIECE_BYTES: Final = 65_536
-_PASSED_ON: Final = ("Content-Type", "Content-Encoding", "Cache-Control", "ETag")
 _HTTP_2: Final = b"PRI * HTTP/2.0\r\n"
 """First line of native viewers. Browsers use HTTP/2 with TLS only."""
-
-_REFUSAL: Final = b"HTTP/1.1 421 Misdirected Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 # On Linux, PR_SET_PDEATHSIG ends the child with its parent; elsewhere `close` does.
 _UNTIL_WE_END: Final = """
@@ -72,83 +66,77 @@ def policy(recording_port: int) -> str:
     ))  # fmt: skip
 
 
-class _Server(socketserver.ThreadingTCPServer):
-    """A relay on 127.0.0.1 for requests with its own host name and port."""
+class _Relay(socketserver.ThreadingTCPServer):
+    """A relay on 127.0.0.1 to a server behind, for requests with its own host name and port.
+
+    The first request of a connection decides: browsers never share a connection between host names.
+    """
 
     daemon_threads = True
     block_on_close = False
     allow_reuse_address = True
 
-    def __init__(self, port: int, handler: type[socketserver.BaseRequestHandler], behind: Address) -> None:
-        super().__init__((LOOPBACK, port), handler)
+    def __init__(self, option: str, port: int, behind: Address, headers: str = "") -> None:
+        try:
+            super().__init__((LOOPBACK, port), _Connection)
+        except OSError as error:
+            raise LinkError(f"{option} {port}: {error.strerror}; choose another, or 0 for a free one") from error
         self.port = int(self.server_address[1])
         self.hosts = {f"{name}:{self.port}" for name in (LOOPBACK, "localhost")}
         self.behind = behind
-        self.policy = ""
+        self.headers = headers
         self._thread = threading.Thread(target=self.serve_forever, name=f"port {self.port}", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Stop the server."""
+        """Stop the relay."""
         self.shutdown()
         self.server_close()
         self._thread.join()
 
 
-class _File(BaseHTTPRequestHandler):
-    server: _Server
+class _Connection(socketserver.BaseRequestHandler):
+    """One connection: a stream in both directions, or, with headers of our own, one request and its answer."""
 
-    def do_GET(self) -> None:
-        """Fetch the file and forward it."""
-        if self.headers.get("Host", "") not in self.server.hosts:
-            self._pass_on(HTTPStatus.MISDIRECTED_REQUEST, {}, b"")
-            return
-        host, port = self.server.behind
-        try:
-            url = f"http://{host}:{port}{urlsplit(self.path).path}"
-            with urllib.request.urlopen(url, timeout=_LIMIT_S) as answer:
-                self._pass_on(HTTPStatus(answer.status), dict(answer.headers), answer.read())
-        except urllib.error.HTTPError as error:
-            self._pass_on(HTTPStatus(error.code), {}, b"")
-        except OSError:
-            self._pass_on(HTTPStatus.BAD_GATEWAY, {}, b"")
-
-    def _pass_on(self, status: HTTPStatus, headers: dict[str, str], body: bytes) -> None:
-        self.send_response(status)
-        for name in _PASSED_ON:
-            if name in headers:
-                self.send_header(name, headers[name])
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Content-Security-Policy", self.server.policy)
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *_: object) -> None:
-        """Log nothing."""
-
-
-class _Stream(socketserver.BaseRequestHandler):
-    """A connection of a viewer. Its first request decides: browsers never share a connection between host names."""
-
-    server: _Server
+    server: _Relay
 
     def handle(self) -> None:
-        """Check the first request, then copy both ways."""
+        """Check the first request, then forward."""
         outer: socket.socket = self.request
         with contextlib.suppress(OSError):
             outer.settimeout(_LIMIT_S)
-            head = b""
-            while b"\r\n\r\n" not in head and len(head) < _MAX_HEADER_BYTES and (piece := outer.recv(_PIECE_BYTES)):
-                head += piece
-            if not (head.startswith(_HTTP_2) or host_of(head) in self.server.hosts):
-                outer.sendall(_REFUSAL)
+            head = _head_from(outer)
+            native = head.startswith(_HTTP_2) and not self.server.headers
+            if not (native or host_of(head) in self.server.hosts):
+                outer.sendall(_refusal(HTTPStatus.MISDIRECTED_REQUEST))
                 return
-            outer.settimeout(None)
-            with socket.create_connection(self.server.behind) as inner:
-                inner.sendall(head)
-                threading.Thread(target=_copy, args=(outer, inner), daemon=True).start()
+            try:
+                inner = socket.create_connection(self.server.behind)
+            except OSError:
+                outer.sendall(_refusal(HTTPStatus.BAD_GATEWAY))
+                return
+            with inner:
+                if not self.server.headers:
+                    outer.settimeout(None)
+                    inner.sendall(head)
+                    threading.Thread(target=_copy, args=(outer, inner), daemon=True).start()
+                else:
+                    inner.sendall(b"GET %b HTTP/1.1\r\nHost: behind\r\nConnection: close\r\n\r\n" % head.split()[1])
+                    status, _, rest = _head_from(inner).partition(b"\r\n")
+                    outer.sendall(b"%b\r\n%b%b" % (status, self.server.headers.encode(), rest))
                 _copy(inner, outer)
+
+
+def _head_from(source: socket.socket) -> bytes:
+    """Receive a request or an answer up to the end of its headers."""
+    head = b""
+    while b"\r\n\r\n" not in head and len(head) < _MAX_HEADER_BYTES and (piece := source.recv(_PIECE_BYTES)):
+        head += piece
+    return head
+
+
+def _refusal(status: HTTPStatus) -> bytes:
+    return f"HTTP/1.1 {status} {status.phrase}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode()
 
 
 def host_of(head: bytes) -> str:
@@ -176,10 +164,7 @@ class RecordingServer:
 
     def __init__(self, port: int) -> None:
         behind = hidden_address()
-        try:
-            self._front = _Server(port, _Stream, behind)
-        except OSError as error:
-            raise LinkError(f"--port {port}: {error.strerror}; choose another, or 0 for a free one") from error
+        self._front = _Relay("--port", port, behind)
         self.port = self._front.port
         self.uri = f"rerun+http://{LOOPBACK}:{self.port}/proxy"
         self.sink = rr.GrpcServerSink(bind_ip=behind[0], port=behind[1], server_memory_limit=MEMORY_LIMIT)
@@ -199,12 +184,9 @@ class WebPage:
     def __init__(self, port: int, recording: RecordingServer) -> None:
         self._closing = contextlib.ExitStack()
         behind = hidden_address()
-        try:
-            front = _Server(port, _File, behind)
-        except OSError as error:
-            raise LinkError(f"--web-port {port}: {error.strerror}; choose another, or 0 for a free one") from error
+        headers = f"Content-Security-Policy: {policy(recording.port)}\r\nReferrer-Policy: no-referrer\r\n"
+        front = _Relay("--web-port", port, behind, headers)
         self._closing.callback(front.close)
-        front.policy = policy(recording.port)
         self.url = f"http://{LOOPBACK}:{front.port}/?url={quote(recording.uri, safe='')}"
         try:
             self._wait_until_served(self._start(behind, recording.uri), behind)

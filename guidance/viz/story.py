@@ -15,20 +15,12 @@ from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
 from guidance.frames import Vector
 from guidance.game import solve
-from guidance.log import (
-    Aggregator,
-    Cycle,
-    EventEntry,
-    SettingsOf,
-    Survey,
-    cycles_of,
-    events_of,
-    metadata_of,
-    title_of,
-)
+from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, SettingsOf, Survey, metadata_of, scan, title_of
 from guidance.log.entries import EVENT_TOPIC
 from guidance.messages import Home
 from guidance.viz.shapes import Array
+
+Rows = list[tuple[str, str]]
 
 
 class Story(NamedTuple):
@@ -58,10 +50,24 @@ class Story(NamedTuple):
         """Return one field of all cycles, shape (n,) or (n, 3)."""
         return np.array([getattr(cycle, name) for cycle in self.cycles])
 
+    def certificate(self, cycle: int | None) -> Certificate | None:
+        """Return the certificate of a cycle."""
+        return None if cycle is None else self.certificates[cycle]
+
     @property
     def with_target(self) -> bool:
         """True if the evader has a target (TAD)."""
         return self.settings.cycle.target_game_m is not None
+
+    @property
+    def lasted_s(self) -> float:
+        """Duration of the record."""
+        return self.cycles[-1].now_s - self.cycles[0].now_s
+
+    @property
+    def game_lasted_s(self) -> float:
+        """Duration of the game."""
+        return self.reached_s - self.begun_s
 
 
 def story_of(path: Path, settings_of: SettingsOf) -> Story:
@@ -71,37 +77,39 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
         ConfigError: If it cannot be read, or holds no cycle.
     """
     metadata, survey = metadata_of(path), Survey()
-    settings = settings_of(metadata)
-    aggregator, home = Aggregator(settings), None
-    cycles = []
-    for row in cycles_of(path, survey):
-        cycles.append((aggregator.cycle(row), row.state, row.certificate, row.alarm))
-        home = next((one for one in row.inputs.messages if isinstance(one, Home)), home)
+    flight = Aggregator(settings_of, metadata, str(path))
+    settings, events, rows, cycles = flight.settings, list[EventEntry](), list[CycleEntry](), list[Cycle]()
+    for item in scan(path, survey):
+        entry = flight.take(item)
+        if isinstance(entry, EventEntry):
+            events.append(entry)
+        elif entry is not None:
+            rows.append(entry)
+            cycles.append(flight.cycle)
     if not cycles:
         raise ConfigError(f"{path}: contains no guidance cycle, so there is nothing to report")
-    numbers, states, certificates, alarms = zip(*cycles, strict=True)
-    playing = [number for number, one in enumerate(certificates) if one is not None]
-    reached = [number for number in playing if (one := certificates[number]) is not None and one.captured]
+
+    def first_s(wanted: State) -> float:
+        return next((row.now_s for row in rows if row.state == wanted), math.nan)
+
+    certificates = tuple(row.certificate for row in rows)
     return Story(
         title_of(metadata),
         settings,
         survey,
-        tuple(events_of(path)),
-        states,
+        tuple(events),
+        tuple(row.state for row in rows),
         certificates,
-        tuple((cycle.now_s, str(one.violation)) for cycle, one in zip(numbers, alarms, strict=True) if one is not None),
-        home,
-        aggregator.home_m,
-        aggregator.envelope,
-        numbers,
-        playing[0] if playing else None,
-        reached[0] if reached else None,
-        *(_first_s(numbers, states, wanted) for wanted in (State.ENGAGED, State.ON_STATION)),
+        tuple((row.now_s, str(row.alarm.violation)) for row in rows if row.alarm is not None),
+        flight.vehicle.last(Home),
+        flight.home_m,
+        flight.envelope,
+        tuple(cycles),
+        next((number for number, one in enumerate(certificates) if one is not None), None),
+        next((number for number, one in enumerate(certificates) if one is not None and one.captured), None),
+        first_s(State.ENGAGED),
+        first_s(State.ON_STATION),
     )
-
-
-def _first_s(cycles: Sequence[Cycle], states: Sequence[str], wanted: State) -> float:
-    return next((cycle.now_s for cycle, state in zip(cycles, states, strict=True) if state == wanted), math.nan)
 
 
 def opening(story: Story) -> str:
@@ -114,13 +122,12 @@ def _who(story: Story) -> str:
     started, home = story.survey.metadata.get("started_utc", ""), story.home
     when = f"on {started[:10]} at {started[11:16]} UTC" if started else "in virtual time"
     where = "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
-    lasted_s = story.cycles[-1].now_s - story.cycles[0].now_s
-    return f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {lasted_s:.0f} s."
+    return f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {story.lasted_s:.0f} s."
 
 
 def _promise(story: Story) -> Sequence[str]:
     """Say what the vehicle promised at engagement."""
-    engaged = _at(story, story.engaged)
+    engaged = story.certificate(story.engaged)
     if engaged is None:
         return ()
     if engaged.no_game:
@@ -139,12 +146,12 @@ def _promise(story: Story) -> Sequence[str]:
 def _happened(story: Story) -> str:
     """Say how the game and the flight ended."""
     ended = f"the flight ended {story.states[-1]}"
-    engaged = _at(story, story.engaged)
+    engaged = story.certificate(story.engaged)
     if engaged is None:
         return f"No game was played; {ended}."
     if story.captured is None:
         return f"It did not reach that place; {ended}."
-    lasted_s = story.reached_s - story.begun_s
+    lasted_s = story.game_lasted_s
     share = f" ({lasted_s / engaged.time_needed_s:.2f} of the promise)" if engaged.time_needed_s > 0.0 else ""
     kept = f", with the evader {_flown(story):.1f} m from the target" if story.with_target else ""
     return f"It was there after {lasted_s:.1f} s{share}{kept}; {ended}."
@@ -164,16 +171,12 @@ def _limited(story: Story) -> str:
     return f"{limits}{reached} {f'Alarms: {broken}.' if broken else 'There was no alarm.'}"
 
 
-def _at(story: Story, cycle: int | None) -> Certificate | None:
-    return None if cycle is None else story.certificates[cycle]
-
-
-def summary(story: Story) -> list[tuple[str, str]]:
+def summary(story: Story) -> Rows:
     """Return the rows of the summary table."""
     return [*_game(story), *_flight(story), *_quality(story), *_record(story)]
 
 
-def _game(story: Story) -> list[tuple[str, str]]:
+def _game(story: Story) -> Rows:
     cycle = story.settings.cycle
     unit = "m from T" if story.with_target else "s"
     rows = [
@@ -182,19 +185,20 @@ def _game(story: Story) -> list[tuple[str, str]]:
         ("autopilot", story.settings.autopilot.name),
         ("stand-off", f"{cycle.standoff.radius_m:g} m around, {cycle.standoff.height_m:g} m above the evader's plane"),
     ]
-    engaged = _at(story, story.engaged)
+    engaged = story.certificate(story.engaged)
     if engaged is None:
         return [*rows, ("outcome", f"no game was played; ended {story.states[-1]}")]
     predicted = _predicted(story, engaged)
-    rows.append(("value predicted at engagement", f"{predicted:.2f} {unit}"))
-    rows.append(("time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"))
-    rows.append(("speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"))
+    rows += [
+        ("value predicted at engagement", f"{predicted:.2f} {unit}"),
+        ("time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"),
+        ("speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"),
+    ]
     if story.with_target:
         rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
     if story.captured is None:
         return [*rows, ("outcome", f"not captured; ended {story.states[-1]}")]
-    flown = _flown(story)
-    lasted_s = story.reached_s - story.begun_s
+    flown, lasted_s = _flown(story), story.game_lasted_s
     return [
         *rows,
         ("outcome", f"captured; ended {story.states[-1]}"),
@@ -221,29 +225,28 @@ def _predicted(story: Story, engaged: Certificate) -> float:
 
 
 def _flown(story: Story) -> float:
-    captured = _at(story, story.captured)
+    captured = story.certificate(story.captured)
     if captured is None:
         return math.nan
     target = story.settings.cycle.target_game_m
     if target is not None:
         return story.settings.cycle.target_extent.distance_m(target, captured.evader_game_m)
-    return story.reached_s - story.begun_s
+    return story.game_lasted_s
 
 
-def _flight(story: Story) -> list[tuple[str, str]]:
+def _flight(story: Story) -> Rows:
     speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
     heights = story.column("pursuer_m")[:, 2]
-    game_states = {str(State.ENGAGED), str(State.PAUSED), str(State.ON_STATION)}
-    playing = np.array([state in game_states for state in story.states])
+    playing = np.isin(story.states, [State.ENGAGED, State.PAUSED, State.ON_STATION])
     return [
-        ("record lasts", f"{story.cycles[-1].now_s - story.cycles[0].now_s:.1f} s, {len(story.cycles)} cycles"),
+        ("record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"),
         ("setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"),
         ("highest speed", f"{_largest(speeds):.2f} m/s"),
         ("lowest height during the game", f"{-_largest(-heights[playing]):.2f} m above the evader's plane"),
     ]
 
 
-def _quality(story: Story) -> list[tuple[str, str]]:
+def _quality(story: Story) -> Rows:
     return [
         ("guarantee alarms", f"{len(story.alarms)}"),
         ("age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))),
@@ -253,7 +256,7 @@ def _quality(story: Story) -> list[tuple[str, str]]:
     ]
 
 
-def _record(story: Story) -> list[tuple[str, str]]:
+def _record(story: Story) -> Rows:
     survey = story.survey
     made = [f"{name} {text}" for name, text in survey.metadata.items() if name not in {"scenario", "config", "seed"}]
     torn = "whole" if survey.torn is None else f"torn ({survey.torn})"

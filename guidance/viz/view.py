@@ -1,23 +1,29 @@
-"""`guidance view`: reads a flight from a source, draws it in Rerun, and serves it on loopback. Needs the extra `viz`.
+"""`guidance view`: draws a flight in Rerun, item by item, and serves it on loopback. Needs the extra `viz`.
 
-view: shows a `RecordFile` or a `guidance.log.broadcast.LiveFlight` at a `Destination`.
+The game is drawn in space, plots beside it, and events below. `view` shows a `RecordFile` or a
+`guidance.log.broadcast.LiveFlight` at a `Destination`.
 """
 
 import contextlib
+import math
 import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
+from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, writing
-from guidance.log import Item, SettingsOf, metadata_of, scan, title_of
+from guidance.game import Winner
+from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, metadata_of, scan, title_of
 from guidance.log.reader import Idle
-from guidance.viz.painter import Painter, layout
 from guidance.viz.serving import RecordingServer, WebPage
+from guidance.viz.shapes import Array, circle, fence_edges, isochron_at, target_edge
 
 if TYPE_CHECKING:
     from guidance.log.broadcast import LiveFlight
@@ -26,6 +32,250 @@ APPLICATION: Final = "guidance"
 REDRAWN_EVERY_S: Final = 0.1
 NICE: Final = 10
 """Niceness of a live viewer, so that the flight's loop has priority."""
+
+PURSUER: Final = "game/pursuer"
+EVADER: Final = "game/evader"
+DISC: Final = "game/stand_off_disc"
+ISOCHRON: Final = "game/isochron"
+MEETING: Final = "game/meeting_point"
+FENCE: Final = "game/fence"
+TARGET: Final = "game/target"
+GUARANTEE: Final = "plots/guarantee"
+STATE: Final = "state"
+EVENTS: Final = "events"
+
+COLUMN: Final[Mapping[str, str]] = {PURSUER: "pursuer_m", EVADER: "evader_m"}
+"""Column of a cycle with the entity's position."""
+
+TIMELINE: Final = "flight"
+
+Colour = tuple[int, int, int]
+
+COLOURS: Final[Mapping[str, Colour]] = {
+    PURSUER: (214, 69, 58),
+    EVADER: (66, 140, 214),
+    DISC: (76, 175, 80),
+    ISOCHRON: (190, 190, 190),
+    MEETING: (250, 214, 60),
+    FENCE: (240, 150, 40),
+}
+
+
+class Curve(NamedTuple):
+    """A number of every cycle; NaN is not drawn."""
+
+    path: str
+    label: str
+    colour: Colour
+    of: Callable[[Cycle], float]
+
+
+_RED, _BLUE, _GREY = COLOURS[PURSUER], COLOURS[EVADER], (150, 150, 150)
+
+PLOTS: Final[Mapping[str, str]] = {
+    "plots/range": "Range to the stand-off disc, m",
+    "plots/to_go": "Value to go, s",
+    GUARANTEE: "",  # its unit depends on the game
+    "plots/speed": "Speed, m/s",
+    "plots/age": "Age of what is known, and the loop, ms",
+}
+"""Path -> title."""
+
+CURVES: Final = (
+    Curve("plots/range/ground_m", "to the rim, over ground", _RED, lambda cycle: cycle.gap_m),
+    Curve("plots/range/height_m", "above the disc", _BLUE, lambda cycle: cycle.height_gap_m),
+    Curve("plots/to_go/value_s", "the game's pursuer", _RED, lambda cycle: cycle.meeting_time_s),
+    Curve("plots/to_go/needed_s", "this vehicle", _GREY, lambda cycle: cycle.time_needed_s),
+    Curve("plots/speed/flown_m_s", "flown", _GREY, lambda cycle: math.hypot(*cycle.flown_ned_m_s)),
+    Curve("plots/speed/commanded_m_s", "commanded", _RED, lambda cycle: math.hypot(*cycle.commanded_ned_m_s)),
+    Curve("plots/speed/wanted_m_s", "wanted by the game", _BLUE, lambda cycle: math.hypot(*cycle.desired_ned_m_s)),
+    Curve("plots/age/vehicle_ms", "vehicle's position", _RED, lambda cycle: 1e3 * cycle.telemetry_age_s),
+    Curve("plots/age/evader_ms", "evader's last report", _BLUE, lambda cycle: 1e3 * cycle.evader_age_s),
+    Curve("plots/age/late_ms", "cycle began late by", _GREY, lambda cycle: 1e3 * cycle.late_s),
+)
+
+DRAWN_EVERY_S: Final = 0.2
+"""Period of drawing the disc, the isochron and the meeting point."""
+
+MOST_AT_ONCE: Final = 250
+"""Largest number of cycles that are sent to the viewer together; sending each one would be slow."""
+
+_POINTS: Final = 73
+_WARNINGS: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
+
+
+def layout(*, with_target: bool) -> rrb.Blueprint:
+    """Return the blueprint; `with_target` selects the guarantee's unit."""
+    until_now = rrb.VisibleTimeRanges(
+        timeline=TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
+    )
+    space = rrb.Spatial3DView(
+        origin="game",
+        name="The game: x east, y north, z up, m",
+        eye_controls=rrb.EyeControls3D(
+            position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
+        ),
+        overrides={f"{name}/track": until_now for name in (PURSUER, EVADER)},
+    )
+    guarantee = "Guarantee L, m from T" if with_target else "Guarantee V + t, s"
+    plots = [rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()]
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(space, rrb.TextLogView(origin=EVENTS, name="Events"), row_shares=[3, 1]),
+            rrb.Vertical(*plots),
+            column_shares=[3, 2],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
+
+
+class Painter:
+    """Draws flights into one Rerun recording.
+
+    Args:
+        recording: The recording; the caller owns its sinks.
+        settings_of: Returns the flight's settings for its metadata.
+        metadata: The flight's metadata.
+        source: Name of the source, for errors.
+    """
+
+    def __init__(
+        self, recording: rr.RecordingStream, settings_of: SettingsOf, metadata: Mapping[str, str], source: str
+    ) -> None:
+        self._to = recording
+        self._flight = Aggregator(settings_of, metadata, source)
+        self._state = ""
+        self._drawn_s = -math.inf
+        self.cycles = 0
+        self._begin()
+        self._draw_static()
+
+    def _begin(self) -> None:
+        """Start a flight."""
+        self._flights = self._flight.flights
+        self._pending: list[tuple[Cycle, float]] = []  # with the guarantee
+        self._tails: dict[str, Array] = {}
+        self._engaged_s: float | None = None
+        self._fenced = False
+
+    def take(self, item: Item) -> None:
+        """Draw one item. Only cycles and events are drawn.
+
+        Raises:
+            ConfigError: If another version wrote it.
+        """
+        entry = self._flight.take(item)
+        if isinstance(entry, EventEntry):
+            if self._flight.flights != self._flights:
+                self.flush()
+                self._begin()
+                for name in (DISC, ISOCHRON, MEETING):
+                    self._log(entry.now_s, name, rr.Clear(recursive=False))
+            text = f"{entry.event}  {entry.detail}".rstrip()
+            level = "WARN" if any(word in text for word in _WARNINGS) else "INFO"
+            self._log(entry.now_s, EVENTS, rr.TextLog(text, level=level))
+        elif entry is not None:
+            self._add(entry)
+            if len(self._pending) >= MOST_AT_ONCE:
+                self.flush()
+
+    def flush(self) -> None:
+        """Send the pending cycles."""
+        pending, self._pending = self._pending, []
+        if not pending:
+            return
+        now_s = np.array([cycle.now_s for cycle, _ in pending])
+        for name, column in COLUMN.items():
+            self._send_track(name, now_s, np.array([getattr(cycle, column) for cycle, _ in pending]))
+        for curve in CURVES:
+            self._send_curve(curve.path, now_s, np.array([curve.of(cycle) for cycle, _ in pending]))
+        self._send_curve(f"{GUARANTEE}/value", now_s, np.array([guarantee for _, guarantee in pending]))
+
+    def _add(self, row: CycleEntry) -> None:
+        certificate, home_m = row.certificate, self._flight.home_m
+        if certificate is not None and self._engaged_s is None:
+            self._engaged_s = row.now_s
+        self.cycles += 1
+        self._pending.append((self._flight.cycle, self._guaranteed(row.now_s, certificate)))
+        if not self._fenced and home_m is not None:
+            self._fenced = True
+            if edges := [lifted(edge, home_m[2]) for edge in fence_edges(self._flight.envelope, home_m)]:
+                self._to.log(FENCE, _lines(edges, FENCE), static=True)
+        if row.state != self._state:
+            self._state = row.state
+            self._log(row.now_s, STATE, rr.TextDocument(row.state))
+        if certificate is not None and row.now_s - self._drawn_s >= DRAWN_EVERY_S:
+            self._drawn_s = row.now_s
+            self._draw_game(row.now_s, certificate)
+
+    def _guaranteed(self, now_s: float, certificate: Certificate | None) -> float:
+        """Return V + t since engagement (PE, s), or L (TAD, m): what a perfect pursuer never loses."""
+        if certificate is None or certificate.winner != Winner.PURSUER:
+            return math.nan
+        with_target = self._flight.settings.cycle.target_game_m is not None
+        return certificate.value + (0.0 if with_target else now_s - (self._engaged_s or 0.0))
+
+    def _draw_static(self) -> None:
+        """Send what never changes: axes, colours, names, the target."""
+        self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for name in COLUMN:
+            points = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
+            self._to.log(name, points, static=True)
+        cycle = self._flight.settings.cycle
+        target_m = cycle.target_game_m
+        label = "V + t since engagement, s" if target_m is None else "L, m from T"
+        for path, name, colour in ((f"{GUARANTEE}/value", label, COLOURS[PURSUER]), *(curve[:3] for curve in CURVES)):
+            self._to.log(path, rr.SeriesLines(names=[name], colors=[colour]), static=True)
+        if target_m is not None:
+            at = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
+            self._to.log(TARGET, at, static=True)
+            if len(edge := target_edge(target_m, cycle.target_extent)):
+                self._to.log(f"{TARGET}/edge", rr.LineStrips3D([lifted(edge, 0.0)]), static=True)
+
+    def _draw_game(self, now_s: float, certificate: Certificate) -> None:
+        cycle, evader = self._flight.settings.cycle, certificate.evader_game_m
+        rim = lifted(circle(evader, cycle.standoff.radius_m, _POINTS), evader[2] + cycle.standoff.height_m)
+        self._log(now_s, DISC, _lines([rim], DISC))
+        if certificate.no_game:
+            return
+        self._log(now_s, ISOCHRON, _lines([lifted(isochron_at(cycle, certificate, _POINTS), 0.0)], ISOCHRON))
+        name = "q*" if cycle.target_game_m is None else "g*"
+        star = rr.Points3D([certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]])
+        self._log(now_s, MEETING, star)
+
+    def _send_track(self, name: str, now_s: Array, positions: Array) -> None:
+        """Send the position at every cycle, and the line from the last position."""
+        known = np.isfinite(positions).all(axis=-1)
+        if not known.any():
+            return
+        run = positions[known]
+        self._send_columns(name, now_s[known], rr.Points3D.columns(positions=run))
+        line = np.concatenate([self._tails.get(name, run[:1]), run])
+        self._tails[name] = run[-1:]
+        self._log(float(now_s[known][-1]), f"{name}/track", _lines([line], name, 1.0))
+
+    def _send_curve(self, name: str, now_s: Array, values: Array) -> None:
+        known = np.isfinite(values)
+        if known.any():
+            self._send_columns(name, now_s[known], rr.Scalars.columns(scalars=values[known]))
+
+    def _send_columns(self, name: str, now_s: Array, columns: Any) -> None:  # noqa: ANN401 - of any of Rerun's types
+        self._to.send_columns(name, indexes=[rr.TimeColumn(TIMELINE, duration=now_s)], columns=columns)
+
+    def _log(self, now_s: float, name: str, what: rr.AsComponents) -> None:
+        self._to.set_time(TIMELINE, duration=now_s)
+        self._to.log(name, what)
+
+
+def _lines(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3D:
+    return rr.LineStrips3D(curves, colors=[COLOURS[name]], radii=rr.Radius.ui_points(width))
+
+
+def lifted(curve: Array, height_m: float) -> Array:
+    """Lift a curve (n, 2) to a height: (n, 3)."""
+    return np.column_stack([curve, np.full(len(curve), height_m)])
 
 
 class Destination(NamedTuple):

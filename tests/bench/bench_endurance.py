@@ -54,8 +54,7 @@ from guidance.session.loop import EvaderPlayer, run
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock
-from guidance.viz.panel.bus import BroadcastItem, News
-from guidance.viz.panel.hub import Hub
+from guidance.viz.panel.hub import Hub, News
 from sitl_mock import MockVehicle
 from sitl_mock.faults import Faulted, FaultScript
 
@@ -129,7 +128,7 @@ class Page:
 
     def __init__(self, name: str, clock: VirtualClock, metadata: dict[str, str]) -> None:
         self._name, self._clock = name, clock
-        self._waiting: list[News] = [FoundFlight(name, metadata, None)]
+        self._waiting: list[News] = [News(name, clock.now_s(), FoundFlight(name, metadata, None))]
         self._hub = Hub([self], recorded_settings, clock)
         self._cycles = self.messages = self.sent_mb = 0
 
@@ -155,7 +154,7 @@ class Page:
         self.sent_mb += len(self._hub.message(whole=whole)) / 1e6
 
     def _add(self, topic: str, now_s: float, data: bytes) -> None:
-        self._waiting.append(BroadcastItem(self._name, self._clock.now_s(), Item(now_s, topic, "json", data)))
+        self._waiting.append(News(self._name, self._clock.now_s(), Item(now_s, topic, "json", data)))
 
 
 class Person:

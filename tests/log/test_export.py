@@ -271,9 +271,9 @@ def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     assert drawn == {(round(latitude, 9), round(longitude, 9)) for latitude, longitude in corners_deg}
     assert fence.places[0] == fence.places[-1]
     assert sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(fence.places)) > 0.0  # anticlockwise
-    aggregator = Aggregator(settings)
-    for row in itertools.islice(cycles_of(flight[1]), 400):
-        aggregator.cycle(row)
+    aggregator = Aggregator(lambda _: settings, {}, "test")
+    for item in itertools.islice(scan(flight[1]), 10_000):
+        aggregator.take(item)
     (edge,) = fence_edges(replace(aggregator.envelope, fence_radius_m=None), (0.0, 0.0, 0.0))
     drawn_ne_m = {(round(north, 3) + 0.0, round(east, 3) + 0.0) for east, north in edge}
     assert drawn_ne_m == set(SQUARE_NE_M)

@@ -12,8 +12,7 @@ from guidance.config import config_folder
 from guidance.session.result import outcome_of_flight
 from guidance.sim.maths import play
 from guidance.sim.scenario_file import FOLDER, load_any, load_scenario
-from guidance.sim.team_maths import play_teams, summary_of
-from guidance.sim.teams import TeamScenario
+from guidance.sim.teams import TeamScenario, play_teams, summary_of
 from tests.harness.flights import flown
 from tests.harness.silences import silences
 

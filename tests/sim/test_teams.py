@@ -13,8 +13,7 @@ from guidance.errors import ConfigError, OutputError
 from guidance.game import Ball, Game, solve
 from guidance.game.team import match_teams
 from guidance.sim.scenario_file import load_any, load_scenario
-from guidance.sim.team_maths import opening_of, play_teams, summary_of
-from guidance.sim.teams import TeamScenario, teams_of
+from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of, teams_of
 from guidance.viz.pictures import draw_teams, region
 
 TAD = {

@@ -19,9 +19,8 @@ from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.sweeps import rows as chunks
 from guidance.sweeps import running
 from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_whole
-from guidance.sweeps.progress import shown
 from guidance.sweeps.rows import chunk_size
-from guidance.sweeps.running import SERIAL, Interrupted, ThisProcess, Workers, begun, finish, planned, workers_of
+from guidance.sweeps.running import SERIAL, Interrupted, Shown, ThisProcess, Workers, begun, finish, planned, workers_of
 
 COMMAND = [sys.executable, "-c", "from guidance.cli import main; main()", "sweep"]
 
@@ -352,10 +351,10 @@ def test_progress_says_the_time_left_before_the_first_chunk_and_after(plan_from,
     monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     monkeypatch.setenv("TERM", "dumb")
     work = begun(plan_from(), tmp_path / "out", 12)
-    with shown(work, "games", 60.0) as progress:
-        for second, rows in ((5, 0), (15, 0), (25, 12), (35, 12)):
-            now_s[0] = float(second)
-            progress(rows)
+    progress = Shown(work, "games", 60.0)
+    for second, rows in ((5, 0), (15, 0), (25, 12), (35, 12)):
+        now_s[0] = float(second)
+        progress(rows)
     assert capsys.readouterr().err.splitlines() == [
         "0 of 24 games, about 0:00:45 left",
         "12 of 24 games, 0.48 games/s, 0:00:25 left",

@@ -8,7 +8,7 @@ from pyarrow import parquet
 
 from guidance.errors import ConfigError
 from guidance.sim.scenario_file import load_any
-from guidance.sim.team_maths import play_teams, summary_of
+from guidance.sim.teams import play_teams, summary_of
 from guidance.sweeps.compare import compare_sweeps
 from guidance.sweeps.folder import read_folder
 from guidance.sweeps.plan import laid_out, load_sweep

@@ -6,7 +6,7 @@ from guidance.errors import OutputError
 from guidance.flight import State
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.sweeps.drawing import _figure
-from guidance.viz.figures import MOST_POINTS, draw_fence, figure_of, save, space_and_plan, thinned
+from guidance.viz.figures import MOST_POINTS, draw_fence, figure_of, save, thinned
 from guidance.viz.pictures import draw, draw_scenario
 from guidance.viz.shapes import circle
 from tests.harness.flights import NEAR
@@ -67,8 +67,7 @@ def test_a_long_curve_keeps_both_ends():
 
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_a_fence_is_drawn_where_it_is_in_view_and_never_widens_it(dimensions):
-    _, space, plan = space_and_plan()
-    axes = plan if dimensions == 2 else space
+    axes = figure_of(4.0, 4.0).add_subplot(projection="3d" if dimensions == 3 else None)
     axes.set(xlim=(-5.0, 10.0), ylim=(-5.0, 10.0))
     before = axes.get_xlim(), axes.get_ylim()
     draw_fence(axes, [FAR], 0.0, dimensions)
@@ -79,7 +78,7 @@ def test_a_fence_is_drawn_where_it_is_in_view_and_never_widens_it(dimensions):
 
 
 def test_the_whole_fence_is_shown_where_that_is_asked_for():
-    _, _, plan = space_and_plan()
+    plan = figure_of(4.0, 4.0).add_subplot()
     plan.plot([0.0, 1.0], [0.0, 1.0])
     draw_fence(plan, [FAR], 0.0, 2, whole=True)
     assert plan.get_xlim()[0] < -299.0

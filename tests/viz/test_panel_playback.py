@@ -13,12 +13,12 @@ from aiohttp.test_utils import TestClient, TestServer
 from guidance.clock import MonotonicClock
 from guidance.errors import OutputError
 from guidance.log import cycles_of
+from guidance.log.reader import Item
 from guidance.session.control_bus import free_endpoint
 from guidance.session.flight_files import RECORD, recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_mock
 from guidance.viz.panel import playback, records
-from guidance.viz.panel.bus import BroadcastItem, DaemonBus
-from guidance.viz.panel.hub import Hub
+from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder
 from guidance.viz.panel.snapshot import HISTORY
 from guidance.viz.subprocesses import options_of
@@ -134,7 +134,7 @@ def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path)
     heard = SimpleNamespace(cycles=0)
 
     def look(_):
-        heard.cycles += sum(isinstance(news, BroadcastItem) for news in list(bus._news))
+        heard.cycles += sum(isinstance(news.what, Item) for news in list(bus._news))
         hub.receive()
         hub.message()
         if not heard.cycles:

@@ -20,8 +20,7 @@ from guidance.log.reader import Item
 from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
-from guidance.viz.panel.bus import BroadcastItem, StatusAnswer
-from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub
+from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub, News
 from guidance.viz.panel.snapshot import HISTORY, Level, SnapshotFold, history_row, of_age, of_share, reach_of
 from guidance.viz.shapes import isochron_at
 
@@ -42,6 +41,11 @@ def beside(curve, place):
     begun, along = curve[:-1], np.diff(curve, axis=0)
     share = np.clip(((place - begun) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
     return np.linalg.norm(begun + share[:, None] * along - place, axis=1).min()
+
+
+def found(name, metadata, last_cycle):
+    """Return the news of a daemon's flight."""
+    return News(name, 100.0, FoundFlight(name, metadata, last_cycle))
 
 
 class StubBus:
@@ -81,7 +85,7 @@ def told(record):
     def read(*, whole=False):
         return json.loads(hub.message(whole=whole))
 
-    tell(FoundFlight("uav1", metadata_of(record), None))
+    tell(found("uav1", metadata_of(record), None))
     return SimpleNamespace(hub=hub, bus=bus, clock=clock, tell=tell, read=read)
 
 
@@ -201,7 +205,7 @@ def test_the_vehicles_own_data_are_shown_with_their_levels(record):
 
 def test_a_new_page_gets_everything_and_then_only_changes(told, record):
     items = [item for item in scan(record) if item.topic in {CYCLE_TOPIC, EVENT_TOPIC}]
-    told.tell(*(BroadcastItem("uav1", 100.0, item) for item in items), StatusAnswer("uav1", 100.0, {"state": "landed"}))
+    told.tell(*(News("uav1", 100.0, item) for item in items), News("uav1", 100.0, {"state": "landed"}))
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["snapshot"]["state"] == "landed"
     assert everything["status"] == {"state": "landed"}
@@ -213,14 +217,14 @@ def test_a_new_page_gets_everything_and_then_only_changes(told, record):
     (again,) = told.read()["daemons"]
     assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact", "over"}
     # A daemon that starts or restarts while pages are open is sent in full.
-    told.tell(FoundFlight("uav1", metadata_of(record), items[-1]), FoundFlight("uav2", metadata_of(record), items[-1]))
+    told.tell(found("uav1", metadata_of(record), items[-1]), found("uav2", metadata_of(record), items[-1]))
     for one in told.read()["daemons"]:
         assert one["history"] == {"columns": {name: list(path) for name, path in HISTORY.items()}, "rows": []}
 
 
 def test_events_before_a_page_opened_are_sent_once(told):
     event = {"now_s": 2.0, "event": "checks passed", "detail": "checking -> ready"}
-    told.tell(BroadcastItem("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.tell(News("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
     told.hub.mark_sent()  # no page is open
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["events"] == [event]
@@ -240,9 +244,9 @@ def test_the_end_of_a_flight_is_shown_until_the_next_flight(told, record):
         (BEGUN, "", None),
     ):
         data = {"now_s": 2.0, "event": event, "detail": detail}
-        told.tell(BroadcastItem("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(data).encode())))
+        told.tell(News("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(data).encode())))
         assert told.read()["daemons"][0]["over"] == over
-    told.tell(FoundFlight("uav1", metadata_of(record), None))
+    told.tell(found("uav1", metadata_of(record), None))
     assert told.read()["daemons"][0]["over"] is None
 
 
@@ -251,30 +255,30 @@ def test_the_history_is_limited_to_five_minutes(told, record):
     row = json.loads(last.data)
     for number in range(3000):
         data = json.dumps({**row, "now_s": row["now_s"] + 0.25 * number}).encode()
-        told.tell(BroadcastItem("uav1", 100.0, Item(0.0, CYCLE_TOPIC, "json", data)))
+        told.tell(News("uav1", 100.0, Item(0.0, CYCLE_TOPIC, "json", data)))
     rows = told.read(whole=True)["daemons"][0]["history"]["rows"]
     assert len(rows) <= HISTORY_S / 0.25
     assert rows[-1][0] - rows[0][0] <= HISTORY_S
     # A restarted daemon has a new clock, so the old history is dropped.
-    told.tell(BroadcastItem("uav1", 100.0, last))
+    told.tell(News("uav1", 100.0, last))
     assert len(told.read(whole=True)["daemons"][0]["history"]["rows"]) == 1
 
 
 def test_a_silent_daemon_is_shown_as_lost(told, record):
     (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
-    told.tell(BroadcastItem("uav1", 100.0, last))
+    told.tell(News("uav1", 100.0, last))
     for after_s, contact in ((0.5, "ok"), (1.5, "caution"), (2.5, "warning")):
         told.clock.sleep_until(100.0 + after_s)
-        told.tell(StatusAnswer("uav1", 100.0 + after_s, {"state": "ready"}))  # the loop hangs, the bus answers
+        told.tell(News("uav1", 100.0 + after_s, {"state": "ready"}))  # the loop hangs, the bus answers
         assert told.read()["daemons"][0]["contact"] == contact
 
 
 def test_unreadable_messages_are_ignored_and_daemons_are_bounded(told):
     for data in (b"", b"{", b"[]", b'{"now_s": 1}', b'{"now_s": "x", "event": 3}'):
         for topic in (CYCLE_TOPIC, EVENT_TOPIC):
-            told.tell(BroadcastItem("uav1", 100.0, Item(0.0, topic, "json", data)))
-    told.tell(FoundFlight("odd", {"config": "no JSON"}, None), StatusAnswer("odd", 100.0, {"state": "waiting"}))
-    told.tell(*(StatusAnswer(f"uav{number}", 100.0, {}) for number in range(2 * MAX_DAEMONS)))
+            told.tell(News("uav1", 100.0, Item(0.0, topic, "json", data)))
+    told.tell(found("odd", {"config": "no JSON"}, None), News("odd", 100.0, {"state": "waiting"}))
+    told.tell(*(News(f"uav{number}", 100.0, {}) for number in range(2 * MAX_DAEMONS)))
     daemons = told.read(whole=True)["daemons"]
     assert len(daemons) == MAX_DAEMONS
     assert daemons[0].keys() >= {"scene", "status"}
@@ -286,7 +290,7 @@ def test_a_reloaded_configuration_changes_the_scene(told):
     document = load_vehicle(find("px4", "vehicles")).model_dump(mode="json")
     document["limits"]["ceiling_m"] = 44.0
     event = {"now_s": 2.0, "event": RELOADED, "detail": json.dumps(document)}
-    told.tell(BroadcastItem("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.tell(News("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
     (daemon,) = told.read(whole=True)["daemons"]
     assert daemon["scene"]["ceiling_m"] == 44.0
     assert daemon["events"] == [{"now_s": 2.0, "event": RELOADED, "detail": ""}]
@@ -298,10 +302,10 @@ def test_signs_of_life_go_to_the_watched_daemon_and_their_age_is_shown(told):
     told.hub.note_operator("uav9@nowhere")
     assert told.bus.vouched == ["uav1"]
     for silence_s, level in ((0.2, "ok"), (6.0, "caution"), (11.0, "warning")):
-        told.tell(StatusAnswer("uav1", 100.0, {"operator_silence_s": silence_s, "operator_timeout_s": 10.0}))
+        told.tell(News("uav1", 100.0, {"operator_silence_s": silence_s, "operator_timeout_s": 10.0}))
         seen = told.read()["daemons"][0]["operator"]
         assert seen == {"level": level, "silence_s": silence_s, "limit_s": 10.0}
-    told.tell(StatusAnswer("uav1", 100.0, {"operator_silence_s": 0.2, "operator_timeout_s": None}))
+    told.tell(News("uav1", 100.0, {"operator_silence_s": 0.2, "operator_timeout_s": None}))
     assert told.read()["daemons"][0]["operator"] is None
 
 

@@ -23,9 +23,8 @@ from guidance.log import Item, cycles_of, events_of, metadata_of, scan, survey_o
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import Config
-from guidance.viz.painter import CURVES, DRAWN_EVERY_S, Painter
 from guidance.viz.shapes import isochron_at
-from guidance.viz.view import Destination, RecordFile, view
+from guidance.viz.view import CURVES, DRAWN_EVERY_S, Destination, Painter, RecordFile, view
 
 
 class Seeing:
@@ -231,5 +230,5 @@ def test_what_cannot_be_shown_is_refused_by_name(record, words, what):
 
 
 def test_looking_at_a_flight_imports_no_matplotlib():
-    program = "import sys, guidance.viz.painter; sys.exit('matplotlib' in sys.modules)"
+    program = "import sys, guidance.viz.view; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

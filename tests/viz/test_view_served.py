@@ -21,7 +21,7 @@ from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
 from guidance.log.entries import CYCLE
 from guidance.log.reader import Item
 from guidance.session.control_bus import free_endpoint, host_session, join_session
-from guidance.viz.serving import RecordingServer, _File, _Server, hidden_address
+from guidance.viz.serving import RecordingServer, _Relay, hidden_address
 from guidance.viz.subprocesses import ViewerBeside, command
 
 FREE = ("--port", "0", "--web-port", "0")
@@ -229,7 +229,7 @@ STRANGE = ["evil.example", "evil.example:{port}", "127.0.0.1:1", "", "127.0.0.1"
 @pytest.mark.parametrize("host", STRANGE)
 def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
     """DNS rebinding: a stranger's page whose name leads to loopback reads nothing from here."""
-    front = _Server(0, _File, hidden_address())
+    front = _Relay("--web-port", 0, hidden_address(), "Referrer-Policy: no-referrer\r\n")
     try:
         port = front.port
         assert status_for(port, host.format(port=port)) == http.HTTPStatus.MISDIRECTED_REQUEST

@@ -301,8 +301,7 @@ class Listener:
         self._server = server
         self._tls = tls
         self._limit = ConnectionLimit(clock, max_connections=MAX_CONNECTIONS, deadline_s=LOGIN_DEADLINE_S)
-        self._connecting: dict[web.RequestHandler, asyncio.Task[None]] = {}
-        self._known: set[web.RequestHandler] = set()
+        self._tasks: dict[web.RequestHandler, asyncio.Task[None]] = {}  # each ends when its handler is connected
 
     async def run(self, listening: socket.socket) -> None:
         """Accept connections until cancelled."""
@@ -324,19 +323,17 @@ class Listener:
     def close_late(self) -> None:
         """Close the connections that missed the deadline, and forget those that ended."""
         self._limit.close_late()
-        for handler in self._known - self._connecting.keys() - set(self._server.connections):
-            self._known.discard(handler)
+        connected = set(self._server.connections)
+        for handler in [one for one, task in self._tasks.items() if task.done() and one not in connected]:
+            del self._tasks[handler]
             self._limit.remove(handler)
 
     def _add(self, accepted: socket.socket) -> None:
         handler = self._server()
-        if not self._limit.add(handler, lambda: self._close(handler)):
+        if self._limit.add(handler, lambda: self._close(handler)):
+            self._tasks[handler] = asyncio.create_task(self._connect(handler, accepted))
+        else:
             accepted.close()
-            return
-        self._known.add(handler)
-        task = asyncio.create_task(self._connect(handler, accepted))
-        self._connecting[handler] = task
-        task.add_done_callback(lambda _: self._connecting.pop(handler, None))
 
     async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
         loop = asyncio.get_running_loop()
@@ -347,7 +344,5 @@ class Listener:
             accepted.close()
 
     def _close(self, handler: web.RequestHandler) -> None:
-        task = self._connecting.get(handler)
-        if task is not None:
-            task.cancel()
+        self._tasks[handler].cancel()
         handler.force_close()

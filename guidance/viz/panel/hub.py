@@ -1,21 +1,30 @@
-"""Collects the data of all daemons and encodes it once for all pages.
+"""Finds the daemons of control endpoints, collects their data, and encodes it once for all pages.
 
-Ten times a second the changes become one message. A new page gets a snapshot of everything first.
+A thread for each endpoint queries the status of its daemons. A daemon may restart with another token, so the thread
+reconnects when no daemon answers. Received data waits in a bounded queue for the thread of the web server. Ten times a
+second the changes become one message. A new page gets a snapshot of everything first.
 """
 
 import contextlib
 import json
 import math
+import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import zenoh
 
 from guidance.clock import Clock
-from guidance.errors import ConfigError, LinkError
+from guidance.errors import ConfigError, GuidanceError, LinkError
+from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_wire import is_over
 from guidance.log import CycleEntry, EventEntry, Item, SettingsOf
-from guidance.log.broadcast import FoundFlight
+from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER
-from guidance.viz.panel.bus import DaemonBus, StatusAnswer
+from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session
+from guidance.session.control_socket import ALIVE, STATUS
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold, event_row, history_row, of_age, of_operator
 
 HISTORY_S: Final = 300.0
@@ -28,6 +37,156 @@ NO_CONTACT_S: Final = 2.0
 Plain = dict[str, Any]
 _BAD_DATA: Final = (ConfigError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError)
 
+MAX_QUEUED_NEWS: Final = 1024
+"""Cycles and events not yet read: 20 s of one daemon."""
+
+STATUS_INTERVAL_S: Final = 0.5
+"""Interval of status queries. Daemons check their readiness as often."""
+
+LOCAL_JOIN_LIMIT_S: Final = 1.5
+"""Time limit to connect on this computer. An attempt cannot be cancelled, and closing the panel waits for it."""
+
+ANSWER_LIMIT_S: Final = 1.5
+ORDER_LIMIT_S: Final = 4.0
+OPERATOR_LIMIT_S: Final = 2.0
+"""An operator counts as present so long after a sign of life; pages send one every second."""
+
+MAX_UNANSWERED: Final = 3
+"""Consecutive status queries without an answer; then the client reconnects."""
+
+
+class News(NamedTuple):
+    """A flight, a status, a cycle or an event of a daemon, and the time of its arrival (panel's clock)."""
+
+    name: str
+    at_s: float
+    what: FoundFlight | Mapping[str, Any] | Item
+
+
+class DaemonBus:
+    """Client of one control endpoint, with any number of daemons.
+
+    Args:
+        endpoint: Zenoh endpoint of the daemons or of a router.
+        token_file: File of the daemons' token; None searches the usual places.
+        clock: Time of arrivals.
+        credentials: Credentials for a router.
+    """
+
+    def __init__(
+        self, endpoint: str, token_file: Path | None, clock: Clock, credentials: Credentials = NO_CREDENTIALS
+    ) -> None:
+        self.endpoint = endpoint
+        self.reason = "looking for a daemon"
+        self._token_file = token_file
+        self._clock = clock
+        self._credentials = credentials
+        self._news: deque[News] = deque(maxlen=MAX_QUEUED_NEWS)
+        self._session: zenoh.Session | None = None
+        self._known: set[str] = set()
+        self._unanswered = 0
+        self._operator_seen_s: dict[str, float] = {}
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"bus {endpoint}")
+        self._thread.start()
+
+    def news(self) -> Sequence[News]:
+        """Return the news since the last call, oldest first."""
+        taken = []
+        with contextlib.suppress(IndexError):
+            while True:
+                taken.append(self._news.popleft())
+        return taken
+
+    def order(self, name: str, order: str, by: str) -> Mapping[str, Any]:
+        """Send an order and return the daemon's answer. Blocks until it arrives.
+
+        Raises:
+            LinkError: If no answer arrives in time.
+        """
+        session = self._session
+        if session is None:
+            raise LinkError(f"no daemon at {self.endpoint}: {self.reason}")
+        try:
+            answered = answers(session, control_key(name, order), ORDER_LIMIT_S, by)
+        except (zenoh.ZError, ValueError) as error:
+            raise LinkError(f"{name} at {self.endpoint}: the order was not sent ({error})") from error
+        if not answered:
+            raise LinkError(
+                f"{name} at {self.endpoint}: no answer within {ORDER_LIMIT_S:g} s; repeat it, or take over by radio"
+            )
+        return answered[0]
+
+    def note_operator(self, name: str) -> None:
+        """Send signs of life to a daemon for the next `OPERATOR_LIMIT_S`: an operator is watching it."""
+        self._operator_seen_s[name] = self._clock.now_s()
+
+    def close(self) -> None:
+        """Disconnect. May be called twice."""
+        self._ended.set()
+        self._disconnect()  # ends a pending query
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not is_over(self._ended, STATUS_INTERVAL_S):
+            try:
+                self._poll()
+            except (GuidanceError, zenoh.ZError, OSError, ValueError, KeyError, TypeError) as error:
+                self.reason = str(error)
+                self._disconnect()
+        self._disconnect()
+
+    def _poll(self) -> None:
+        """Connect if necessary, then query the status of all daemons."""
+        session = self._session
+        if session is None:
+            limit_s = LOCAL_JOIN_LIMIT_S if self._credentials.tls is None else JOIN_LIMIT_S
+            session = join_session(self.endpoint, self._token_file, self._credentials, timeout_s=limit_s)
+            self._session, self._unanswered = session, 0
+            if self._ended.is_set():
+                return
+            session.declare_subscriber(broadcast_key("*", "*"), self._queue)
+        self._send_sign_of_life(session)
+        statuses = answers(session, control_key("*", STATUS), ANSWER_LIMIT_S)
+        self._unanswered = 0 if statuses else self._unanswered + 1
+        if self._unanswered >= MAX_UNANSWERED:
+            raise LinkError(f"no daemon answers at {self.endpoint}")
+        self.reason = "" if statuses else "no answer"
+        named = [(str(status["name"]), status) for status in statuses if "name" in status]
+        self._known &= {name for name, _ in named}  # one that was away may have restarted
+        for name, status in named:
+            if name not in self._known:
+                self._find(session, name)
+            self._news.append(News(name, self._clock.now_s(), status))
+
+    def _send_sign_of_life(self, session: "zenoh.Session") -> None:
+        """Tell the daemons that an operator is watching."""
+        oldest_s = self._clock.now_s() - OPERATOR_LIMIT_S
+        for name, at_s in list(self._operator_seen_s.items()):
+            if at_s < oldest_s:
+                self._operator_seen_s.pop(name, None)
+            elif name in self._known:
+                answers(session, control_key(name, ALIVE), ANSWER_LIMIT_S)
+
+    def _find(self, session: "zenoh.Session", name: str) -> None:
+        """Query the flight of a daemon."""
+        for found in find_flights(session, name, ANSWER_LIMIT_S):
+            self._news.append(News(found.name, self._clock.now_s(), found))
+            self._known.add(name)
+
+    def _queue(self, sample: "zenoh.Sample") -> None:
+        """Queue a cycle or event. Runs in Zenoh's thread, so it must not block; the reader checks the content."""
+        item, name = item_of(sample), str(sample.key_expr).split("/")[1]
+        if item is not None:
+            self._news.append(News(name, self._clock.now_s(), item))
+
+    def _disconnect(self) -> None:
+        session, self._session = self._session, None
+        self._known.clear()
+        if session is not None:
+            with contextlib.suppress(zenoh.ZError):
+                session.close()  # type: ignore[no-untyped-call]
+
 
 class DaemonView:
     """Data of one daemon, and which of it the pages do not have yet."""
@@ -39,34 +198,37 @@ class DaemonView:
         self._settings_of = settings_of
         self._fold: SnapshotFold | None = None
         self._status: Mapping[str, Any] = {}
-        self._status_new = False
         self._scene_sent = 0
-        self._reset_new = True
-        self._cycle_new = False
+        self._new = {"history"}  # further parts that the pages do not have yet
         self._events_new: list[Plain] = []
         self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
         self._history: deque[Sequence[float | None]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
         self._heard_s = now_s
         self._over: Plain | None = None
 
-    def reset(self, found: FoundFlight) -> None:
+    def take(self, news: News) -> None:
+        """Take the metadata of a flight, a status, a cycle or an event; ignore unreadable ones."""
+        if isinstance(news.what, FoundFlight):
+            self._reset(news.what)
+        elif isinstance(news.what, Item):
+            self._add(news.what, news.at_s)
+        else:
+            self._status = news.what
+            self._new.add("status")
+            if self._fold is None:
+                self._heard_s = news.at_s
+
+    def _reset(self, found: FoundFlight) -> None:
         """Start again with the metadata of a flight."""
-        self._fold, self._scene_sent, self._reset_new = None, 0, True
-        self._over = None
+        self._fold, self._scene_sent, self._over = None, 0, None
+        self._new.add("history")
         self._history.clear()
         with contextlib.suppress(*_BAD_DATA):  # another version: show its status at least
             self._fold = SnapshotFold(self._settings_of, found.metadata, self.key)
             if found.last_cycle is not None:
                 self._fold.take(found.last_cycle)
 
-    def set_status(self, answer: StatusAnswer) -> None:
-        """Store the answer to a status query."""
-        self._status, self._status_new = answer.status, True
-        if self._fold is None:
-            self._heard_s = answer.at_s
-
-    def add(self, item: Item, at_s: float) -> None:
-        """Add a cycle or an event; ignore unreadable ones."""
+    def _add(self, item: Item, at_s: float) -> None:
         if self._fold is None:
             return
         with contextlib.suppress(*_BAD_DATA):
@@ -74,7 +236,8 @@ class DaemonView:
             if isinstance(entry, EventEntry):
                 self._add_event(entry)
             elif isinstance(entry, CycleEntry):
-                self._heard_s, self._cycle_new = at_s, True
+                self._heard_s = at_s
+                self._new.add("snapshot")
                 self._add_history(entry.now_s)
 
     def _add_event(self, event: EventEntry) -> None:
@@ -104,16 +267,13 @@ class DaemonView:
         contact = of_age(silent_s, NO_CONTACT_S)
         message: Plain = {"key": self.key, "name": self.name, "endpoint": self.bus.endpoint}
         message |= {"silent_s": round(silent_s, 1), "contact": str(contact), "over": self._over}
-        if whole or self._status_new:
-            message["status"] = self._status
-            message["operator"] = of_operator(self._status)
-        fold = self._fold
-        if fold is not None:
-            if whole or fold.scenes != self._scene_sent:
-                message["scene"] = fold.scene
-            if whole or self._cycle_new:
-                message["snapshot"] = fold.snapshot()
-        if whole or self._reset_new:
+        if whole or "status" in self._new:
+            message |= {"status": self._status, "operator": of_operator(self._status)}
+        if self._fold is not None and (whole or self._fold.scenes != self._scene_sent):
+            message["scene"] = self._fold.scene
+        if self._fold is not None and (whole or "snapshot" in self._new):
+            message["snapshot"] = self._fold.snapshot()
+        if whole or "history" in self._new:
             message |= {"history": {"columns": HISTORY, "rows": list(self._history)}, "events": list(self._events)}
         elif self._events_new:
             message["events"] = self._events_new
@@ -121,7 +281,7 @@ class DaemonView:
 
     def mark_sent(self) -> None:
         """Mark everything as sent."""
-        self._status_new = self._cycle_new = self._reset_new = False
+        self._new = set()
         self._events_new = []
         self._scene_sent = 0 if self._fold is None else self._fold.scenes
 
@@ -146,14 +306,8 @@ class Hub:
         for bus in self._buses:
             for news in bus.news():
                 view = self._view(news.name, bus)
-                if view is None:
-                    continue
-                if isinstance(news, FoundFlight):
-                    view.reset(news)
-                elif isinstance(news, StatusAnswer):
-                    view.set_status(news)
-                else:
-                    view.add(news.item, news.at_s)
+                if view is not None:
+                    view.take(news)
 
     def _view(self, name: str, bus: DaemonBus) -> DaemonView | None:
         key = f"{name}@{bus.endpoint}"

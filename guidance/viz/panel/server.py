@@ -19,8 +19,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.links.zenoh_access import read_credentials
 from guidance.log import SettingsOf
 from guidance.viz.panel.access import Access, Listener, PasswordThrottle, listen, origin_of, page_file, remote_access
-from guidance.viz.panel.bus import DaemonBus
-from guidance.viz.panel.hub import Hub
+from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder
 from guidance.viz.subprocesses import end_with_parent
 

@@ -8,7 +8,6 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -20,12 +19,9 @@ from guidance.flight.detection import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
 from guidance.flight.table import SETPOINT_STATES, state_words
 from guidance.frames import ned_from_game
 from guidance.game import Winner
-from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, title_of
+from guidance.log import Aggregator, CycleEntry, EventEntry, Item, SettingsOf, title_of
 from guidance.log.codec import plain
-from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
-from guidance.log.reader import CONFIG, entry_of
-from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LandedState, LocalPosition, Message, SystemStatus
-from guidance.vehicle import LANDED_ON_GROUND
+from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.viz.shapes import fence_edges, isochron_at, target_edge
 
 if TYPE_CHECKING:
@@ -66,6 +62,14 @@ _STATES: Final[Mapping[State, Level]] = {
 
 _REACH: Final[Mapping[str, Level]] = {"yes": Level.OK, "uncertain": Level.CAUTION}
 
+_GAME: Final[Mapping[str, str]] = {
+    **{name: name for name in ("value", "time_needed_s", "no_game")},
+    "margin_s": "vehicle_margin_s",
+    "reachable_m_s": "reachable_speed_m_s",
+    "assured_m": "assured_distance_m",
+}
+"""Numbers of the game -> fields of the certificate."""
+
 HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
     "now_s": ("now_s",),
     **{f"pursuer_{axis}": ("pursuer_m", number) for number, axis in enumerate("xyz")},
@@ -88,14 +92,13 @@ def event_row(event: EventEntry) -> Plain:
 
 def history_row(snapshot: Plain) -> list[float | None]:
     """Return a snapshot as a row of the charts."""
-
-    def value_at(path: tuple[str | int, ...]) -> float | None:
+    row = []
+    for path in HISTORY.values():
         part: Any = snapshot
         for step in path:
             part = None if part is None else part[step]
-        return None if part is None else round(part, 2)
-
-    return [value_at(path) for path in HISTORY.values()]
+        row.append(None if part is None else round(part, 2))
+    return row
 
 
 def of_age(age_s: float, limit_s: float, caution_s: float | None = None) -> Level:
@@ -142,41 +145,32 @@ def of_snapshot(snapshot: Plain, settings: FlightSettings) -> dict[str, str]:
 
 
 class SnapshotFold:
-    """Accumulates the data of one flight.
-
-    Args:
-        settings_of: Makes settings from metadata.
-        metadata: Metadata of the flight.
-        source: Name for error messages.
+    """Accumulates the data of one flight; arguments of `Aggregator`.
 
     Attributes:
-        scenes: Version of `scene` (fence, home, target); increases when it changes.
+        scene: Home, fence, target, size of the stand-off disc and kind of game.
+        scenes: Version of `scene`; increases when it changes.
 
     Raises:
         ConfigError: If the metadata has no settings.
     """
 
     def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
-        self._settings_of = settings_of
-        self._settings = settings_of(metadata)
+        self._flight = Aggregator(settings_of, metadata, source)
         self._title = title_of(metadata)
-        self._source = Path(source)
         self.scenes = 0
         self._begin()
 
     def _begin(self) -> None:
-        self._aggregator = Aggregator(self._settings)
-        self._heard: dict[type, Message] = {}
+        self._flights = self._flight.flights
         self._report = ""
-        self._last: tuple[Cycle, CycleEntry] | None = None
+        self._last: CycleEntry | None = None
         self._alarm: tuple[float, Alarm] | None = None
         self._isochron: tuple[float, list[Any]] = (-math.inf, [])
         self._armed_s = self._round_trip_s = math.nan
         self._positions_s: deque[float] = deque()
         self._most_positions = 0
-        self._scene: Plain | None = None
-        self._home_m: Any = None
-        self.scenes += 1
+        self._set_scene()
 
     def take(self, item: Item) -> EventEntry | CycleEntry | None:
         """Add an item and return it decoded; items other than cycles and events are ignored.
@@ -184,32 +178,19 @@ class SnapshotFold:
         Raises:
             ConfigError: If it cannot be decoded.
         """
-        if item.topic == EVENT_TOPIC:
-            return self._event(entry_of(EVENT, item, self._source))
-        if item.topic == CYCLE_TOPIC:
-            row = entry_of(CYCLE, item, self._source)
-            self._add_cycle(row)
-            return row
-        return None
-
-    def _event(self, event: EventEntry) -> EventEntry:
-        if event.event == RELOADED:
-            self._settings = self._settings_of({CONFIG: event.detail})
-            event = event._replace(detail="")
-        if event.event in {BEGUN, RELOADED}:
+        entry = self._flight.take(item)
+        if self._flight.flights != self._flights:
             self._begin()
-        return event
+        if isinstance(entry, CycleEntry):
+            self._add_cycle(entry)
+        return entry
 
     def _add_cycle(self, row: CycleEntry) -> None:
-        cycle = self._aggregator.cycle(row)
-        self._last = cycle, row
+        cycle, self._last = self._flight.cycle, row
         self._round_trip_s = cycle.round_trip_s if math.isfinite(cycle.round_trip_s) else self._round_trip_s
-        for message in row.inputs.messages:
-            self._heard[type(message)] = message
-            if isinstance(message, Heartbeat) and message.armed != math.isfinite(self._armed_s):
-                self._armed_s = row.now_s if message.armed else math.nan
-            elif isinstance(message, LocalPosition):
-                self._positions_s.append(message.received_s)
+        if self._flight.vehicle.armed != math.isfinite(self._armed_s):
+            self._armed_s = row.now_s if self._flight.vehicle.armed else math.nan
+        self._positions_s.extend(one.received_s for one in row.inputs.messages if isinstance(one, LocalPosition))
         while self._positions_s and self._positions_s[0] < row.now_s - LINK_WINDOW_S:
             self._positions_s.popleft()
         self._most_positions = max(self._most_positions, len(self._positions_s))
@@ -217,47 +198,42 @@ class SnapshotFold:
             self._report = report.source
         if row.alarm is not None:
             self._alarm = row.now_s, row.alarm
-        if self._aggregator.home_m != self._home_m:
-            self._home_m = self._aggregator.home_m
-            self._scene = None
-            self.scenes += 1
+        if self._flight.home_m != self._home_m:
+            self._set_scene()
 
-    @property
-    def scene(self) -> Plain:
-        """Home, fence, target, size of the stand-off disc and kind of game."""
-        if self._scene is None:
-            self._scene = self._make_scene()
-        return self._scene
-
-    def _make_scene(self) -> Plain:
-        cycle, home, place = self._settings.cycle, self._aggregator.home_m, self._heard.get(Home)
-        envelope, target = self._aggregator.envelope, cycle.target_game_m
-        return {
+    def _set_scene(self) -> None:
+        settings, envelope, place = self._flight.settings, self._flight.envelope, self._flight.vehicle.last(Home)
+        cycle, home = settings.cycle, self._flight.home_m
+        target, standoff = cycle.target_game_m, cycle.standoff
+        self._home_m = home
+        self.scenes += 1
+        self.scene: Plain = {
             "title": self._title,
-            "unit": "s" if cycle.target_game_m is None else "m",
-            "autopilot": self._settings.autopilot.name,
+            "unit": "s" if target is None else "m",
+            "autopilot": settings.autopilot.name,
             "home_m": rounded(home),
-            "home_deg": [place.latitude_deg, place.longitude_deg] if isinstance(place, Home) else None,
+            "home_deg": None if place is None else [place.latitude_deg, place.longitude_deg],
             "fence_m": [] if home is None else [np.round(one, 1).tolist() for one in fence_edges(envelope, home)],
             "floor_m": envelope.floor_m,
             "ceiling_m": envelope.ceiling_m,
-            "target_m": rounded(cycle.target_game_m),
+            "target_m": rounded(target),
             "target_edge_m": [] if target is None else np.round(target_edge(target, cycle.target_extent), 1).tolist(),
-            "standoff_m": {"radius": cycle.standoff.radius_m, "height": cycle.standoff.height_m},
+            "standoff_m": {"radius": standoff.radius_m, "height": standoff.height_m},
             "evader_timeout_s": cycle.evader_timeout_s,
         }
 
     def snapshot(self) -> Plain | None:
         """Return the last cycle, None before the first; unknown values are null."""
-        if self._last is None:
+        row, cycle = self._last, self._flight.cycle
+        if row is None:
             return None
-        cycle, row = self._last
-        gap_m, height_gap_m = self._gaps_m(cycle, row.certificate)
+        gap_m, height_gap_m = self._gaps_m(row.certificate)
+        airborne = self._flight.vehicle.armed and not self._flight.vehicle.on_ground
         snapshot: Plain = {
-            **self._vehicle(row.now_s),
-            "now_s": round(cycle.now_s, 3),
+            **self._vehicle(),
+            "now_s": round(row.now_s, 3),
             "state": str(row.state),
-            "state_words": state_words(row.state, airborne=self._airborne),
+            "state_words": state_words(row.state, airborne=airborne),
             "streaming": row.setpoint is not None,
             "source": self._report,
             "pursuer_m": rounded(cycle.pursuer_m),
@@ -265,59 +241,48 @@ class SnapshotFold:
             "gap_m": gap_m,
             "height_gap_m": height_gap_m,
             "speed_m_s": {
-                "flown": math.hypot(*cycle.flown_ned_m_s),
-                "commanded": math.hypot(*cycle.commanded_ned_m_s),
-                "desired": math.hypot(*cycle.desired_ned_m_s),
+                name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in ("flown", "commanded", "desired")
             },
             "game": None if row.certificate is None else self._game(row.certificate, row.now_s),
             "alarm": self._recent_alarm(row.now_s),
+            "age_s": {
+                "heartbeat": self._flight.vehicle.age_s(Heartbeat, row.now_s),
+                "position": known_age(cycle.telemetry_age_s),
+                "evader": known_age(cycle.evader_age_s),
+                "late": cycle.late_s,
+                "round_trip": self._round_trip_s,
+            },
         }
-        snapshot["age_s"] |= {
-            "position": known_age(cycle.telemetry_age_s),
-            "evader": known_age(cycle.evader_age_s),
-            "late": cycle.late_s,
-            "round_trip": self._round_trip_s,
-        }
-        snapshot["levels"] = of_snapshot(snapshot, self._settings)
+        snapshot["levels"] = of_snapshot(snapshot, self._flight.settings)
         return dict(plain(snapshot))
 
-    @property
-    def _airborne(self) -> bool:
-        heartbeat, landed = self._heard.get(Heartbeat), self._heard.get(LandedState)
-        on_ground = isinstance(landed, LandedState) and landed.landed_state == LANDED_ON_GROUND
-        return isinstance(heartbeat, Heartbeat) and heartbeat.armed and not on_ground
-
-    def _vehicle(self, now_s: float) -> Plain:
+    def _vehicle(self) -> Plain:
         """Return what the vehicle says of itself."""
-        heard: Mapping[type, Any] = self._heard
-        heartbeat, status, attitude, gps = (heard.get(one) for one in (Heartbeat, SystemStatus, Attitude, GpsFix))
-        autopilot = self._settings.autopilot
+        vehicle, autopilot = self._flight.vehicle, self._flight.settings.autopilot
+        heartbeat, status, gps = vehicle.last(Heartbeat), vehicle.last(SystemStatus), vehicle.last(GpsFix)
         return {
             "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
-            "armed": heartbeat is not None and heartbeat.armed,
-            "flight_s": now_s - self._armed_s,
+            "armed": vehicle.armed,
+            "flight_s": self._flight.cycle.now_s - self._armed_s,
             "battery": math.nan if status is None else status.battery_remaining,
             "voltage_v": math.nan if status is None else status.voltage_v,
             "gps": None if gps is None else {"fix": gps.fix_type, "satellites": gps.satellites},
             "link": len(self._positions_s) / self._most_positions if self._most_positions else math.nan,
-            "yaw_rad": math.nan if attitude is None else round(attitude.yaw_rad, 3),
-            "age_s": {"heartbeat": math.inf if heartbeat is None else now_s - heartbeat.received_s},
+            "yaw_rad": math.nan if vehicle.last(Attitude) is None else round(vehicle.yaw_rad, 3),
         }
 
-    def _gaps_m(self, cycle: Cycle, certificate: Certificate | None) -> tuple[float, float]:
+    def _gaps_m(self, certificate: Certificate | None) -> tuple[float, float]:
         """Distances to the disc, also before and after the game; NaN if a position is unknown."""
         if certificate is not None:
             return certificate.gap_m, certificate.height_gap_m
-        here, evader = ned_from_game(cycle.pursuer_m), ned_from_game(cycle.evader_m)
-        gaps = gaps_to_disc(here, evader, self._settings.cycle.standoff)
+        here, evader = (ned_from_game(place) for place in (self._flight.cycle.pursuer_m, self._flight.cycle.evader_m))
+        gaps = gaps_to_disc(here, evader, self._flight.settings.cycle.standoff)
         return gaps.ground_m, gaps.height_m
 
     def _game(self, certificate: Certificate, now_s: float) -> Plain:
         meets = not certificate.no_game
-        names = {"value": "value", "margin_s": "vehicle_margin_s", "reachable_m_s": "reachable_speed_m_s"}
-        names |= {"time_needed_s": "time_needed_s", "assured_m": "assured_distance_m", "no_game": "no_game"}
         return {
-            **{name: getattr(certificate, field) for name, field in names.items()},
+            **{name: getattr(certificate, field) for name, field in _GAME.items()},
             "reach": reach_of(certificate),
             "limits": list(certificate.active_limits),
             "meeting_m": rounded(certificate.meeting_point_game_m) if meets else None,
@@ -327,7 +292,7 @@ class SnapshotFold:
     def _curve(self, certificate: Certificate, now_s: float) -> list[Any]:
         # Computed a few times a second only, because it solves a batch of games.
         if not 0.0 <= now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:
-            curve = isochron_at(self._settings.cycle, certificate, _POINTS)
+            curve = isochron_at(self._flight.settings.cycle, certificate, _POINTS)
             finite = curve[np.isfinite(curve).all(axis=-1)]
             self._isochron = now_s, np.round(finite, _CENTIMETRES).tolist()
         return self._isochron[1]

@@ -1,0 +1,219 @@
+"""The published tables and figures of Li, Wang & Xie, computed again.
+
+Each of the eight published cells is played with the paper's stepping, and again with its end located exactly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guidance.files import writing
+from guidance.game import Ball, Game, Rollout, apollonius_circle, apollonius_sphere, rollout, solve
+from guidance.game.apollonius import Apollonius
+from guidance.game.rollout import Paper, Sample
+
+GAME = Game(Ball(2.0), evader_speed_m_s=1.0)
+"""δ = 2. The paper gives no speeds; its times are those of v = 1 m/s."""
+
+PE_PURSUER, PE_EVADER = np.array([8.00, 1.42, 9.41]), np.array([7.92, 9.60, 0.0])
+TAD_PURSUER, TAD_EVADER, TAD_TARGET = np.array([6.97, 5.83, 9.15]), np.array([9.80, 0.33, 0.0]), np.zeros(3)
+
+EXACT_DIGITS = 4
+
+OPTIMAL, OTHERS = "-", ("--", ":")
+"""Line styles distinguish the plays of a figure; colours, and their darkness, distinguish the players."""
+
+RED, BLUE = "#e8867a", "#123a7a"
+OFFSETS = {"P": (8, 2), "E": (4, 8), "T": (-4, 10), "c": (4, -16), "g*": (-22, -12)}
+"""Offset of a label from its point, in points."""
+
+RATIO = 2.0
+DPI = 200
+_APOLLONIUS = {"color": "black", "linestyle": (0, (5, 3)), "linewidth": 1.2}
+
+Array = NDArray[np.float64]
+
+SYMBOLS = {"optimal": ("u*", "v*")}
+"""The paper's symbols of the optimal strategies of pursuer and evader; the others keep their names."""
+
+
+class TableRow(NamedTuple):
+    """One row of a published table."""
+
+    pursuer_policy: str
+    evader_policy: str
+    published: str
+
+
+TABLE_1 = (
+    TableRow("pure_pursuit", "optimal", "11.05"),
+    TableRow("optimal", "pure_evade", "10.43"),
+    TableRow("optimal", "optimal", "10.43"),
+)
+TABLE_2 = (
+    TableRow("optimal", "task_oriented", "4.2341"),
+    TableRow("optimal", "pure_evade", "19.4309"),
+    TableRow("optimal", "optimal", "4.1481"),
+    TableRow("pure_pursuit", "optimal", "3.2272"),
+    TableRow("task_oriented", "optimal", "0.0046"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A published number beside ours.
+
+    Attributes:
+        pursuer_policy: name in `PURSUER_POLICIES`.
+        evader_policy: name in `EVADER_POLICIES`.
+        published: the number as printed.
+        stepped: ours with the paper's stepping, rounded to the published digits.
+        exact: ours with the end located exactly, to four digits.
+        path: every sample of the exact play.
+    """
+
+    pursuer_policy: str
+    evader_policy: str
+    published: str
+    stepped: str
+    exact: str
+    path: tuple[Sample, ...]
+
+    @property
+    def matches(self) -> bool:
+        """True if every published digit is reproduced."""
+        return self.stepped == self.published
+
+    @property
+    def is_optimal(self) -> bool:
+        """True if both players play their optimum."""
+        return self.pursuer_policy == self.evader_policy == "optimal"
+
+    @property
+    def strategies(self) -> tuple[str, str]:
+        """Both strategies as the paper writes them."""
+        names = (self.pursuer_policy, self.evader_policy)
+        pursuer, evader = (SYMBOLS.get(name, (name, name))[side] for side, name in enumerate(names))
+        return pursuer.replace("_", "-"), evader.replace("_", "-")
+
+
+class Table(NamedTuple):
+    """A published table."""
+
+    title: str
+    quantity: str
+    cases: tuple[Case, ...]
+
+
+def tables() -> tuple[Table, Table]:
+    """Compute both tables of section V."""
+    pe = Table(
+        "Table 1: PE game, P = (8.00, 1.42, 9.41), E = (7.92, 9.60), δ = 2",
+        "time cost, s",
+        tuple(_case(cell, PE_PURSUER, PE_EVADER, None) for cell in TABLE_1),
+    )
+    tad = Table(
+        "Table 2: TAD game, P = (6.97, 5.83, 9.15), E = (9.80, 0.33), T = (0, 0), δ = 2",
+        "final distance to the target, m",
+        tuple(_case(cell, TAD_PURSUER, TAD_EVADER, TAD_TARGET) for cell in TABLE_2),
+    )
+    return pe, tad
+
+
+def _case(cell: TableRow, pursuer: Array, evader: Array, target: Array | None) -> Case:
+    play = partial(
+        rollout, GAME, pursuer, evader, target, pursuer_policy=cell.pursuer_policy, evader_policy=cell.evader_policy
+    )
+    stepped, exact = play(stepping=Paper()), play(keep_path=True)
+    digits = len(cell.published.partition(".")[2])
+
+    def printed(end: Rollout, places: int) -> str:
+        return f"{float(end.time_s if target is None else end.distance_m):.{places}f}"
+
+    return Case(*cell, stepped=printed(stepped, digits), exact=printed(exact, EXACT_DIGITS), path=exact.path)
+
+
+def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
+    """Draw the PE game with sphere and circle, and both parts of the TAD game, as PNG and PDF; return the paths.
+
+    Needs matplotlib, and a folder that exists.
+
+    Raises:
+        OutputError: If they cannot be written.
+    """
+    from guidance.viz.figures import figure_of, save_twice  # noqa: PLC0415 - matplotlib is optional
+
+    figures = {"pe": figure_of(7.5, 7.0), "tad-part-1": figure_of(9.0, 4.8), "tad-part-2": figure_of(9.0, 4.8)}
+    _draw_pe(figures["pe"], pe.cases)
+    _draw_tad(figures["tad-part-1"], tad.cases[:3], "TAD game, part 1: u* against the evader's strategies")
+    _draw_tad(figures["tad-part-2"], tad.cases[2:], "TAD game, part 2: the pursuer's strategies against v*")
+    with writing(folder):
+        return [path for name, figure in figures.items() for path in save_twice(figure, folder / name, dpi=DPI)]
+
+
+def _plot_tracks(axes: Any, cases: Sequence[Case], dimensions: list[int], unit: str) -> None:  # noqa: ANN401 - matplotlib's
+    """Draw every play with its own line. The optimal one is below the others, and wide, so that both remain visible."""
+    dashes = iter(OTHERS)
+    for case in sorted(cases, key=lambda case: not case.is_optimal):
+        style = {"linestyle": OPTIMAL, "linewidth": 3.0} if case.is_optimal else {"linestyle": next(dashes)}
+        pursuer, evader = (
+            np.stack([getattr(sample, name) for sample in case.path]) for name in ("pursuer_m", "evader_m")
+        )
+        label = f"{' / '.join(case.strategies)}: {case.exact} {unit}"
+        axes.plot(*pursuer[:, dimensions].T, color=RED, zorder=4, label=label, **style)
+        axes.plot(*evader[:, dimensions].T, color=BLUE, zorder=3, **style)
+
+
+def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
+    figure.set_layout_engine(None)
+    axes = figure.add_subplot(projection="3d", computed_zorder=False)
+    sphere, circle = (shape(PE_PURSUER, PE_EVADER, RATIO) for shape in (apollonius_sphere, apollonius_circle))
+    longitude, latitude = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(-np.pi / 2, np.pi / 2, 13))
+    outward = (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude))
+    shell = [centre + sphere.radius_m * part for centre, part in zip(sphere.centre_m, outward, strict=True)]
+    axes.plot_wireframe(*shell, color="0.75", linewidth=0.5, zorder=1)
+    axes.plot(*_ring(circle), 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
+    _plot_tracks(axes, cases, [0, 1, 2], "s")
+    q = solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m
+    for name, marker, place in zip(
+        ("P", "E", "c", "q*"), "^s+*", (PE_PURSUER, PE_EVADER, circle.centre_m, q), strict=True
+    ):
+        axes.plot(*place, color="black", marker=marker, linestyle="", markersize=9, zorder=5)
+        axes.text(place[0] + 0.9, place[1], place[2] + 0.6, name, zorder=6, fontsize=12)
+    axes.set(xlabel="x, m", ylabel="y, m", zlabel="z, m", title="PE game, δ = 2: pursuer light, evader dark")
+    axes.set(xticks=range(0, 21, 5), yticks=range(0, 21, 5), zticks=range(-10, 11, 5))
+    axes.set_aspect("equal")
+    axes.view_init(elev=22, azim=-35)
+    figure.legend(loc="lower center", ncols=2, frameon=False, fontsize=9)
+    figure.subplots_adjust(left=0.0, right=0.95, bottom=0.12, top=0.95)
+
+
+def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: ANN401
+    circle = apollonius_circle(TAD_PURSUER, TAD_EVADER, RATIO)
+    g = solve(GAME, TAD_PURSUER, TAD_EVADER, TAD_TARGET).meeting_point_m
+    plan, side = figure.subplots(1, 2)
+    places = (TAD_PURSUER, TAD_EVADER, TAD_TARGET, circle.centre_m, g)
+    for axes, up, height in ((plan, 1, "y"), (side, 2, "z")):
+        _plot_tracks(axes, cases, [0, up], "m")
+        for (name, offset), marker, place in zip(OFFSETS.items(), "^so+*", places, strict=True):
+            axes.plot(place[0], place[up], color="black", marker=marker, linestyle="", markersize=8)
+            axes.annotate(name, (place[0], place[up]), xytext=offset, textcoords="offset points", fontsize=12)
+        axes.set(xlabel="x, m", ylabel=f"{height}, m")
+        axes.set_aspect("equal")
+        axes.grid(color="0.9", linewidth=0.5)
+        axes.margins(0.12, 0.16)
+    plan.plot(*_ring(circle), **_APOLLONIUS)
+    plan.set_title("from above, Apollonius circle dashed", fontsize=10)
+    side.set_title("from the side", fontsize=10)
+    figure.suptitle(f"{title}; pursuer light, evader dark", fontsize=12)
+    figure.legend(*plan.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+
+
+def _ring(circle: Apollonius) -> tuple[Array, Array]:
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    return circle.centre_m[0] + circle.radius_m * np.cos(angle), circle.centre_m[1] + circle.radius_m * np.sin(angle)
