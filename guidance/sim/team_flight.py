@@ -7,6 +7,7 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.frames import Vector
+from guidance.game import Cylinder, Game, StandOff
 from guidance.game.team import match_teams
 from guidance.sim.outcome import achieved_and_regret, winner_name
 from guidance.sim.scenario import Evader, Pursuer, Pursuit, Scenario
@@ -69,6 +70,14 @@ def _scenario_of(scenario: TeamScenario, teams: Teams, number: int, evader: int)
     )
 
 
+def _flown_game(scenario: TeamScenario, teams: Teams) -> Game:
+    """Return the game of the vehicles, with their own speeds and the stand-off disc."""
+    pursuers = [one.scenario.pursuer for one in pursuits_of_team(scenario)]
+    speeds = np.array([(one.speed_m_s, one.climb_m_s, one.descent_m_s) for one in pursuers])
+    standoff = StandOff(scenario.flight.standoff.radius_m, scenario.flight.standoff.height_m)
+    return Game(Cylinder(*speeds.T[..., None]), teams.evader_speed_m_s, standoff=standoff)
+
+
 def rows_of(
     scenario: TeamScenario,
     way: str,
@@ -85,7 +94,7 @@ def rows_of(
     """
     teams, (began_s, pursuers_m, evaders_m) = teams_of(scenario), began
     ground = np.array(evaders_m) * [1.0, 1.0, 0.0]
-    first = match_teams(teams.game, np.array(pursuers_m), ground, teams.target_m)
+    first = match_teams(_flown_game(scenario, teams), np.array(pursuers_m), ground, teams.target_m)
     captured, rows = sum(end == "captured" for end, *_ in ends), []
     for number, (end, now_s, place_m, captor) in enumerate(ends):
         time_s, value = now_s - began_s, float(first.value[number])

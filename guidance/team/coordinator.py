@@ -4,8 +4,8 @@ The coordinator is elected without votes. When no assignment has been heard for 
 takes the next term. Of two coordinators the later term wins, then the lower name. A coordinator stays until it is
 silent, so a vehicle that comes back changes nothing.
 
-The assignment is `match_teams` with the vehicles' own speeds. A promise is changed only with a cause, which the
-assignment names. It carries all promises, so the next coordinator keeps them.
+The assignment is `match_teams` with the vehicles' own speeds and the stand-off disc. A promise is changed only with a
+cause, which the assignment names. It carries all promises, so the next coordinator keeps them.
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.frames import Vector
-from guidance.game import Ball, Game, StandOff
+from guidance.game import Cylinder, Game, StandOff
 from guidance.game.team import Matching, match_teams
 from guidance.team.board import SILENT_S, Board
 from guidance.team.messages import Promise, RolesMessage, StateMessage, VehicleRole
@@ -129,10 +129,9 @@ class Coordinator:
             return None
         states = [scene.vehicles[name] for name in vehicles]
         seen = [scene.evaders[name] for name in evaders]
-        speeds = np.array([state.speed_m_s for _, state in states])
-        # Matchings know no radius yet. Capture at the disc's centre is harder, so the guarantee holds for the disc.
-        standoff = StandOff(0.0, scene.standoff.height_m)
-        game = Game(Ball(speeds[:, None]), np.array([one.speed_m_s for one in seen]), standoff=standoff)
+        speeds = np.array([(one.speed_m_s, one.climb_m_s, one.descent_m_s) for _, one in states])
+        own = Cylinder(*speeds.T[..., None])
+        game = Game(own, np.array([one.speed_m_s for one in seen]), standoff=scene.standoff)
         kept = {one.evader: one for one in self._promised if one.value is not None}
         previous = None
         if kept:
