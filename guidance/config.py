@@ -261,16 +261,16 @@ def config_folder() -> Path:
     return installed if installed.is_dir() else package.parent / "config"
 
 
-def find(name: str, folder: str) -> Path:
+def find(name: str | Path, folder: str) -> Path:
     """Find a configuration file by path, or by name among the bundled files.
 
     Raises:
         ConfigError: If there is none; the message lists the bundled names.
     """
     shipped = config_folder()
-    bundled = shipped / name.removeprefix("config/")  # the checkout's spelling works in an installed wheel too
+    bundled = shipped / str(name).removeprefix("config/")  # the checkout's spelling works in an installed wheel too
     for candidate in (Path(name), bundled, shipped / folder / name, shipped / folder / f"{name}.toml"):
         if candidate.is_file():
             return candidate
     known = sorted(path.stem for path in (shipped / folder).glob("*.toml"))
-    raise ConfigError(f"no {folder.removesuffix('s')} {name!r}: give a path, or one of: {', '.join(known)}")
+    raise ConfigError(f"no {folder.removesuffix('s')} {str(name)!r}: give a path, or one of: {', '.join(known)}")

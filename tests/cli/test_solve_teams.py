@@ -115,8 +115,6 @@ def test_no_rows_have_the_columns_of_answers_all_the_same(tmp_path):
         ("pursuer_0_", ["--speed-ratio", 2], r"number the pursuers \[1\]; they must be 0, 1, 2"),
         ("evader_", ["--speed-ratio", 2], r"number the evaders \[\]"),
         ("pursuer_1_z", ["--speed-ratio", 2], "the column pursuer_1_z_m is missing"),
-        ("nothing", ["--cylinder", "3,1,1"], "must be a Ball"),
-        ("nothing", ["--speed-ratio", 2, "--standoff", "1,0"], "standoff.radius_m = 1.0"),
     ],
 )
 def test_a_file_that_is_none_of_teams_is_refused_by_what_is_wrong(tmp_path, drop, options, said):

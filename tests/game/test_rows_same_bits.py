@@ -314,5 +314,5 @@ def test_policies_and_gradients_of_a_batch_are_those_of_its_singles(games, oracl
 
 def test_the_codes_that_batches_and_files_carry_stay_what_they_are():
     assert {code.name: code.value for code in Winner} == {"EVADER": -1, "UNDECIDED": 0, "PURSUER": 1}
-    assert [code.value for code in Reason] == [0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 14]
+    assert [code.value for code in Reason] == [0, 1, 2, 3, 4, 5, 6, 10, 11, 12, 13, 14]
     assert [code.value for code in End] == [0, 1, 2, 3, 4]

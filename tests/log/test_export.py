@@ -235,7 +235,7 @@ def test_an_unknown_ending_or_an_unwritable_path_is_refused(flight, tmp_path):
 
 def test_the_log_commands_show_the_content_of_a_record(flight, tmp_path):
     runner = CliRunner()
-    info = runner.invoke(app, ["log", "info", str(flight[1])])
+    info = runner.invoke(app, ["log", "info", str(flight[1])], env={"COLUMNS": "200"})
     assert info.exit_code == 0, info.output
     assert "pursuer/mavlink_raw/in" in info.output
     assert "whole" in info.output

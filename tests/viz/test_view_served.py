@@ -137,7 +137,7 @@ def test_a_mocked_flight_is_shown_during_the_flight_and_until_it_is_closed(tmp_p
         if not any(line.startswith("look at") for line in lines):  # the flight took less time than the viewer's start
             assert "look at" in child.stdout.readline()
         child.send_signal(signal.SIGINT)
-        rest = child.communicate(timeout=20.0)[0]
+        rest = child.communicate(timeout=60.0)[0]
     finally:
         child.kill()
         child.wait()

@@ -61,6 +61,7 @@ def test_a_report_says_its_units_and_its_datum():
         None,
         None,
         None,
+        None,
     )
 
 
