@@ -133,7 +133,7 @@ class Mission:
 
     @property
     def finished(self) -> bool:
-        """Whether all mocks' flights are over. A real vehicle's flight ends when its daemon hands it over."""
+        """True when the flights of all mocks are over. A real vehicle's flight ends when its daemon hands it over."""
         return all(one.over for one in self._vehicles)
 
     def before(self, now_s: float) -> None:
@@ -150,7 +150,7 @@ class Mission:
             one.before(now_s, waiting=bool(states & _WAITS_FOR.get(one.daemon.flight.state, frozenset())))
 
     def _is_over(self, evader: str) -> bool:
-        """Whether a vehicle of the team knows that an evader is out of play."""
+        """Return true if a vehicle of the team knows that an evader is out of play."""
         return any(daemon.team is not None and evader in daemon.team.board.over for daemon in self.daemons)
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
@@ -230,7 +230,7 @@ class VehicleMission:
 
     @property
     def captures(self) -> bool:
-        """Whether it captured its evader in this cycle."""
+        """True if it captured its evader in this cycle."""
         outputs = self.daemon.outputs
         return outputs is not None and any(one.event is Event.CAPTURED for one in outputs.happenings)
 
@@ -294,7 +294,7 @@ class VehicleMission:
             self._show(self._progress(now_s, outputs, waiting))
 
     def _engage(self, now_s: float) -> None:
-        """Begin what counts from the first engagement: the sensor and the faults."""
+        """Start the sensor and the faults, whose times count from the first engagement."""
         self._engaged_once = True
         for heard in self._heard.values():
             heard.engage(now_s)
