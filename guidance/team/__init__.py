@@ -3,8 +3,8 @@
 Member: one vehicle's part. It hears the mates, publishes the vehicle, and gives each cycle its mates and its role.
 Transport: carries the bytes. `MemoryNetwork` is one in virtual time, with delay and loss.
 
-`guidance.team.board` is the knowledge of a vehicle about its mates, and `guidance.team.coordinator` the election and the
-assignment of vehicles to evaders by `guidance.game.team.match_teams`.
+`guidance.team.board` is the knowledge of a vehicle about its mates. `guidance.team.coordinator` has the election and
+the assignment of vehicles to evaders by `guidance.game.team.match_teams`.
 """
 
 from guidance.team.member import Member
