@@ -124,7 +124,7 @@ def test_no_run_lasts_longer_than_the_value(name, n):
     check_pe(name, 24, n)
 
 
-@pytest.mark.flight
+@pytest.mark.long
 @pytest.mark.parametrize("name", GAMES)
 def test_a_thousand_states_of_each_family_have_the_value_of_a_search(name):
     check_tad(name, 1000, 2)

@@ -106,7 +106,7 @@ def test_vehicles_with_stand_off_and_speeds_of_their_own_keep_their_promises(mon
     assert worst <= allowed(game)
 
 
-@pytest.mark.flight
+@pytest.mark.long
 @pytest.mark.parametrize("tad", [True, False])
 @pytest.mark.parametrize(("n", "m"), SIZES)
 def test_thousands_of_states_of_vehicles_keep_every_promise(monkeypatch, n, m, tad):
