@@ -1,5 +1,7 @@
 """What `guidance fly` refuses before anything flies: options that mean nothing there, and folders of other flights."""
 
+import time
+
 import psutil
 import pytest
 from typer.testing import CliRunner
@@ -92,14 +94,18 @@ def test_a_ctrl_c_names_the_record_if_there_is_one(begun, tmp_path, monkeypatch)
 def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_path, monkeypatch):
     seen = []
 
-    def panels():
-        return [one for one in psutil.Process().children() if "panel" in one.cmdline()]
+    def panels(within_s=0.0):
+        deadline_s = time.monotonic() + within_s
+        while not (found := [one for one in psutil.Process().children() if "panel" in one.cmdline()]):
+            if time.monotonic() >= deadline_s:
+                break
+        return found
 
     control = "tcp/127.0.0.1:7499"
 
     def flown(scenario, how, *, on_control, **_):
         on_control(control)
-        (panel,) = panels()
+        (panel,) = panels(within_s=10.0)  # until the child has become the program
         seen.append((scenario, isinstance(how, Asked), panel.cmdline()[4:]))
         panel.terminate()  # as a person does who has seen enough
         return 0
