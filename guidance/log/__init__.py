@@ -13,12 +13,10 @@ Replay:
     SettingsOf: type of the function that makes settings from metadata.
 """
 
+from guidance.log.aggregator import Aggregator, Cycle, SettingsOf
 from guidance.log.entries import CycleEntry, EventEntry
 from guidance.log.reader import (
-    Aggregator,
-    Cycle,
     Item,
-    SettingsOf,
     Survey,
     cycles_of,
     events_of,

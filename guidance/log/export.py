@@ -27,7 +27,8 @@ from guidance.flight import FlightSettings
 from guidance.flight.tracking import polygon_about_home
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.frames import FrameReader, frame_length
-from guidance.log.reader import SettingsOf, Survey, cycles_of, metadata_of, scan, title_of
+from guidance.log.aggregator import SettingsOf
+from guidance.log.reader import Survey, cycles_of, metadata_of, scan, title_of
 from guidance.messages import EvaderReport, GlobalPosition, Home
 from guidance.vehicle import VehicleState, observe
 

@@ -1,4 +1,4 @@
-"""Reads a flight record that is whole, cut off, or still being written, and the numbers of its cycles.
+"""Reads a flight record that is whole, cut off, or still being written.
 
 The file may come from a stranger. The `mcap` package parses it, but only after the limits below are checked: on the
 length of every read, on the size of an uncompressed chunk, and on expansion and message count relative to the file.
@@ -6,11 +6,10 @@ length of every read, on the size of an uncompressed chunk, and on expansion and
 
 import contextlib
 import json
-import math
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple, TypeVar
 
@@ -19,27 +18,20 @@ from mcap.exceptions import InvalidMagic, McapError
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from guidance.certificate import Certificate
 from guidance.errors import ConfigError
-from guidance.flight import FlightSettings
-from guidance.flight.tracking import Tracking, polygon_about_home
-from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.log.codec import Codec
 from guidance.log.entries import (
-    BEGUN,
     CYCLE,
     CYCLE_TOPIC,
     EVADER_TOPIC,
     EVENT,
     EVENT_TOPIC,
-    RELOADED,
     REPORT,
     CycleEntry,
     EventEntry,
 )
 from guidance.log.writer import PART, part_path
-from guidance.messages import EvaderReport, LocalPosition, Timesync
-from guidance.vehicle import VehicleState, observe
+from guidance.messages import EvaderReport
 
 T = TypeVar("T")
 
@@ -63,9 +55,6 @@ RUN: Final = "run"
 SCENARIO: Final = "scenario"
 CONFIG: Final = "config"
 """Keys of the metadata: a mocked flight's scenario and a daemon's vehicle file, as JSON."""
-
-SettingsOf = Callable[[Mapping[str, str]], FlightSettings]
-"""Makes a flight's settings from a record's metadata (`guidance.session.flight_files.recorded_settings`)."""
 
 Idle = Callable[[], bool]
 """Called at the end of a file that is still being written: it waits a little, and returns True to stop reading."""
@@ -249,141 +238,6 @@ def title_of(metadata: Mapping[str, str]) -> str:
         if kind in metadata:
             return str(json.loads(metadata[kind]).get(key, ""))
     return "flight"
-
-
-_UNKNOWN: Final[Vector] = (math.nan, math.nan, math.nan)
-
-
-class Cycle(NamedTuple):
-    """Numbers of one cycle: positions in the game frame (m), velocities NED (m/s), ages and times (s)."""
-
-    now_s: float
-    pursuer_m: Vector = _UNKNOWN
-    evader_m: Vector = _UNKNOWN
-    flown_ned_m_s: Vector = _UNKNOWN
-    commanded_ned_m_s: Vector = _UNKNOWN
-    desired_ned_m_s: Vector = _UNKNOWN
-    gap_m: float = math.nan
-    height_gap_m: float = math.nan
-    value: float = math.nan
-    meeting_time_s: float = math.nan
-    time_needed_s: float = math.nan
-    assured_distance_m: float = math.nan
-    telemetry_age_s: float = math.nan
-    evader_age_s: float = math.nan
-    round_trip_s: float = math.nan
-    late_s: float = math.nan
-    worked_s: float = math.nan
-
-
-_OF_THE_GAME: Final = tuple(name for name in Cycle._fields if name in Certificate._fields)
-"""Numbers that the certificate has under the same name."""
-
-
-class Aggregator:
-    """Reads the flights of one source, and tracks both players over their cycles as the flight did.
-
-    Args:
-        settings_of: Makes settings from metadata.
-        metadata: Of the first flight.
-        source: Name for error messages.
-
-    Attributes:
-        settings: Of the present flight.
-        flights: Number of flights begun. Each starts without the state of the last.
-        cycle: Numbers of the last cycle.
-        vehicle: Last known state of the vehicle.
-        home_m: Home in the game frame; None until known.
-        envelope: The limits of the flight. A fence given in degrees is included once home is known.
-
-    Raises:
-        ConfigError: If the metadata has no settings.
-    """
-
-    def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
-        self._settings_of = settings_of
-        self._source = Path(source)
-        self.settings = settings_of(metadata)
-        self.flights = 0
-        self._begin()
-
-    def _begin(self) -> None:
-        self._tracking = Tracking(self.settings.cycle, self.settings.autopilot)
-        self.vehicle = VehicleState()
-        self._evader_m: Vector = _UNKNOWN
-        self._report_s = math.nan
-        self._home_ned_m: Vector | None = None
-        self.flights += 1
-        self.cycle = Cycle(math.nan)
-        self.home_m: Vector | None = None
-        self.envelope = self.settings.cycle.envelope
-
-    def take(self, item: Item) -> EventEntry | CycleEntry | None:
-        """Take the next item and return it decoded; items other than cycles and events are ignored.
-
-        Raises:
-            ConfigError: If it cannot be decoded.
-        """
-        if item.topic == CYCLE_TOPIC:
-            row = entry_of(CYCLE, item, self._source)
-            self.cycle = self._numbers(row)
-            return row
-        if item.topic != EVENT_TOPIC:
-            return None
-        event = entry_of(EVENT, item, self._source)
-        if event.event == RELOADED:
-            self.settings = self._settings_of({CONFIG: event.detail})
-            event = event._replace(detail="")
-        if event.event in {BEGUN, RELOADED}:
-            self._begin()
-        return event
-
-    def _numbers(self, row: CycleEntry) -> Cycle:
-        inputs = row.inputs
-        self.vehicle = observe(self.vehicle, inputs.messages)
-        self._tracking.observe(self.vehicle, ())
-        for report in inputs.reports:
-            self._add(report)
-        frame = self._tracking.game_frame
-        self._place_home(self._tracking.home_ned_m, frame, self._tracking.local_frame)
-        local, setpoint, certificate = self.vehicle.last(LocalPosition), row.setpoint, row.certificate
-        trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
-        cycle = Cycle(
-            row.now_s,
-            evader_m=self._evader_m,
-            evader_age_s=row.now_s - self._report_s,
-            round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan),
-            late_s=math.nan if row.timing is None else row.timing.late_s,
-            worked_s=math.nan if row.timing is None else row.timing.worked_s,
-        )
-        if local is not None:
-            position_m = _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)
-            age_s = row.now_s - local.received_s
-            cycle = cycle._replace(pursuer_m=position_m, flown_ned_m_s=local.velocity_ned_m_s, telemetry_age_s=age_s)
-        if setpoint is not None:
-            cycle = cycle._replace(commanded_ned_m_s=setpoint.velocity_ned_m_s)
-        if certificate is not None:
-            played = {name: getattr(certificate, name) for name in _OF_THE_GAME}
-            cycle = cycle._replace(evader_m=certificate.evader_game_m, **played)
-        return cycle
-
-    def _place_home(self, home_ned_m: Vector | None, game: GameFrame | None, local: LocalFrame | None) -> None:
-        """Place home, and a fence in degrees about it."""
-        if home_ned_m is None or game is None or local is None or home_ned_m == self._home_ned_m:
-            return
-        self._home_ned_m, self.home_m = home_ned_m, game.position_from_ned(home_ned_m)
-        corners_deg = self.settings.limits.fence_polygon_deg
-        if corners_deg is not None:
-            polygon = polygon_about_home(corners_deg, home_ned_m, local)
-            self.envelope = replace(self.envelope, fence_polygon=polygon)
-
-    def _add(self, report: EvaderReport) -> None:
-        self._report_s = report.received_s
-        local, game = self._tracking.local_frame, self._tracking.game_frame
-        if local is None or game is None:
-            return
-        amsl = Amsl(report.altitude_amsl_m)
-        self._evader_m = game.position_from_ned(local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl))
 
 
 class _LimitedFile:

@@ -17,6 +17,7 @@ from guidance.errors import ConfigError
 from guidance.files import writing
 from guidance.flight import Flight, Inputs, Outputs
 from guidance.frames import Vector
+from guidance.log.aggregator import SettingsOf
 from guidance.log.entries import (
     BEGUN,
     CYCLE,
@@ -28,7 +29,7 @@ from guidance.log.entries import (
     InputsEntry,
     cycle_entry,
 )
-from guidance.log.reader import CONFIG, SettingsOf, Survey, entry_of, metadata_of, scan
+from guidance.log.reader import CONFIG, Survey, entry_of, metadata_of, scan
 from guidance.messages import PositionTarget
 
 COMPARED: Final = ("setpoint", "state", "requests", "by")

@@ -85,7 +85,7 @@ def flown(seed: int, number: int) -> Promise | None:
                 evader_speed_m_s=speeds[1],
                 capture_radius_m=settings.standoff.radius_m,
             )
-            descent_m_s = 1.5
+            descent_m_s = settings.speed_set.descent_m_s
             height_s = certificate.height_gap_m / descent_m_s + (descent_m_s - down) ** 2 / (
                 2.0 * descent_m_s * ability.vertical_m_s2
             )
