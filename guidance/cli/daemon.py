@@ -4,7 +4,8 @@ import contextlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
@@ -59,7 +60,13 @@ def run(
 
 def ctl(
     order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive.")],
-    name: Annotated[str | None, typer.Option(help="The vehicle's name; not needed where there is only one.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            help="The vehicle's name; not needed where there is only one. With --team: uav1,uav2 are several."
+        ),
+    ] = None,
+    team: Annotated[str | None, typer.Option(help="To all vehicles of a team, or to those of --name.")] = None,
     endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = ENDPOINT,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
@@ -84,6 +91,7 @@ def ctl(
     - `guidance ctl engage --name px4`: to one of several daemons
     - `guidance ctl alive --watch`: a person is there, until Ctrl-C; and where the flight stands
     - `guidance ctl status --json`: for programs
+    - `guidance ctl hold --team north`: to all vehicles of a team
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
     if order not in {"alive", "status"} or as_json:
@@ -93,18 +101,42 @@ def ctl(
     def asked() -> Mapping[str, Any]:
         return ask(order, endpoint=endpoint, name=name, token_file=token_file, zenoh=zenoh)
 
-    if watch:
+    if team is not None:
+        refuse_others("--team", {"--watch": watch}, {"--watch": "for one vehicle"})
+        names = [] if name is None else name.split(",")
+        answers = ask_team(order, team, names, endpoint=endpoint, token_file=token_file, zenoh=zenoh)
+    elif watch:
         watch_status(console(), asked)
         return
-    answer = asked()
+    else:
+        answers = [asked()]
     if as_json:
-        typer.echo(json.dumps(answer, indent=2))
-    elif order == "status":
+        typer.echo(json.dumps(answers[0] if team is None else answers, indent=2))
+    else:
+        for answer in answers:
+            show_answer(answer)
+    if not all(answer["accepted"] for answer in answers):
+        raise typer.Exit(FlightError.exit_code)
+
+
+def show_answer(answer: Mapping[str, Any]) -> None:
+    """Show what became of an order, or the status."""
+    if answer["order"] == "status" and answer["accepted"]:
         console().print(status_table(answer))
     else:
         show(answer)
-    if not answer["accepted"]:
-        raise typer.Exit(FlightError.exit_code)
+
+
+def ask_team(
+    order: str, team: str, names: Sequence[str], *, endpoint: str, token_file: Path | None, zenoh: Path | None
+) -> Sequence[Mapping[str, Any]]:
+    """Give an order to a team; see `guidance.session.control_bus.ask_team`."""
+    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
+    from guidance.session import control_bus  # noqa: PLC0415
+    from guidance.session.control_socket import own_name  # noqa: PLC0415
+
+    given: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file, "by": own_name("ctl")}
+    return control_bus.ask_team(order, team, names, **given, credentials=read_credentials(zenoh))
 
 
 WATCH_S: Final = 1.0

@@ -13,27 +13,27 @@ import zenoh
 
 from guidance.links.port import Clock
 from guidance.links.wires import Arrivals
-from guidance.links.zenoh_wire import Session, Subscription
+from guidance.links.zenoh_wire import Session
 
 
 class ZenohTeam:
-    """`Transport` of `guidance.team` on a session of its own, which is closed with it."""
+    """`Transport` of `guidance.team` on a session, which stays open when it is closed."""
 
-    def __init__(self, clock: Clock, session: Session, team: str, vehicle: str) -> None:
-        """Declare the token, and subscribe to the mates' messages and tokens."""
-        self._prefix, self._session = f"guidance/team/{team}/", session
+    def __init__(self, clock: Clock, session: Session, team: str, vehicle: str, mates: Collection[str]) -> None:
+        """Declare the token, and subscribe to the messages and tokens of these mates."""
+        self._prefix, self._session, self._mates = f"guidance/team/{team}/", session, frozenset(mates)
         self._arrivals = Arrivals[tuple[float, str, bytes]]()
         self._present: set[str] = {vehicle}
         self._lock = threading.Lock()
         liveliness: Any = session.liveliness()
         self._token = liveliness.declare_token(f"{self._prefix}alive/{vehicle}")
         self._tokens = liveliness.declare_subscriber(f"{self._prefix}alive/*", self._note, history=True)
-        self._subscription = Subscription(
-            session,
+        self._messages = session.declare_subscriber(
             f"{self._prefix}**",
             lambda sample: self._arrivals.put(
                 (clock(), str(sample.key_expr).removeprefix(self._prefix), sample.payload.to_bytes())
             ),
+            allowed_origin=zenoh.Locality.REMOTE,
         )
 
     def publish(self, key: str, payload: bytes) -> None:
@@ -58,18 +58,16 @@ class ZenohTeam:
 
     def _note(self, sample: "zenoh.Sample") -> None:
         name = str(sample.key_expr).rpartition("/")[2]
-        with self._lock:
-            if sample.kind == zenoh.SampleKind.PUT:
-                self._present.add(name)
-            else:
-                self._present.discard(name)
+        if name in self._mates:
+            note = self._present.add if sample.kind == zenoh.SampleKind.PUT else self._present.discard
+            with self._lock:
+                note(name)
 
     def close(self) -> None:
         """Leave the team. May be called twice."""
         if self._arrivals.closed:
             return
         self._arrivals.close()
-        for close in (self._tokens.undeclare, self._token.undeclare):
+        for close in (self._messages.undeclare, self._tokens.undeclare, self._token.undeclare):
             with contextlib.suppress(zenoh.ZError):
                 close()
-        self._subscription.close()

@@ -27,6 +27,9 @@ FLIGHT_OVER: Final = "flight over"
 ORDERED: Final = "ordered"
 """Event of an operator order: order, operator and reply."""
 
+TEAM_NEWS: Final = "team"
+"""Event of what a vehicle noticed about its mates, such as a position that jumped."""
+
 STOPPED: Final = "recording has stopped; the flight goes on"
 """Event of a failed record; it goes to the log, the metrics and the bus."""
 

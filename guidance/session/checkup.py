@@ -16,7 +16,7 @@ from guidance.session.log import Log, Logger
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import load_vehicle
-from guidance.session.vehicle_world import EVADER, VehicleWorld, open_all
+from guidance.session.vehicle_world import VehicleWorld, open_all
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0
@@ -48,7 +48,7 @@ class Checkup:
         self._link = world.links[name]
         self._clock = clock
         self._due_s = clock.now_s()
-        self._daemon = Daemon(name, plan, self._link, world.evaders[name][EVADER], Equipment(log=log))
+        self._daemon = Daemon(name, plan, self._link, world.evaders[name], Equipment(log=log))
 
     def rows(self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None) -> Sequence[Finding]:
         """Wait for all inputs, and return preflight's rows and the flight's own checks.

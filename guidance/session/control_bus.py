@@ -6,7 +6,7 @@ A liveliness token says that the vehicle has an owner. It vanishes with the owne
 import contextlib
 import json
 import socket
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -14,6 +14,7 @@ from typing import Any, Final
 import zenoh
 
 from guidance.errors import ConfigError, GuidanceError, LinkError
+from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_wire import open_session
 from guidance.session import control_token
@@ -22,6 +23,8 @@ from guidance.session.control_token import ControlToken
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
 
 JOIN_LIMIT_S: Final = 3.0
+_TEAM: Final = "team"
+"""Parameter of a query: only vehicles of this team follow it."""
 
 
 def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Session":
@@ -94,9 +97,11 @@ class ControlBus:
         host: Listen there; otherwise connect to a router that is there.
         token_file: Path of the token; the default is the one that `guidance ctl` uses.
         credentials: For a router that judges certificates.
+        team: Name of its team; orders to another team are not for this vehicle.
+        mates: The others of the team.
 
     Attributes:
-        session: The Zenoh session, for the broadcast; closed with this.
+        session: The Zenoh session, for the broadcast and the team; closed with this.
 
     Raises:
         OutputError: If the token cannot be written.
@@ -112,8 +117,11 @@ class ControlBus:
         host: bool,
         token_file: Path | None = None,
         credentials: Credentials = NO_CREDENTIALS,
+        team: str = "",
+        mates: Sequence[str] = (),
     ) -> None:
         self._name = name
+        self._team, self._shown = team, {"name": name} | ({"vehicles": sorted([name, *mates])} if team else {})
         self._mailbox = mailbox
         self._orders, self._queries = Exchanges(MOST_ORDERS), Exchanges(MOST_QUERIES)
         with contextlib.ExitStack() as closing:
@@ -134,13 +142,16 @@ class ControlBus:
 
     def _hear(self, query: "zenoh.Query") -> None:
         """On Zenoh's thread, which must not wait. Queries never keep an order out."""
+        if query.parameters.get(_TEAM) not in {None, self._team}:
+            query.drop()  # type: ignore[no-untyped-call]
+            return
         word = str(query.key_expr).rpartition("/")[2]
         exchanges = self._queries if word in QUERIES else self._orders
         exchanges.begin(partial(self._answer, query, word))
 
     def _answer(self, query: "zenoh.Query", order: str) -> None:
         by = "" if query.payload is None else name_in(query.payload.to_bytes())
-        answer = json.dumps({"name": self._name, **self._mailbox.answer(order, by)})
+        answer = json.dumps({**self._shown, **self._mailbox.answer(order, by)})
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
             # Under our own key: one query may be answered by several daemons.
             query.reply(control_key(self._name, order), answer, encoding=zenoh.Encoding.APPLICATION_JSON)
@@ -276,6 +287,52 @@ def ask(
     if not answered:
         raise LinkError(f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?")
     return answered[0]
+
+
+def ask_team(
+    order: str,
+    team: str,
+    names: Collection[str],
+    *,
+    endpoint: str,
+    token_file: Path | None = None,
+    credentials: Credentials = NO_CREDENTIALS,
+    by: str = "",
+    timeout_s: float = TIMEOUT_S,
+) -> list[dict[str, Any]]:
+    """Give an order to all vehicles of a team, or to the named ones; return an answer for each.
+
+    `start` and `engage` are given only if every one of them would accept it now. Other arguments as of `ask`.
+
+    Raises:
+        ConfigError: If the token may not be read.
+        LinkError: If no vehicle of the team answers, or the token is wrong.
+    """
+    session = join_session(endpoint, token_file, credentials)
+
+    def asked(word: str) -> dict[str, dict[str, Any]]:
+        keys = [control_key(name, word) for name in names or "*"]
+        found = [one for key in keys for one in answers(session, f"{key}?{_TEAM}={team}", timeout_s, by)]
+        if not found:
+            raise LinkError(f"--team {team}: no vehicle of it answers at {endpoint}; is `guidance run` running?")
+        silent = {"accepted": False, "order": word, "state": "not heard", "reason": f"no answer in {timeout_s:g} s"}
+        there = {str(one["name"]): one for one in found}
+        return {name: there.get(name, {"name": name, **silent}) for name in sorted(names or found[0]["vehicles"])}
+
+    try:
+        if order in {Event.START, Event.ENGAGE}:
+            found = asked(STATUS)
+            why = {name: one.get("reason") or one["refused_orders"][order] for name, one in found.items()}
+            if any(why.values()):
+                others = f"waits for {', '.join(name for name, reason in why.items() if reason)}"
+                common = {"accepted": False, "order": order}
+                return [
+                    {"name": name, "state": one["state"], **common, "reason": why[name] or others}
+                    for name, one in found.items()
+                ]
+        return list(asked(order).values())
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
 
 
 def answers(session: Any, key: str, timeout_s: float, by: str = "") -> list[dict[str, Any]]:  # noqa: ANN401 - zenoh.Session

@@ -10,7 +10,7 @@ from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is_done
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.log.entries import ORDERED, RELOADED, STOPPED
+from guidance.log.entries import ORDERED, RELOADED, STOPPED, TEAM_NEWS
 from guidance.log.writer import Record
 from guidance.messages import EvaderReport, LocalPosition, Message
 from guidance.preflight import Facts, PreflightMemory, advice, parameter_names, refusals, rows
@@ -74,7 +74,7 @@ class Daemon:
         used = Equipment() if equipment is None else equipment
         self.name = name
         self._link = link
-        self._evaders = evader if isinstance(evader, Mapping) else {"": evader}
+        self._evaders = evader if isinstance(evader, Mapping) else {"evader": evader}
         self.team = used.team
         self.mailbox = used.mailbox
         self._log = used.log
@@ -95,6 +95,8 @@ class Daemon:
         self.judged = plan.wants is not None
         """True if preflight judges the vehicle before it flies."""
         self.flight = Flight(plan.flight)
+        if self.team is not None:
+            self.team.begin()
         self._survey = PreflightMemory(parameter_names(plan.flight.autopilot))
         self._engaging = Engaging(self.flight, self._survey, plan.wants)
         self.recording.begin()
@@ -144,7 +146,7 @@ class Daemon:
         outputs = self.outputs = self.flight.step(inputs)
         self._write(outputs, timing)
         if self.team is not None:
-            self.team.tell(now_s, self.flight, outputs)
+            self._tell(self.team, now_s, outputs)
         self._answer(queries, orders, outputs)
         self._preflight(inputs)
         self._report(outputs, timing)
@@ -216,7 +218,7 @@ class Daemon:
     def _reports(self) -> Sequence[EvaderReport]:
         """Read the reports of all evaders; without a team an evader needs no name."""
         if self.team is None:
-            return self._evaders[""].receive()
+            return next(iter(self._evaders.values())).receive()
         return [report._replace(evader=name) for name, source in self._evaders.items() for report in source.receive()]
 
     def _barred(self) -> tuple[str, ...]:
@@ -240,6 +242,14 @@ class Daemon:
         if stopped is not None:
             self.metrics.happened(STOPPED)
             self._log.say(logging.WARNING, STOPPED, reason=stopped.reason)
+
+    def _tell(self, team: Member, now_s: float, outputs: Outputs) -> None:
+        """Tell the mates about this cycle, and people what the mates told."""
+        team.tell(now_s, self.flight, outputs)
+        for words in team.board.news:
+            self._log.say(logging.WARNING, words)
+            self.recording.event(now_s, TEAM_NEWS, words)
+        team.board.news.clear()
 
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
@@ -360,8 +370,10 @@ class Daemon:
         if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
             return
         self._shown_s = now_s
-        evaders = {name or "evader": source.counters() for name, source in self._evaders.items()}
+        evaders = {name: source.counters() for name, source in self._evaders.items()}
         counters = {"vehicle": self._link.counters(), **evaders}
+        if self.team is not None:
+            counters["team"] = self.team.board.counts
         self.metrics.show(now_s, self.flight, outputs, counters)
         self._notifier.status(f"{shown_state(self.flight)}, mode {self.flight.mode_name}")
         self._live(flight_line(self.flight, outputs, now_s))

@@ -328,7 +328,7 @@ def reach(scenario: Scenario, asked: Asked) -> Iterator[tuple[Config, VehicleWor
             found=found,
             evader_url=f"udpin://127.0.0.1:{ears.port}",
         )
-        world = open_all(own, clock, tapped=True, wire=wire, evader_wire=ears)
+        world = open_all(own, clock, tapped=True, wire=wire, evader_wires={EVADER: ears})
         closing.callback(world.close)
         yield own, world, clock, radio
 

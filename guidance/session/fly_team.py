@@ -86,17 +86,16 @@ def fly_team(
     members, equipment, document = {}, {}, team_document(scenario)
     with contextlib.ExitStack() as closing:
         world: SteppedWorld | LiveWorld = closing.enter_context(contextlib.closing(_world(pursuits, clock, options)))
-        connect = _connection(world, clock, scenario.seed) if join is None else join(clock)
+        connect = _connection(world, clock, scenario.seed, closing) if join is None else join(clock)
         for number, pursuit in enumerate(pursuits):
             transport = connect(pursuit.vehicle)
             closing.callback(transport.close)
             members[pursuit.vehicle] = member = Member(
                 pursuit.vehicle,
                 [one.vehicle for one in pursuits],
-                sorted({one.evader for one in pursuits}),
+                sorted({one.evader for one in pursuits}, key=lambda name: (name != pursuit.evader, name)),
                 transport,
                 epoch=random.Random(f"{scenario.seed} {number}").getrandbits(48),
-                evader=pursuit.evader,
                 separation_height_m=scenario.flight.separation_height_m,
             )
             record = None
@@ -119,12 +118,12 @@ def _world(pursuits: tuple[Pursuit, ...], clock: Clock, options: MockOptions) ->
     return LiveWorld(pursuits, clock, link=options.link, port=options.port, over=options.over)
 
 
-def _connection(world: SteppedWorld | LiveWorld, clock: Clock, seed: int) -> Join:
+def _connection(world: SteppedWorld | LiveWorld, clock: Clock, seed: int, closing: contextlib.ExitStack) -> Join:
     """Return how vehicles join: a network in virtual time, or in real time Zenoh, routed by the mock's session."""
     if isinstance(world, SteppedWorld):
         return MemoryNetwork(clock.now_s, delay_s=DELAY_S, seed=seed).join
-    endpoint = world.endpoint
-    return lambda vehicle: ZenohTeam(clock.now_s, open_session(endpoint), TEAM, vehicle)
+    endpoint, names = world.endpoint, list(world.links)
+    return lambda vehicle: ZenohTeam(clock.now_s, closing.enter_context(open_session(endpoint)), TEAM, vehicle, names)
 
 
 def _rows(

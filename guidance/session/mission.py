@@ -209,8 +209,7 @@ class VehicleMission:
             for name, source in world.evaders[name].items()
             if team is not None or name == evader
         }
-        sources = self._heard if team is not None else self._heard[evader]
-        self.daemon = Daemon(name, plan, world.links[name], sources, equipment)
+        self.daemon = Daemon(name, plan, world.links[name], self._heard, equipment)
         self._world = world
         self._policy = policy
         self._show = show

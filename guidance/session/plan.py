@@ -108,6 +108,8 @@ def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = Fal
         limits=config.limits,
         start_game_m=start_game_m,
         hold_on_rival=config.evader.second_source == "hold",
+        team=config.team,
+        evaders=config.declared_speeds_m_s,
         limits_s={state: limit_s for state, limit_s in LIMITS_S.items() if state not in unlimited},
     )
 

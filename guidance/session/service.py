@@ -4,6 +4,7 @@ import contextlib
 import json
 import logging
 import os
+import secrets
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Final
 
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
+from guidance.links.zenoh_team import ZenohTeam
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.session.answers import startup_answers
@@ -24,9 +26,10 @@ from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.process import Notifier, claim
 from guidance.session.vehicle_file import Config, load_vehicle
-from guidance.session.vehicle_world import EVADER, VehicleWorld, open_all, open_control
+from guidance.session.vehicle_world import VehicleWorld, open_all, open_control
+from guidance.team import Member
 
-_FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record")
+_FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record", "team")
 """Sections that are opened at the start: a change of these needs a restart."""
 
 
@@ -82,8 +85,8 @@ def run_vehicle(path: Path, config: Config) -> None:
         record = closing.enter_context(daemon_recording(config, metadata, used.log))
         broadcast = closing.enter_context(contextlib.closing(Broadcast(config.name, control.session, metadata)))
         used = replace(used, metrics=metrics, record=record, broadcast=broadcast, live=used.log.show)
-        used = replace(used, record_required=config.record.required)
-        daemon = Daemon(config.name, plan, world.links[config.name], world.evaders[config.name][EVADER], used)
+        used = replace(used, record_required=config.record.required, team=_member(config, control, clock, closing))
+        daemon = Daemon(config.name, plan, world.links[config.name], world.evaders[config.name], used)
         used.notifier.ready()
         started = {"name": config.name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
         used.log.say(logging.INFO, "running", **started, scheduling=claim())
@@ -91,6 +94,23 @@ def run_vehicle(path: Path, config: Config) -> None:
         run([daemon], world, clock, signals=signals)
         broadcast.event(clock.now_s(), FLIGHT_OVER, json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}))
         used.log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
+
+
+def _member(config: Config, control: ControlBus, clock: Clock, closing: contextlib.ExitStack) -> Member | None:
+    """Join the team of a vehicle file, if it has one."""
+    if config.team is None:
+        return None
+    team, mates = config.team, config.team.mates
+    transport = ZenohTeam(clock.now_s, control.session, team.name, config.name, mates)
+    closing.callback(transport.close)
+    return Member(
+        config.name,
+        mates,
+        list(config.evaders),
+        transport,
+        epoch=secrets.randbits(48),
+        separation_height_m=team.separation_height_m,
+    )
 
 
 def reload(path: Path, before: Config) -> FlightPlan:

@@ -12,7 +12,7 @@ from guidance.autopilots import AutopilotName, Preflight
 from guidance.config import Altitude, Latitude, Longitude, Section, parse, read_text, read_toml
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
-from guidance.flight.settings import FlightSection
+from guidance.flight.settings import FlightSection, TeamSection
 from guidance.frames import Amsl, LocalFrame
 from guidance.game import Extent
 from guidance.links.port import taken_apart
@@ -122,6 +122,7 @@ _LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+
 _BY_TLS = re.compile(r"tls/[^\s/]+:\d+")
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 
 EvaderKind = Literal[
     "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
@@ -337,10 +338,35 @@ class RecordSection(Section):
     rotate_mb: float = Field(256.0, ge=1.0, description="a new file begins at this size")
 
 
+EVADER: Final = "evader"
+"""Name of the one evader of a vehicle without a team."""
+
+
+class TeamEvader(EvaderSection):
+    """An evader besides `[evader]`."""
+
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="declared top speed of the evader")
+
+    @model_validator(mode="after")
+    def _check_url(self) -> Self:
+        if self.url is None:
+            raise ValueError("team.evaders.url: missing; on the vehicle's link only [evader] may report")
+        return self
+
+
+class Team(TeamSection):
+    """The team of the vehicle. Its messages pass the session of `[control]`, which all mates share."""
+
+    name: Name = Field(description="of the team, in orders: guidance ctl engage --team NAME")
+    mates: tuple[Name, ...] = Field(min_length=1, max_length=31, description="names of the other vehicles")
+    evader: Name = Field(description="name of the evader of [evader], against which the vehicle plays first")
+    evaders: dict[Name, TeamEvader] = Field({}, description="[team.evaders.NAME]: the other evaders")
+
+
 class Config(Section):
     """A whole vehicle file."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,32}$", description="of the vehicle, in orders, metrics and records")
+    name: Name = Field(description="of the vehicle, in orders, metrics and records")
     vehicle: Vehicle
     evader: EvaderSection
     game: GameSection
@@ -352,6 +378,21 @@ class Config(Section):
     log: LogSection = LogSection()
     metrics: MetricsSection = MetricsSection()
     record: RecordSection = RecordSection()
+    team: Team | None = None
+
+    @property
+    def evaders(self) -> dict[str, EvaderSection]:
+        """All evaders by name, the vehicle's first one first."""
+        return {EVADER: self.evader} if self.team is None else {self.team.evader: self.evader, **self.team.evaders}
+
+    @property
+    def declared_speeds_m_s(self) -> dict[str, float]:
+        """Declared speeds of a team's evaders by name; empty without a team."""
+        if self.team is None:
+            return {}
+        return {self.team.evader: self.game.evader_speed_m_s} | {
+            name: one.speed_m_s for name, one in self.team.evaders.items()
+        }
 
     @property
     def speed_limits(self) -> Speeds:
@@ -366,6 +407,8 @@ class Config(Section):
                 f"control.endpoint = {self.control.endpoint!r}: needs zenoh.tls_certificate_file; without mutual TLS "
                 "anyone could command the vehicle"
             )
+        if self.team is not None:
+            self._check_team(self.team)
         low, high = self.limits.floor_m, self.limits.ceiling_m
         if low <= self.flight.takeoff_height_m < low + _ABOVE_THE_FLOOR_M:
             raise ValueError(
@@ -381,6 +424,18 @@ class Config(Section):
                     f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
                 )
         return self
+
+    def _check_team(self, team: Team) -> None:
+        if len({self.name, *team.mates}) <= len(team.mates):
+            raise ValueError(f"team.mates = {list(team.mates)}: must be other names than {self.name!r}, each once")
+        if team.evader in team.evaders:
+            raise ValueError(f"team.evaders.{team.evader}: is [evader] already (team.evader); name only the others")
+        for name, one in team.evaders.items():
+            if one.speed_m_s >= self.game.speed_m_s:
+                raise ValueError(
+                    f"team.evaders.{name}.speed_m_s = {one.speed_m_s:g}: must be below game.speed_m_s = "
+                    f"{self.game.speed_m_s:g}"
+                )
 
 
 def load_vehicle(path: Path) -> Config:

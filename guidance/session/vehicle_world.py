@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import ClassVar, Final
 
 from guidance.autopilots.description import MAV_CMD_SET_MESSAGE_INTERVAL
@@ -33,17 +34,13 @@ OWN_ID = 255
 _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
 
 
-EVADER: Final = "evader"
-"""Name of the one evader of a vehicle file."""
-
-
 @dataclass(slots=True)
 class VehicleWorld:
     """The world of a running vehicle and its evader, in real time.
 
     Attributes:
         links: The vehicle, by its name.
-        evaders: Reports of the evader, by the vehicle's name and `EVADER`.
+        evaders: Reports of the evaders, by the vehicle's name and theirs; without a team it is `EVADER`.
         taps: Pass on the raw frames of the vehicle's wire.
         closing: Closes everything.
         players: The evader, where this process plays it.
@@ -90,26 +87,33 @@ def open_control(config: Config, mailbox: Mailbox) -> ControlBus:
         host=control.host,
         token_file=control.token_file,
         credentials=credentials_of(config.zenoh) if control.by_tls else NO_CREDENTIALS,
+        team="" if config.team is None else config.team.name,
+        mates=() if config.team is None else config.team.mates,
     )
 
 
 def open_all(
-    config: Config, clock: Clock, *, tapped: bool, wire: Wire | None = None, evader_wire: Wire | None = None
+    config: Config,
+    clock: Clock,
+    *,
+    tapped: bool,
+    wire: Wire | None = None,
+    evader_wires: Mapping[str, Wire] = MappingProxyType({}),
 ) -> VehicleWorld:
-    """Claim the vehicle, open its link and the evader's source, and wait until the vehicle was heard.
+    """Claim the vehicle, open its link and the evaders' sources, and wait until the vehicle was heard.
 
     Args:
         config: Of vehicle and evader.
         clock: Arrival times are its.
         tapped: Whether raw frames are passed on.
         wire: The vehicle's, if it is open already; it is closed with the world.
-        evader_wire: The evader's, likewise.
+        evader_wires: The evaders' by name, likewise.
 
     Raises:
         ConfigError: If a URL or the signing key is wrong.
         LinkError: If something cannot be opened, the vehicle is not heard, or another daemon owns it.
     """
-    vehicle, evader, taps = config.vehicle, config.evader, list[TappedWire]()
+    vehicle, evader, taps, wires = config.vehicle, config.evader, list[TappedWire](), dict(evader_wires)
     credentials, key = credentials_of(config.zenoh), signing_key(vehicle.signing_key_file)
     with contextlib.ExitStack() as closing:
         _claim(config, credentials, closing)
@@ -121,7 +125,7 @@ def open_all(
             wire = TappedWire(wire, clock.now_s, config.name)
             taps.append(wire)
         if evader.url is None:
-            wire, evader_wire = share(wire, 2)
+            wire, wires[next(iter(config.evaders))] = share(wire, 2)
         link = open_link(
             wire,
             vehicle.link,
@@ -133,9 +137,11 @@ def open_all(
             timeout_s=vehicle.connect_timeout_s,
         )
         closing.callback(link.close)
-        source = _open_source(config, clock, credentials, evader_wire)
-        closing.callback(source.close)
-        return VehicleWorld({config.name: link}, {config.name: {EVADER: source}}, taps, closing.pop_all())
+        sources = {}
+        for name, section in config.evaders.items():
+            sources[name] = _open_source(config, section, clock, credentials, wires.get(name))
+            closing.callback(sources[name].close)
+        return VehicleWorld({config.name: link}, {config.name: sources}, taps, closing.pop_all())
 
 
 def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitStack) -> None:
@@ -158,10 +164,11 @@ def _open_wire(
     return open_wire(url, clock=clock.now_s, systems=known, keys=keys, credentials=credentials, timeout_s=_WIRE_LIMIT_S)
 
 
-def _open_source(config: Config, clock: Clock, credentials: Credentials, wire: Wire | None) -> EvaderSource:
-    """Open the evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
-    evader = config.evader
-    url, key, rate_hz = evader.url or config.vehicle.url, _evader_key(config), evader.request_rate_hz
+def _open_source(
+    config: Config, evader: EvaderSection, clock: Clock, credentials: Credentials, wire: Wire | None
+) -> EvaderSource:
+    """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
+    url, key, rate_hz = evader.url or config.vehicle.url, _evader_key(config, evader), evader.request_rate_hz
     asked = None
     if rate_hz is not None:
         wire = _open_wire(url, (evader.system_id,), key, clock, credentials) if wire is None else wire
@@ -207,9 +214,9 @@ def _frame(evader: EvaderSection) -> LocalFrame:
     )
 
 
-def _evader_key(config: Config) -> SigningKey | None:
-    """Return the key that signs the evader's reports; on the vehicle's link the vehicle's key."""
-    evader, vehicle = config.evader, config.vehicle
+def _evader_key(config: Config, evader: EvaderSection) -> SigningKey | None:
+    """Return the key that signs an evader's reports; on the vehicle's link the vehicle's key."""
+    vehicle = config.vehicle
     if evader.kind not in ON_ZENOH and evader.url is None and vehicle.signing_key_file is not None:
         return signing_key(vehicle.signing_key_file)
     return signing_key(evader.signing_key_file, "evader")

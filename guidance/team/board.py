@@ -125,7 +125,8 @@ class Board:
             self._doubt(mate, before, state, at_s - mate.at_s)
         mate.state, mate.at_s, mate.heard_s = state, at_s, arrived_s
         self.term = max(self.term, state.term)
-        self.close(state.over, arrived_s)
+        if state.airborne:  # on the ground a mate may still know the last game's
+            self.close(state.over, arrived_s)
         top_m_s = math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s))
         self._fresh[state.vehicle] = MateState(
             state.vehicle,

@@ -45,10 +45,9 @@ class Member:
     Args:
         vehicle: Its name.
         mates: Names of the others.
-        evaders: Names of the evaders.
+        evaders: Names of the evaders; before the first assignment it plays against the first one.
         transport: To the mates.
         epoch: A random number of this start.
-        evader: The evader before the first assignment.
         separation_height_m: Least height between vehicles.
 
     Attributes:
@@ -60,18 +59,22 @@ class Member:
         self,
         vehicle: str,
         mates: Collection[str],
-        evaders: Collection[str],
+        evaders: Sequence[str],
         transport: Transport,
         *,
         epoch: int,
-        evader: str,
         separation_height_m: float,
     ) -> None:
-        self.vehicle = vehicle
-        self._first = Role(evader)
-        self.board = Board(vehicle, mates, evaders)
-        self.coordinator = Coordinator(self.board, epoch, separation_height_m + SLOT_MARGIN_M)
+        self.vehicle, self._mates = vehicle, tuple(mates)
+        self._first, self._slot_m = Role(evaders[0]), separation_height_m + SLOT_MARGIN_M
         self._transport, self._evaders, self._epoch = transport, sorted(evaders), epoch
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the last flight; mates take this for a new start."""
+        self._epoch += 1
+        self.board = Board(self.vehicle, self._mates, self._evaders)
+        self.coordinator = Coordinator(self.board, self._epoch, self._slot_m)
         self._seq = 0
         self._told_s = -math.inf
         self._heard_s: dict[str, float] = {}

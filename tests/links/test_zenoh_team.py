@@ -1,7 +1,7 @@
 """A team's messages over Zenoh: what one vehicle publishes, the others hear, and tokens end with their vehicle."""
 
 import time
-from contextlib import closing
+from contextlib import closing, contextmanager
 
 import pytest
 
@@ -12,8 +12,13 @@ from tests.links.peer import until
 pytestmark = pytest.mark.slow
 
 
+@contextmanager
 def joined(router, vehicle, team="north"):
-    return closing(ZenohTeam(time.monotonic, open_session(f"tcp/127.0.0.1:{router.port}"), team, vehicle))
+    with (
+        open_session(f"tcp/127.0.0.1:{router.port}") as session,
+        closing(ZenohTeam(time.monotonic, session, team, vehicle, ("alpha", "bravo"))) as transport,
+    ):
+        yield transport
 
 
 def test_mates_hear_each_other_and_not_themselves_nor_another_team(router):
@@ -31,6 +36,12 @@ def test_mates_hear_each_other_and_not_themselves_nor_another_team(router):
         assert alpha.receive() == []
         assert other.receive() == []
         assert set(other.present()) == {"x"}
+
+
+def test_tokens_of_strangers_are_not_kept(router):
+    with joined(router, "alpha") as alpha, joined(router, "bravo"), joined(router, "charlie"):
+        assert until(lambda: "bravo" in alpha.present())
+        assert set(alpha.present()) == {"alpha", "bravo"}
 
 
 def test_a_vehicle_that_leaves_is_not_present(router):

@@ -19,8 +19,8 @@ from guidance.preflight import refusals
 from guidance.session.checkup import Checkup
 from guidance.session.log import Log
 from guidance.session.plan import plan_of
-from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_world import EVADER, VehicleWorld
+from guidance.session.vehicle_file import EVADER, Config
+from guidance.session.vehicle_world import VehicleWorld
 from sitl_mock import MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
