@@ -3,6 +3,8 @@
 A .tlog is the telemetry log of QGroundControl, Mission Planner and pymavlink's mavlogdump. Each frame follows 8 bytes
 with its time in microseconds since 1970, big-endian. Records in virtual time have no UTC start and begin in 1970.
 
+A table has one row per cycle, with units in the column names.
+
 A map has tracks, state changes, fence and goal, as GeoJSON (RFC 7946) or KML 2.2. Altitudes are above mean sea level in
 both. RFC 7946 asks for heights above the ellipsoid, but autopilots report mean sea level and most viewers expect it.
 """
@@ -12,14 +14,16 @@ import json
 import math
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_type_hints
 from xml.sax.saxutils import escape
 
 from pymavlink.dialects.v20 import all as dialect
 
+from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.files import writing
@@ -28,19 +32,46 @@ from guidance.flight.tracking import polygon_about_home
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.frames import FrameReader, frame_length
 from guidance.log.aggregator import SettingsOf
+from guidance.log.codec import inside
 from guidance.log.reader import Survey, cycles_of, metadata_of, scan, title_of
-from guidance.messages import EvaderReport, GlobalPosition, Home
+from guidance.log.scene import fence_edges
+from guidance.messages import (
+    AltitudeSaid,
+    Attitude,
+    EvaderReport,
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LocalPosition,
+    Setpoint,
+    SystemStatus,
+)
 from guidance.vehicle import VehicleState, observe
 
 ENCODING: Final = "mavlink"
 _REORDER_S: Final = 1.0
 """Frames are recorded vehicle by vehicle each cycle, so times within this window may be out of order."""
 
+_ROWS_AT_ONCE: Final = 4096
+_AXES: Final = {"_ned": ("north", "east", "down"), "_game": ("east", "north", "up")}
+_EVADER: Final = "received_s sent_s source latitude_deg longitude_deg altitude_amsl_m velocity_ned_m_s"
+_EXPORTED: Final[tuple[tuple[str, type, str], ...]] = (
+    ("vehicle_", LocalPosition, "position_ned_m velocity_ned_m_s"),
+    ("vehicle_", GlobalPosition, "latitude_deg longitude_deg altitude_amsl_m altitude_above_home_m"),
+    ("vehicle_", Attitude, "yaw_rad"),
+    ("vehicle_", Heartbeat, "custom_mode armed"),
+    ("vehicle_", SystemStatus, "battery_remaining"),
+    ("evader_", EvaderReport, _EVADER),
+    ("evader_said_", AltitudeSaid, " ".join(AltitudeSaid._fields)),
+    ("setpoint_", Setpoint, " ".join(Setpoint._fields)),
+    ("game_", Certificate, " ".join(Certificate._fields)),
+)
+"""Column prefix, type of the message, and its exported fields."""
+
+_COLOURS: Final = {"pursuer": "ff2d27c1", "evader": "ffa55f0b", "fence": "ff404040"}  # KML: alpha, blue, green, red
+
 Coordinates = tuple[float, float, float]
 """Longitude and latitude in degrees, altitude above mean sea level in metres."""
-
-_CIRCLE_CORNERS: Final = 72
-_COLOURS: Final = {"pursuer": "ff2d27c1", "evader": "ffa55f0b", "fence": "ff404040"}  # KML: alpha, blue, green, red
 
 
 class Feature(NamedTuple):
@@ -50,28 +81,6 @@ class Feature(NamedTuple):
     shape: str
     places: Sequence[Coordinates]
     properties: Mapping[str, Any] = {}
-
-
-def _map(path: Path, out: Path, settings_of: SettingsOf) -> int:
-    metadata = metadata_of(path)
-    features = features_of(path, settings_of(metadata))
-    return (write_kml if out.suffix == ".kml" else write_geojson)(features, title_of(metadata), out)
-
-
-def _table(path: Path, out: Path, _: SettingsOf) -> int:
-    require(str(out), "sim")
-    from guidance.log.table import write_table  # noqa: PLC0415 - pyarrow is of an extra
-
-    return write_table(path, out)
-
-
-EXPORTS: Final[Mapping[str, tuple[str, Callable[[Path, Path, SettingsOf], int]]]] = {
-    ".tlog": ("frames", lambda path, out, _: write_tlog(path, out)),
-    ".csv": ("cycles", _table),
-    ".parquet": ("cycles", _table),
-    ".geojson": ("features", _map),
-    ".kml": ("features", _map),
-}
 
 
 def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
@@ -166,21 +175,18 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
 
 
 def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
-    """Draw the fence at the altitude of home."""
+    """Draw the fence at the altitude of home, anticlockwise as RFC 7946 requires."""
     if home is None:
         return
-    envelope, corners_deg = settings.cycle.envelope, settings.limits.fence_polygon_deg
     place = home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
     frame = LocalFrame(*place, projection=settings.autopilot.projection)
-    radius_m, polygon = envelope.fence_radius_m, envelope.fence_polygon
-    if radius_m is not None:
-        turns = [2.0 * math.pi * corner / _CIRCLE_CORNERS for corner in range(_CIRCLE_CORNERS)]
-        corners_ne_m = [(radius_m * math.sin(turn), radius_m * math.cos(turn)) for turn in turns]
-        yield _area("fence", frame, corners_ne_m, {"radius_m": radius_m})
+    envelope, corners_deg = settings.cycle.envelope, settings.limits.fence_polygon_deg
     if corners_deg is not None:
-        polygon = polygon_about_home(corners_deg, (0.0, 0.0, 0.0), frame)
-    if polygon is not None:
-        yield _area("fence, polygon", frame, polygon.corners_ne_m, {})
+        envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, (0.0, 0.0, 0.0), frame))
+    for edge in fence_edges(envelope, (0.0, 0.0, 0.0)):
+        places = [_placed(frame, north_m, east_m) for east_m, north_m in edge.tolist()]
+        turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(places))
+        yield Feature("fence", "Polygon", places if turning > 0.0 else places[::-1])
 
 
 def _goal(settings: FlightSettings) -> Iterator[Feature]:
@@ -188,16 +194,6 @@ def _goal(settings: FlightSettings) -> Iterator[Feature]:
     if target_m is not None and site is not None:
         frame = LocalFrame(*site, projection=settings.autopilot.projection)
         yield Feature("target T", "Point", [_placed(frame, target_m[1], target_m[0])])
-
-
-def _area(
-    name: str, frame: LocalFrame, corners_ne_m: Sequence[tuple[float, float]], properties: Mapping[str, Any]
-) -> Feature:
-    """Return a closed edge, anticlockwise as RFC 7946 requires."""
-    corners = [_placed(frame, north_m, east_m) for north_m, east_m in corners_ne_m]
-    closed = [*corners, corners[0]]
-    turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(closed))
-    return Feature(name, "Polygon", closed if turning > 0.0 else closed[::-1], properties)
 
 
 def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
@@ -209,34 +205,39 @@ def _place(report: GlobalPosition | EvaderReport) -> Coordinates:
     return (report.longitude_deg, report.latitude_deg, report.altitude_amsl_m)
 
 
-def write_geojson(features: Sequence[Feature], title: str, out: Path) -> int:
-    """Write a FeatureCollection; return the number of features.
+def write_map(path: Path, out: Path, settings_of: SettingsOf) -> int:
+    """Write KML if `out` ends in .kml, else GeoJSON; return the number of features.
 
     Raises:
+        ConfigError: If the record cannot be read.
         OSError: If `out` cannot be written.
     """
-    collection = {"type": "FeatureCollection", "name": title, "features": [_geojson(feature) for feature in features]}
-    out.write_text(json.dumps(collection, allow_nan=False) + "\n", encoding="utf-8")
+    metadata = metadata_of(path)
+    features, title = features_of(path, settings_of(metadata)), title_of(metadata)
+    out.write_text((kml if out.suffix == ".kml" else geojson)(features, title) + "\n", encoding="utf-8")
     return len(features)
 
 
-def write_kml(features: Sequence[Feature], title: str, out: Path) -> int:
-    """Write a KML document; return the number of placemarks.
+def geojson(features: Sequence[Feature], title: str) -> str:
+    """Return a FeatureCollection."""
+    collection = {"type": "FeatureCollection", "name": title, "features": [*map(_geojson, features)]}
+    return json.dumps(collection, allow_nan=False)
 
-    Raises:
-        OSError: If `out` cannot be written.
-    """
-    styles = "\n".join(
+
+def kml(features: Sequence[Feature], title: str) -> str:
+    """Return a KML document with a placemark for each feature."""
+    styles = (
         f'<Style id="{name}"><LineStyle><color>{colour}</color><width>2</width></LineStyle></Style>'
         for name, colour in _COLOURS.items()
     )
-    marks = "\n".join(_placemark(feature) for feature in features)
-    out.write_text(
-        '<?xml version="1.0" encoding="utf-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>\n'
-        f"<name>{_xml(title)}</name>\n{styles}\n{marks}\n</Document></kml>\n",
-        encoding="utf-8",
-    )
-    return len(features)
+    parts = [
+        '<?xml version="1.0" encoding="utf-8"?>',
+        f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document>\n<name>{_xml(title)}</name>',
+        *styles,
+        *map(_placemark, features),
+        "</Document></kml>",
+    ]
+    return "\n".join(parts)
 
 
 def _geojson(feature: Feature) -> dict[str, Any]:
@@ -272,3 +273,66 @@ def _rounded(place: Coordinates) -> list[float]:
     longitude_deg, latitude_deg, altitude_m = place
     flat = [round(longitude_deg, 8), round(latitude_deg, 8)]
     return [*flat, round(altitude_m, 3)] if math.isfinite(altitude_m) else flat
+
+
+def write_table(path: Path, out: Path) -> int:
+    """Write Parquet if `out` ends in .parquet, else CSV with empty cells for NaN and null; return the number of rows.
+
+    A cell is null before the first message, and in cycles without setpoint or game.
+
+    Raises:
+        ConfigError: If the record cannot be read, or pyarrow is not installed.
+        OSError: If `out` cannot be written.
+    """
+    require(str(out), "sim")
+    import pyarrow as pa  # noqa: PLC0415 - of an extra
+    from pyarrow import csv, parquet  # noqa: PLC0415
+
+    types = {float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
+    named = [(name, types.get(kind, pa.string())) for _, _, names, kind in _columns() for name in names]
+    schema = pa.schema([("now_s", pa.float64()), ("state", pa.string()), *named, ("alarm", pa.string())])
+    rows, count = _rows(path), 0
+    with (parquet.ParquetWriter if out.suffix == ".parquet" else csv.CSVWriter)(out, schema) as writer:
+        while some := list(islice(rows, _ROWS_AT_ONCE)):
+            writer.write_batch(pa.RecordBatch.from_pylist(some, schema=schema))
+            count += len(some)
+    return count
+
+
+def _columns() -> Iterator[tuple[type, str, Sequence[str], Any]]:
+    """Yield message type, field, names and type of the columns: three for a vector, named by its axes."""
+    for prefix, kind, fields in _EXPORTED:
+        for field in fields.split():
+            frame = next((frame for frame in _AXES if f"{frame}_" in field), None)
+            if frame is None:
+                yield kind, field, [f"{prefix}{field}"], inside(get_type_hints(kind)[field])
+            else:
+                yield kind, field, [f"{prefix}{field.replace(frame, f'_{axis}')}" for axis in _AXES[frame]], float
+
+
+def _rows(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield column -> value for each cycle; a message keeps its value until the next of its type."""
+    columns = list(_columns())
+    latest: dict[type, Any] = {}
+    for row in cycles_of(path):
+        latest |= {type(message): message for message in row.inputs.messages}
+        for report in row.inputs.reports:
+            latest |= {EvaderReport: report, AltitudeSaid: report.said}
+        latest |= {Setpoint: row.setpoint, Certificate: row.certificate}
+        cells = {"now_s": row.now_s, "state": row.state, "alarm": None if row.alarm is None else row.alarm.words}
+        for kind, field, names, _ in columns:
+            value = getattr(latest.get(kind), field, None)
+            if len(names) > 1:
+                cells |= zip(names, value or (None,) * 3, strict=True)
+            else:
+                cells[names[0]] = "; ".join(value) if isinstance(value, tuple) else value
+        yield cells
+
+
+EXPORTS: Final[Mapping[str, tuple[str, Callable[[Path, Path, SettingsOf], int]]]] = {
+    ".tlog": ("frames", lambda path, out, _: write_tlog(path, out)),
+    ".csv": ("cycles", lambda path, out, _: write_table(path, out)),
+    ".parquet": ("cycles", lambda path, out, _: write_table(path, out)),
+    ".geojson": ("features", write_map),
+    ".kml": ("features", write_map),
+}

@@ -1,15 +1,25 @@
-"""Messages that viewers draw without setup: both players on the map, and the game in three dimensions.
+"""What is drawn of a flight: its shapes as arrays, and the messages of a record that viewers draw without setup.
 
-Names and fields are those of Foxglove's message schemas (docs.foxglove.dev); Lichtblick and others read them too.
-Positions are in metres, x east, y north, z up. A time is seconds and nanoseconds of the record's clock.
+Shapes are in the game frame (m, x east, y north): discs, isochrons, the edges of target and fence.
+
+The messages show both players on the map, and the game in three dimensions. Names and fields are those of Foxglove's
+message schemas (docs.foxglove.dev); Lichtblick and others read them too. Positions are in the game frame, with z up. A
+time is seconds and nanoseconds of the record's clock.
 """
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from guidance.certificate import Certificate
+from guidance.control import Envelope
+from guidance.cycle import CycleSettings, game_played
 from guidance.frames import Vector
+from guidance.game import Extent, Game, solve
 from guidance.log.codec import DIALECT, Schema
 from guidance.log.entries import CycleEntry
 from guidance.messages import EvaderReport, GlobalPosition
@@ -19,7 +29,7 @@ SCENE_EVERY_S: Final = 0.2
 """Periods of the map and pose messages, and of the scene."""
 
 GAME_FRAME: Final = "game"
-_CORNERS: Final = 36
+_CORNERS: Final = 37
 _UNKNOWN: Final = 0
 _DIAGONAL_KNOWN: Final = 2
 _CLOSED_LINE: Final = 1
@@ -28,6 +38,57 @@ _UNUSED: Final = ("metadata", "arrows", "cubes", "cylinders", "triangles", "text
 """Lists of a scene entity that viewers expect and that stay empty here."""
 
 Json = dict[str, Any]
+Array = NDArray[np.float64]
+
+
+def circle(centre: Vector, radius_m: float, points: int = 181) -> Array:
+    """A closed circle (points, 2), seen from above."""
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    return np.stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1)
+
+
+def target_edge(place_m: Vector, extent: Extent) -> Array:
+    """The closed edge (n, 2) of a target's shape about its place; of a point nothing."""
+    edge = np.array(extent.outline_m()).reshape(-1, 2) + np.array(place_m[:2])
+    return np.concatenate([edge, edge[:1]])
+
+
+def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181) -> Array:
+    """Capture points (points, 2) of an evader that runs straight at full speed, one for each heading, m.
+
+    The paper's Apollonius circle for a Ball and point capture. Found from the game itself: TAD towards a far target in
+    each heading ends where that heading's run ends.
+
+    Args:
+        game: The game.
+        pursuer_m: P, m.
+        evader_m: E, m.
+        points: How many headings.
+    """
+    headings = np.linspace(0.0, 2.0 * np.pi, points)
+    far = 1e6 * np.stack([np.cos(headings), np.sin(headings), np.zeros(points)], axis=-1)
+    P = np.broadcast_to(np.array(pursuer_m), (points, 3)).copy()
+    E = np.broadcast_to(np.array(evader_m), (points, 3)).copy()
+    return np.asarray(solve(game, P, E, E + far).meeting_point_m[:, :2])
+
+
+def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:
+    """The isochron (points, 2) of the cycle's game. It contains the meeting point."""
+    bound_m_s = float(settings.speed_set.horizontal_m_s) / certificate.speed_ratio
+    game, _ = game_played(settings, bound_m_s, certificate.evader_age_s)
+    game = replace(game, target_velocity_m_s=(0.0, 0.0))  # a straight run does not depend on the target
+    return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
+
+
+def fence_edges(envelope: Envelope, home_m: Vector) -> list[Array]:
+    """The fence's edges as closed curves (n, 2)."""
+    edges = []
+    if envelope.fence_radius_m is not None:
+        edges.append(circle(home_m, envelope.fence_radius_m))
+    if envelope.fence_polygon is not None:
+        corners = np.array(envelope.fence_polygon.corners_ne_m)[:, ::-1] + np.array(home_m[:2])  # north, east of home
+        edges.append(np.concatenate([corners, corners[:1]]))
+    return edges
 
 
 def _color(red: float, green: float, blue: float) -> Json:
@@ -159,8 +220,7 @@ class Scene:
 
 def disc(certificate: Certificate) -> Sequence[Vector]:
     """Return corners of the rim of the stand-off disc, game frame, from the distances in the certificate."""
-    (x, y, z), above = certificate.evader_game_m, certificate.pursuer_game_m
-    radius_m = math.hypot(above[0] - x, above[1] - y) - certificate.gap_m
-    height_m = above[2] - z - certificate.height_gap_m
-    turns = (2.0 * math.pi * corner / _CORNERS for corner in range(_CORNERS))
-    return [(x + radius_m * math.cos(turn), y + radius_m * math.sin(turn), z + height_m) for turn in turns]
+    evader, above = certificate.evader_game_m, certificate.pursuer_game_m
+    radius_m = math.dist(above[:2], evader[:2]) - certificate.gap_m
+    height_m = above[2] - certificate.height_gap_m
+    return [(float(x), float(y), height_m) for x, y in circle(evader, radius_m, _CORNERS)[:-1]]

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from guidance.log.scene import Array, circle, fence_edges
 from guidance.viz.figures import (
     EVADER,
     ISOCHRON,
@@ -27,7 +28,6 @@ from guidance.viz.figures import (
     panels,
     thinned,
 )
-from guidance.viz.shapes import Array, circle, fence_edges
 from guidance.viz.story import Story
 
 FRAMES: Final = 90

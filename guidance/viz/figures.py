@@ -21,7 +21,7 @@ from guidance.files import private_file
 from guidance.frames import Vector
 from guidance.game import Extent, StandOff
 from guidance.game.extent import POINT
-from guidance.viz.shapes import Array, circle, isochron_at, target_edge
+from guidance.log.scene import Array, circle, isochron_at, target_edge
 
 PURSUER: Final = {"color": "#b3261e", "linewidth": 1.8}
 EVADER: Final = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}

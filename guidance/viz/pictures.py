@@ -20,6 +20,7 @@ from guidance.frames import Vector
 from guidance.game import Ball, End, Game
 from guidance.game.team import Matching, TeamRollout
 from guidance.game.team.regions import regions_of, survived
+from guidance.log.scene import Array, circle, isochron
 from guidance.session.plan import plan_of
 from guidance.session.result import FlightResult, ending_words
 from guidance.sim.batch import Batch, stack, starts
@@ -29,7 +30,6 @@ from guidance.sim.players import standoff, target_extent, target_game_m
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import Teams, TeamScenario, played_teams, teams_of
 from guidance.viz.figures import Chase, chase_figure, figure_of, flown_chase, legend_below, save
-from guidance.viz.shapes import Array, circle, isochron
 
 _POINTS_A_STEP = 8
 _EVADERS = ("#0b5fa5", "#2e7d32", "#8e44ad", "#c77800", "#00838f", "#ad1457", "#5d4037", "#546e7a")

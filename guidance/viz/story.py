@@ -17,8 +17,8 @@ from guidance.frames import Vector
 from guidance.game import solve
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, SettingsOf, Survey, metadata_of, scan, title_of
 from guidance.log.entries import EVENT_TOPIC
+from guidance.log.scene import Array
 from guidance.messages import Home
-from guidance.viz.shapes import Array
 
 Rows = list[tuple[str, str]]
 

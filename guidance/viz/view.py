@@ -22,8 +22,8 @@ from guidance.files import private_file, private_folder, writing
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, metadata_of, scan, title_of
 from guidance.log.reader import Idle
+from guidance.log.scene import Array, circle, fence_edges, isochron_at, target_edge
 from guidance.viz.serving import RecordingServer, WebPage
-from guidance.viz.shapes import Array, circle, fence_edges, isochron_at, target_edge
 
 if TYPE_CHECKING:
     from guidance.log.broadcast import LiveFlight

@@ -12,12 +12,12 @@ from mcap.reader import make_reader
 
 from guidance.flight import Event, State
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
+from guidance.log.scene import isochron
 from guidance.session.flight_files import flight_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.players import game
 from guidance.sim.scenario_file import load_scenario
 from guidance.viz.pictures import draw
-from guidance.viz.shapes import isochron
 from tests.harness.flights import NEAR, flown
 
 pytestmark = pytest.mark.flight

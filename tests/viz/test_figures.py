@@ -4,11 +4,11 @@ import pytest
 
 from guidance.errors import OutputError
 from guidance.flight import State
+from guidance.log.scene import circle
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.sweeps.drawing import _figure
 from guidance.viz.figures import MOST_POINTS, draw_fence, figure_of, save, thinned
 from guidance.viz.pictures import draw, draw_scenario
-from guidance.viz.shapes import circle
 from tests.harness.flights import NEAR
 
 IN_VIEW, FAR = circle((0.0, 0.0, 0.0), 8.0), circle((0.0, 0.0, 0.0), 300.0)

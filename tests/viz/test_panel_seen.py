@@ -17,12 +17,12 @@ from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, FLIGHT_OVER, RELOADED
 from guidance.log.reader import Item
+from guidance.log.scene import isochron_at
 from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub, News
 from guidance.viz.panel.snapshot import HISTORY, Level, SnapshotFold, history_row, of_age, of_share, reach_of
-from guidance.viz.shapes import isochron_at
 
 
 def folded(path, until=lambda row: False):

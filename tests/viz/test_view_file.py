@@ -21,9 +21,9 @@ from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
 from guidance.log import Item, cycles_of, events_of, metadata_of, scan, survey_of
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.log.scene import isochron_at
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import Config
-from guidance.viz.shapes import isochron_at
 from guidance.viz.view import CURVES, DRAWN_EVERY_S, Destination, Painter, RecordFile, view
 
 

@@ -21,8 +21,8 @@ from guidance.frames import ned_from_game
 from guidance.game import Winner
 from guidance.log import Aggregator, CycleEntry, EventEntry, Item, SettingsOf, title_of
 from guidance.log.codec import plain
+from guidance.log.scene import fence_edges, isochron_at, target_edge
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
-from guidance.viz.shapes import fence_edges, isochron_at, target_edge
 
 if TYPE_CHECKING:
     from guidance.monitor import Alarm
