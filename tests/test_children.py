@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-from guidance.viz.subprocesses import command
+from guidance.cli.viewers import command
 from sitl_mock.child import running
 
 MODULES = ("tomllib", "numpy", "typer", "zenoh", "rich", "json")

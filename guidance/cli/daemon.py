@@ -15,8 +15,10 @@ from rich.text import Text
 
 from guidance.cli import ask, show
 from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
+from guidance.cli.viewers import panel_beside
 from guidance.config import find
 from guidance.errors import ConfigError, FlightError
+from guidance.extras import require
 from guidance.screen import Cell, console, pairs, redraws
 from guidance.session.control_socket import ENDPOINT
 
@@ -45,16 +47,14 @@ def run(
     own = load_vehicle(path)
     with contextlib.ExitStack() as closing:
         if panel:
-            from guidance.viz.subprocesses import PanelBeside, options_of  # noqa: PLC0415 - an extra
-
+            require("--panel", "panel")
             endpoint = own.control.endpoint
             if own.control.by_tls:
                 raise ConfigError(
                     f"--panel with control.endpoint = {endpoint!r}: that router judges who may order; leave it out, "
                     f"and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
                 )
-            options = options_of(own.control.token_file, own.record.folder)
-            closing.callback(PanelBeside(endpoint, *options).close)
+            closing.callback(panel_beside(endpoint, own.record.folder, own.control.token_file).close)
         run_vehicle(path, own)
 
 

@@ -4,15 +4,14 @@ import contextlib
 import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from guidance.cli import INTERRUPTED
 from guidance.cli.arguments import agree, refuse_others
-
-if TYPE_CHECKING:
-    from guidance.viz.subprocesses import PanelBeside, ViewerBeside
+from guidance.cli.viewers import CommandBeside, panel_beside
+from guidance.extras import require
 
 
 def fly(
@@ -102,19 +101,7 @@ def fly(
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with contextlib.ExitStack() as closing:
-        beside: list[ViewerBeside | PanelBeside] = []
-        records: list[Path] = []
-        viewer = _viewer(closing, beside) if view else None
-
-        def on_record(path: Path) -> None:
-            records.append(path)
-            if viewer is not None:
-                viewer.start(path)
-
-        def on_control(endpoint: str) -> None:
-            if panel:
-                beside.append(_panel(closing, endpoint, out))
-
+        beside = _Beside(closing, view=view, panel=panel, folder=Path("flights") if out is None else out.parent)
         try:
             from guidance.cli.fly_scenario import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
             from guidance.session.fly import Asked, MockOptions  # noqa: PLC0415
@@ -123,14 +110,14 @@ def fly(
             mock = MockOptions(fast=fast, link=client, port=port or 0)
             how = mock if vehicle is None else Asked(vehicle, autopilot, client, end or "return")
             code = fly_scenario(
-                scenario, how, out=out, seed=seed, on_record=on_record, on_control=on_control, as_json=as_json
+                scenario, how, out=out, seed=seed, on_record=beside.record, on_control=beside.control, as_json=as_json
             )
         except KeyboardInterrupt:
             nothing = "nothing was recorded" if vehicle is None else "nothing was armed"
-            kept = f"the record so far is {records[0]}" if records else nothing
+            kept = f"the record so far is {beside.records[0]}" if beside.records else nothing
             typer.echo(f"interrupted: {'the mock was ended; ' if vehicle is None else ''}{kept}", err=True)
             raise typer.Exit(INTERRUPTED) from None
-        _stay(beside)
+        beside.stay()
     raise typer.Exit(code)
 
 
@@ -141,28 +128,36 @@ def _may_fly(vehicle: str, *, yes: bool) -> None:
         agree(f"{vehicle} may be a real vehicle. Arm and fly it? Propellers will turn")
 
 
-def _viewer(closing: contextlib.ExitStack, beside: "list[ViewerBeside | PanelBeside]") -> "ViewerBeside":
-    from guidance.viz.subprocesses import ViewerBeside  # noqa: PLC0415
+class _Beside:
+    """The viewer and the page beside a flight, each if asked for."""
 
-    viewer = ViewerBeside("--port", "0", "--web-port", "0", say=typer.echo)
-    closing.callback(viewer.close)
-    beside.append(viewer)
-    return viewer
+    def __init__(self, closing: contextlib.ExitStack, *, view: bool, panel: bool, folder: Path) -> None:
+        for asked, what, extra in ((view, "the view", "viz"), (panel, "--panel", "panel")):
+            if asked:
+                require(what, extra)
+        self._closing, self._view, self._panel, self._folder = closing, view, panel, folder
+        self._running: list[CommandBeside] = []
+        self.records: list[Path] = []
 
+    def record(self, path: Path) -> None:
+        """Show a record that is being written."""
+        self.records.append(path)
+        if self._view:
+            self._add(CommandBeside("view", str(path), "--follow", "--port", "0", "--web-port", "0"))
 
-def _stay(beside: "list[ViewerBeside | PanelBeside]") -> None:
-    """Keep the viewer and the page open until Ctrl-C."""
-    if not beside:
-        return
-    with contextlib.suppress(KeyboardInterrupt):
-        typer.echo("the view stays: Ctrl-C ends it")
-        for one in beside:
-            one.wait()
+    def control(self, endpoint: str) -> None:
+        """Serve the page of a flight that takes orders here."""
+        if self._panel:
+            self._add(panel_beside(endpoint, self._folder))
 
+    def _add(self, one: CommandBeside) -> None:
+        self._running.append(one)
+        self._closing.callback(one.close)
 
-def _panel(closing: contextlib.ExitStack, endpoint: str, out: Path | None) -> "PanelBeside":
-    from guidance.viz.subprocesses import PanelBeside, options_of  # noqa: PLC0415
-
-    beside = PanelBeside(endpoint, *options_of(None, Path("flights") if out is None else out.parent))
-    closing.callback(beside.close)
-    return beside
+    def stay(self) -> None:
+        """Keep the viewer and the page open until Ctrl-C."""
+        if self._running:
+            with contextlib.suppress(KeyboardInterrupt):
+                typer.echo("the view stays: Ctrl-C ends it")
+                for one in self._running:
+                    one.child.wait()

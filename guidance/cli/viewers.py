@@ -1,9 +1,13 @@
-"""`guidance view` and `panel`: the viewer and the operator's page."""
+"""`guidance view` and `panel`: the viewer and the operator's page, and their processes beside a flight."""
 
+import os
 import signal
+import subprocess
+import sys
 import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -13,6 +17,10 @@ from guidance.session.control_socket import ENDPOINT
 
 if TYPE_CHECKING:
     from guidance.log.broadcast import LiveFlight
+
+STOP_LIMIT_S: Final = 5.0
+TILES: Final = "GUIDANCE_TILES"
+"""Environment variable with the default of --tiles, also for the pages beside a flight."""
 
 
 def view(
@@ -43,7 +51,6 @@ def view(
     """
     from guidance.errors import ConfigError  # noqa: PLC0415 - slow import
     from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
-    from guidance.viz.subprocesses import end_with_parent  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")
@@ -56,7 +63,7 @@ def view(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     if with_parent:
-        end_with_parent(ended.set)
+        end_with_parent()
     require("the view", "viz")
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
     from guidance.viz.view import view as show  # noqa: PLC0415
@@ -95,7 +102,8 @@ def panel(
     tiles: Annotated[
         str,
         typer.Option(
-            help="Map under the plan view: a folder with Z/X/Y.png, or https://HOST/{z}/{x}/{y}.png on another host."
+            envvar=TILES,
+            help="Map under the plan view: a folder with Z/X/Y.png, or https://HOST/{z}/{x}/{y}.png on another host.",
         ),
     ] = "tiles",
     with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
@@ -119,4 +127,67 @@ def panel(
     options = PanelOptions(
         endpoints, token_file, host, port, look, records, certificate, key, password_file, tiles, zenoh
     )
-    serve_panel(options, recorded_settings, typer.echo, with_parent=with_parent)
+    if with_parent:
+        end_with_parent()
+    serve_panel(options, recorded_settings, typer.echo)
+
+
+class CommandBeside:
+    """Runs `guidance ARGUMENTS` as a child process of a flight, which does not depend on it.
+
+    The child ends when its standard input closes, so it ends with its parent.
+
+    Args:
+        arguments: Command name, then its arguments.
+        say: Receives every line of its output, on a separate thread.
+    """
+
+    def __init__(self, *arguments: str, say: Callable[[str], None] = typer.echo) -> None:
+        pipe = subprocess.PIPE
+        # A separate session, so that Ctrl-C reaches only the parent.
+        self.child: Final = subprocess.Popen(
+            command(arguments), stdin=pipe, stdout=pipe, start_new_session=True, text=True, errors="replace"
+        )
+        self._relaying = threading.Thread(target=self._relay, args=(say,), name=arguments[0], daemon=True)
+        self._relaying.start()
+
+    def _relay(self, say: Callable[[str], None]) -> None:
+        assert self.child.stdout is not None
+        with self.child.stdout as lines:
+            for line in lines:
+                say(line.rstrip())
+
+    def close(self) -> None:
+        """End it, by force after `STOP_LIMIT_S`. May be called twice."""
+        assert self.child.stdin is not None
+        self.child.stdin.close()
+        try:
+            self.child.wait(STOP_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self.child.kill()
+            self.child.wait()
+        self._relaying.join()
+
+
+def command(arguments: Sequence[str]) -> list[str]:
+    """Return the command line of a child command. `-P` keeps the current folder off the import path."""
+    return [sys.executable, "-P", "-c", "from guidance.cli import main; main()", *arguments, "--with-parent"]
+
+
+def panel_beside(endpoint: str, records: Path | None, token_file: Path | None = None) -> CommandBeside:
+    """Start the page of the daemon at an endpoint on a free port; it prints its address."""
+    options = {"--endpoint": endpoint, "--port": "0", "--token-file": token_file, "--records": records}
+    given = [word for name, value in options.items() if value is not None for word in (name, str(value))]
+    return CommandBeside("panel", *given)
+
+
+def end_with_parent() -> None:
+    """End this process as SIGTERM does when its standard input closes."""
+    threading.Thread(target=_read_to_the_end, name="parent", daemon=True).start()
+
+
+def _read_to_the_end() -> None:
+    # os.read, because a thread that waits in a buffered reader would keep the interpreter from ending.
+    while os.read(0, 1024):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)

@@ -8,10 +8,8 @@ import urllib.request
 
 import pytest
 
-from guidance.clock import VirtualClock
 from guidance.errors import LinkError
 from guidance.session.metrics import MAX_CONNECTIONS, Metrics, MetricsServer
-from guidance.viz.panel.access import ConnectionLimit
 
 
 @pytest.fixture
@@ -69,25 +67,3 @@ def test_a_connection_that_sends_no_whole_request_is_closed_at_the_deadline(serv
     slow.sendall(b"GET /metrics HTTP/1.1\r\n")
     assert slow.recv(1) == b""
     slow.close()
-
-
-def test_a_limit_closes_the_late_and_the_oldest_but_never_an_admitted_connection():
-    clock = VirtualClock()
-    limit, closed = ConnectionLimit(clock, max_connections=2, deadline_s=10.0), []
-    assert limit.add("a", lambda: closed.append("a"))
-    limit.admit("a")
-    assert limit.add("b", lambda: closed.append("b"))
-    assert limit.add("c", lambda: closed.append("c"))
-    assert closed == ["b"]
-    clock.sleep_until(9.9)
-    limit.close_late()
-    assert "c" in limit
-    clock.sleep_until(10.0)
-    limit.close_late()
-    assert closed == ["b", "c"]
-    assert limit.add("d", lambda: closed.append("d"))
-    limit.admit("d")
-    assert not limit.add("e", lambda: closed.append("e"))
-    limit.remove("d")
-    assert limit.add("e", lambda: closed.append("e"))
-    assert closed == ["b", "c"]

@@ -21,7 +21,6 @@ from guidance.viz.panel import playback, records
 from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder
 from guidance.viz.panel.snapshot import HISTORY
-from guidance.viz.subprocesses import options_of
 from tests.harness.flights import NEAR
 
 
@@ -148,9 +147,3 @@ def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path)
     flown, alone = ([row.setpoint for row in cycles_of(path)] for path in (tmp_path / "flown" / RECORD, record))
     assert sum(setpoint is not None for setpoint in alone) > 100
     assert flown == alone
-
-
-def test_the_panel_of_a_flight_gets_its_token_file_and_record_folder(tmp_path):
-    asked = options_of(tmp_path / "token", tmp_path)
-    assert asked == ("--port", "0", "--token-file", str(tmp_path / "token"), "--records", str(tmp_path))
-    assert options_of(None, None) == ("--port", "0")

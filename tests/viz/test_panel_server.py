@@ -127,7 +127,7 @@ async def test_the_token_gives_a_cookie_for_a_secret_path_hidden_from_scripts(op
         assert answer.headers["Cache-Control"] == "no-store"
     async with panel.client.get("page/main.js") as answer:
         assert answer.status == 200
-        assert answer.content_type == "text/javascript"
+        assert answer.content_type.endswith("/javascript")
     for name in ("nothing.js", "..%2Fserver.py", "%2Fetc%2Fpasswd", "panel", "x.py"):
         async with panel.client.get(f"page/{name}") as answer:
             assert answer.status == 404, name

@@ -15,6 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 import rerun as rr
 
+from guidance.cli.viewers import CommandBeside, command
 from guidance.errors import ConfigError, LinkError
 from guidance.log import cycles_of, metadata_of
 from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
@@ -22,7 +23,6 @@ from guidance.log.entries import CYCLE
 from guidance.log.reader import Item
 from guidance.session.control_bus import free_endpoint, host_session, join_session
 from guidance.viz.serving import RecordingServer, _Relay, hidden_address
-from guidance.viz.subprocesses import ViewerBeside, command
 
 FREE = ("--port", "0", "--web-port", "0")
 LISTENING = "0A"
@@ -114,13 +114,11 @@ def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
 
 def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capfd):
     said = []
-    beside = ViewerBeside(*FREE, say=said.append)
-    beside.wait()  # no process was started
-    beside.start(record)
-    pids = children(beside._beside.child.pid)
+    beside = CommandBeside("view", str(record), "--follow", *FREE, say=said.append)
+    pids = children(beside.child.pid)
     until(lambda: any("http://127.0.0.1" in line for line in said))  # by us, and not into a live line
-    beside._beside.child.kill()
-    beside.wait()
+    beside.child.kill()
+    beside.child.wait()
     beside.close()
     beside.close()
     assert not any(map(is_running, pids))

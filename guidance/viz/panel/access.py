@@ -10,13 +10,13 @@ Orders and the WebSocket must also come from a page of this origin.
 import asyncio
 import hmac
 import ipaddress
+import math
 import re
 import secrets
 import socket
 import ssl
 import stat
-from collections.abc import Callable, Hashable, Mapping
-from importlib import resources
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import urlsplit
@@ -35,7 +35,6 @@ LOGIN_DEADLINE_S: Final = 10.0
 """Time from a connection's first packet to a request with the cookie, including the TLS handshake."""
 
 _RETRY_S: Final = 0.1
-_CONTENT_TYPES: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _MAX_ADDRESSES: Final = 1024
 _LOOPBACK_NAMES: Final = ("127.0.0.1", "localhost", "[::1]")
 
@@ -220,76 +219,16 @@ def listen(host: str, port: int) -> socket.socket:
         ) from error
 
 
-def page_file(name: str, status: int = 200) -> web.Response:
-    """Return a file of the page.
-
-    Raises:
-        aiohttp.web.HTTPNotFound: If there is no such file.
-    """
-    kind = _CONTENT_TYPES.get(name[name.rfind(".") :])
-    file = resources.files("guidance.viz.panel") / "page" / name
-    if kind is None or "/" in name or "\\" in name or not file.is_file():
-        raise web.HTTPNotFound
-    return web.Response(status=status, body=file.read_bytes(), content_type=kind, charset="utf-8")
-
-
-class _Pending(NamedTuple):
-    deadline_s: float
-    close: Callable[[], object]
-
-
-class ConnectionLimit:
-    """Closes connections that are idle or too many. Idle connections never keep a new one out.
-
-    Args:
-        clock: Time of the deadlines.
-        max_connections: Open at the same time.
-        deadline_s: Time from `add` to `admit`; then the connection is closed.
-    """
-
-    def __init__(self, clock: Clock, *, max_connections: int, deadline_s: float) -> None:
-        self._clock = clock
-        self._max_connections = max_connections
-        self._deadline_s = deadline_s
-        self._pending: dict[Hashable, _Pending] = {}  # oldest first
-        self._admitted: set[Hashable] = set()
-
-    def __contains__(self, connection: Hashable) -> bool:
-        return connection in self._pending or connection in self._admitted
-
-    def add(self, connection: Hashable, close: Callable[[], object]) -> bool:
-        """Count a new connection; at the limit, close the oldest that is not admitted. False if all are admitted."""
-        if len(self._pending) + len(self._admitted) >= self._max_connections:
-            if not self._pending:
-                return False
-            self._close(next(iter(self._pending)))
-        self._pending[connection] = _Pending(self._clock.now_s() + self._deadline_s, close)
-        return True
-
-    def admit(self, connection: Hashable) -> None:
-        """Remove the deadline of a connection."""
-        if self._pending.pop(connection, None) is not None:
-            self._admitted.add(connection)
-
-    def remove(self, connection: Hashable) -> None:
-        """Forget a connection that has ended."""
-        self._pending.pop(connection, None)
-        self._admitted.discard(connection)
-
-    def close_late(self) -> None:
-        """Close the connections that missed their deadline."""
-        now_s = self._clock.now_s()
-        for connection in [one for one, pending in self._pending.items() if pending.deadline_s <= now_s]:
-            self._close(connection)
-
-    def _close(self, connection: Hashable) -> None:
-        self._pending.pop(connection).close()
+class _Connection(NamedTuple):
+    connecting: asyncio.Task[None]  # includes the TLS handshake
+    deadline_s: float  # of a request with the cookie; infinite after one
 
 
 class Listener:
-    """Passes accepted connections to a web server.
+    """Passes accepted connections to a web server, which does not bound their number and the time of a request's head.
 
-    aiohttp's own sites neither bound the connections nor the time until a request header is complete.
+    A connection without the cookie is closed after `LOGIN_DEADLINE_S`. At `MAX_CONNECTIONS`, a new one takes the place
+    of the oldest without the cookie, so idle connections never keep a person out.
 
     Args:
         server: Of an `aiohttp.web.AppRunner`.
@@ -299,9 +238,9 @@ class Listener:
 
     def __init__(self, server: web.Server, clock: Clock, tls: ssl.SSLContext | None) -> None:
         self._server = server
+        self._clock = clock
         self._tls = tls
-        self._limit = ConnectionLimit(clock, max_connections=MAX_CONNECTIONS, deadline_s=LOGIN_DEADLINE_S)
-        self._tasks: dict[web.RequestHandler, asyncio.Task[None]] = {}  # each ends when its handler is connected
+        self._open: dict[web.RequestHandler, _Connection] = {}  # oldest first
 
     async def run(self, listening: socket.socket) -> None:
         """Accept connections until cancelled."""
@@ -318,22 +257,29 @@ class Listener:
 
     def admit(self, handler: web.RequestHandler) -> None:
         """Remove the deadline of a connection that showed the cookie."""
-        self._limit.admit(handler)
+        if handler in self._open:
+            self._open[handler] = self._open[handler]._replace(deadline_s=math.inf)
 
     def close_late(self) -> None:
         """Close the connections that missed the deadline, and forget those that ended."""
-        self._limit.close_late()
-        connected = set(self._server.connections)
-        for handler in [one for one, task in self._tasks.items() if task.done() and one not in connected]:
-            del self._tasks[handler]
-            self._limit.remove(handler)
+        now_s, connected = self._clock.now_s(), set(self._server.connections)
+        for handler, (connecting, deadline_s) in list(self._open.items()):
+            if deadline_s <= now_s:
+                self._close(handler)
+            elif connecting.done() and handler not in connected:
+                del self._open[handler]
 
     def _add(self, accepted: socket.socket) -> None:
+        if len(self._open) >= MAX_CONNECTIONS:
+            strangers = (handler for handler, one in self._open.items() if one.deadline_s < math.inf)
+            oldest = next(strangers, None)
+            if oldest is None:
+                accepted.close()
+                return
+            self._close(oldest)
         handler = self._server()
-        if self._limit.add(handler, lambda: self._close(handler)):
-            self._tasks[handler] = asyncio.create_task(self._connect(handler, accepted))
-        else:
-            accepted.close()
+        connecting = asyncio.create_task(self._connect(handler, accepted))
+        self._open[handler] = _Connection(connecting, self._clock.now_s() + LOGIN_DEADLINE_S)
 
     async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
         loop = asyncio.get_running_loop()
@@ -344,5 +290,5 @@ class Listener:
             accepted.close()
 
     def _close(self, handler: web.RequestHandler) -> None:
-        self._tasks[handler].cancel()
+        self._open.pop(handler).connecting.cancel()
         handler.force_close()

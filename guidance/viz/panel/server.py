@@ -18,10 +18,9 @@ from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError, LinkError
 from guidance.links.zenoh_access import read_credentials
 from guidance.log import SettingsOf
-from guidance.viz.panel.access import Access, Listener, PasswordThrottle, listen, origin_of, page_file, remote_access
+from guidance.viz.panel.access import Access, Listener, PasswordThrottle, listen, origin_of, remote_access
 from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder
-from guidance.viz.subprocesses import end_with_parent
 
 NICE: Final = 5
 """Lower priority than the flight, but not the lowest: orders pass through the panel."""
@@ -41,6 +40,7 @@ _MAX_BYTES: Final = 4096
 _MAX_NAME_LENGTH: Final = 24
 _MAX_ORDERS_AT_ONCE: Final = 16
 _PUBLIC: Final = frozenset({"/", "/login", "/door.css"})
+_PAGE: Final = Path(__file__).with_name("page")
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 Queue = asyncio.Queue[str | None]
@@ -62,16 +62,13 @@ class PanelOptions(NamedTuple):
     zenoh: Path | None = None
 
 
-def serve_panel(
-    options: PanelOptions, settings_of: SettingsOf, say: Callable[[str], None], *, with_parent: bool = False
-) -> None:
-    """Serve until SIGINT or SIGTERM; with a parent, also until standard input closes.
+def serve_panel(options: PanelOptions, settings_of: SettingsOf, say: Callable[[str], None]) -> None:
+    """Serve until SIGINT or SIGTERM.
 
     Args:
         options: Options of the command line.
         settings_of: Makes settings from the metadata of a record.
         say: Prints a line.
-        with_parent: Whether standard input belongs to a parent process.
 
     Raises:
         ConfigError: If an option is not allowed.
@@ -91,15 +88,13 @@ def serve_panel(
         buses = [DaemonBus(one, options.token_file, clock, credentials) for one in options.endpoints]
         hub = Hub(buses, settings_of, clock)
         closing.callback(hub.close)
-        asyncio.run(_serve(PanelServer(hub, access, clock, options, say), listening, with_parent=with_parent))
+        asyncio.run(_serve(PanelServer(hub, access, clock, options, say), listening))
 
 
-async def _serve(server: "PanelServer", listening: socket.socket, *, with_parent: bool) -> None:
+async def _serve(server: "PanelServer", listening: socket.socket) -> None:
     ended, loop = asyncio.Event(), asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ended.set)
-    if with_parent:
-        end_with_parent(lambda: loop.call_soon_threadsafe(ended.set))
     async with server.serving(listening):
         await ended.wait()
 
@@ -126,7 +121,7 @@ class PanelServer:
         self._address = ""
         self._pages: dict[Queue, web.WebSocketResponse] = {}
         self._throttle = PasswordThrottle(clock)
-        self._listener: Listener | None = None
+        self._listener: Listener  # since `serving`
         self._order_threads = ThreadPoolExecutor(_MAX_ORDERS_AT_ONCE, thread_name_prefix="order")
         remote, local = "://" in options.tiles, bool(options.tiles) and Path(options.tiles).is_dir()
         self._tile_url = options.tiles if remote else "tiles/{z}/{x}/{y}.png" if local else ""
@@ -168,19 +163,16 @@ class PanelServer:
             self._say(f"panel    {self._address}{query}{remark}")
 
     def _application(self) -> web.Application:
-        @web.middleware
-        async def guarded(request: web.Request, handler: Handler) -> web.StreamResponse:
-            return await self._guarded(request, handler)
-
         path = self._access.path
-        application = web.Application(middlewares=[guarded], client_max_size=_MAX_BYTES)
+        application = web.Application(middlewares=[self._guarded], client_max_size=_MAX_BYTES)
+        application.on_response_prepare.append(self._harden)
         application.add_routes([
             web.get("/", self._enter),
             web.post("/login", self._login),
-            web.get("/door.css", self._file),
-            web.get(path, self._file),
-            web.get(f"{path}replay", self._file),
-            web.get(f"{path}page/{{name}}", self._file),
+            web.get("/door.css", _file),
+            web.get(path, _file),
+            web.get(f"{path}replay", _file),
+            web.get(f"{path}page/{{name}}", _file),
             web.get(rf"{path}tiles/{{tile:\d+/\d+/\d+}}.png", self._tile),
             web.get(f"{path}alive", self._alive),
             web.get(f"{path}live", self._live),
@@ -193,17 +185,19 @@ class PanelServer:
         application.on_shutdown.append(self._shut_down)
         return application
 
+    async def _harden(self, _: web.Request, answer: web.StreamResponse) -> None:
+        """Add the security headers."""
+        for name, value in self._headers.items():
+            answer.headers.setdefault(name, value)
+
+    @web.middleware
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Check access, and add the security headers to every answer."""
+        """Explain a refusal to a person; scripts get the status only."""
         status = self._refusal(request)
-        try:
-            answer = await handler(request) if status is None else self._refused(request, status)
-        except web.HTTPException as error:
-            answer = web.Response(status=error.status)
-        if not answer.prepared:
-            for name, value in self._headers.items():
-                answer.headers.setdefault(name, value)
-        return answer
+        if status is None:
+            return await handler(request)
+        is_page = request.method == "GET" and request.headers.get("Accept", "").startswith("text/html")
+        return self._door(status) if status == 403 and is_page else web.Response(status=status)
 
     def _refusal(self, request: web.Request) -> int | None:
         """Return the status of a refused request, None if it is allowed."""
@@ -211,24 +205,18 @@ class PanelServer:
         if not access.accepts_host(host):
             return 421
         if access.has_cookie(request.cookies):
-            if self._listener is not None:
-                self._listener.admit(request.protocol)
+            self._listener.admit(request.protocol)
         elif request.path not in _PUBLIC:
             return 403
         protected = request.method != "GET" or request.path == f"{access.path}live"
         return 403 if protected and not access.is_same_origin(host, request.headers.get("Origin", "")) else None
 
-    def _refused(self, request: web.Request, status: int) -> web.Response:
-        """Explain a refusal to a person; scripts get the status only."""
-        is_page = request.method == "GET" and request.headers.get("Accept", "").startswith("text/html")
-        return self._door(status) if status == 403 and is_page else web.Response(status=status)
-
     def _door(self, status: int, reason: str = "") -> web.Response:
         """Return the login page, or the page that asks for a new URL where no password is set."""
-        answer = page_file("login.html" if self._access.needs_password else "denied.html", status)
+        text = (_PAGE / ("login.html" if self._access.needs_password else "denied.html")).read_text(encoding="utf-8")
         if reason:
-            answer.text = (answer.text or "").replace(" hidden></p>", f">{reason}</p>", 1)
-        return answer
+            text = text.replace(" hidden></p>", f">{reason}</p>", 1)
+        return web.Response(status=status, text=text, content_type="text/html")
 
     async def _enter(self, request: web.Request) -> web.StreamResponse:
         """Exchange the token of the URL for the cookie."""
@@ -257,10 +245,6 @@ class PanelServer:
         # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
         answer.set_cookie(access.cookie, access.session, path=access.path, httponly=True, samesite="Lax", secure=secure)
         return answer
-
-    async def _file(self, request: web.Request) -> web.StreamResponse:
-        default = "door.css" if request.path == "/door.css" else "index.html"
-        return page_file(request.match_info.get("name", default))
 
     async def _tile(self, request: web.Request) -> web.StreamResponse:
         """Return a map tile of the local folder."""
@@ -311,8 +295,7 @@ class PanelServer:
 
     async def _send_changes(self) -> None:
         while True:
-            if self._listener is not None:
-                self._listener.close_late()
+            self._listener.close_late()
             self._hub.receive()
             self._send()
             await asyncio.sleep(SEND_INTERVAL_S)
@@ -335,6 +318,15 @@ class PanelServer:
         for page in list(self._pages.values()):
             await page.close(code=WSCloseCode.GOING_AWAY, message=b"the panel ends")
         self._order_threads.shutdown(wait=False, cancel_futures=True)
+
+
+async def _file(request: web.Request) -> web.StreamResponse:
+    """Return a file of the page."""
+    default = "door.css" if request.path == "/door.css" else "index.html"
+    path = _PAGE / request.match_info.get("name", default)
+    if path.parent != _PAGE or not path.is_file():
+        raise web.HTTPNotFound
+    return web.FileResponse(path)
 
 
 async def _send_queued(page: web.WebSocketResponse, queue: Queue) -> None:
