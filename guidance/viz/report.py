@@ -1,22 +1,297 @@
-"""The report of a record: one self-contained HTML page without scripts, its pictures, and a moving picture."""
+"""The report of a record: one self-contained HTML page without scripts, its pictures, and a moving picture.
+
+The pictures show tracks, the game and its guarantee, velocities, ages and latencies, and events.
+"""
 
 import base64
 from collections.abc import Callable, Mapping
 from html import escape
 from importlib import resources
 from io import BytesIO
+from itertools import groupby
 from pathlib import Path
 from string import Template
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, writing
 from guidance.log import SettingsOf
-from guidance.viz import charts
+from guidance.log.scene import Array, circle, fence_edges
+from guidance.viz.figures import (
+    EVADER,
+    ISOCHRON,
+    MARK,
+    MEETING,
+    PURSUER,
+    STANDOFF,
+    TARGET,
+    Chase,
+    chase_figure,
+    draw_place,
+    figure_of,
+    flown_chase,
+    label_plan,
+    legend_below,
+    legend_beside,
+    panels,
+    thinned,
+)
 from guidance.viz.story import Story, opening, story_of, summary
+
+FRAMES: Final = 90
+FRAME_MS: Final = 80
+"""Frames of a moving picture, spread over the game, and how long each is shown."""
+
+LAST_FRAME_MS: Final = 1600
+_PLAYERS = (PURSUER, EVADER, STANDOFF)
+_TAIL_S: Final = 2.0
+"""Time after the capture that is shown."""
+
+_MOST_EVENTS = 60
+_THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
+_SHADES = ("0.96", "0.86", "0.91", "0.82")
+
+
+def tracks(story: Story) -> Figure:
+    """Draw the flight in space, from above, and from above with the whole fence."""
+    return chase_figure(chase_of(story), with_whole_fence=True, columns=5)
+
+
+def chase_of(story: Story) -> Chase:
+    """Return the shapes of a recorded flight."""
+    begin = len(story.cycles) if story.engaged is None else story.engaged
+    end = begin + sum(one is not None for one in story.certificates[begin:])
+    first, last = story.certificate(story.engaged), story.certificate(story.captured)
+    return flown_chase(
+        story.settings.cycle,
+        story.column("pursuer_m"),
+        story.column("evader_m"),
+        slice(begin, end),
+        first,
+        last,
+        reached_m=None if last is None else last.evader_game_m,
+        fence=() if story.home_m is None else fence_edges(story.envelope, story.home_m),
+        fence_height_m=0.0 if story.home_m is None else story.home_m[2],
+    )
+
+
+def game(story: Story) -> Figure:
+    """Draw range, time to go and guarantee: t + time needed never rises in PE, and L never falls in TAD."""
+    figure = figure_of(11.0, 7.0)
+    distance, value, guarantee = axes = panels(figure, 3)
+    span = playing_span(story)
+    now_s, needed_s, values = (story.column(name)[span] for name in ("now_s", "time_needed_s", "value"))
+    distance.plot(now_s, story.column("gap_m")[span], **PURSUER, label="ground distance to the disc's rim")
+    distance.plot(now_s, story.column("height_gap_m")[span], **EVADER, label="height above the disc")
+    distance.axhline(0.0, color="0.0", linewidth=0.6)
+    distance.set_ylabel("range, m")
+    value.plot(now_s, story.column("meeting_time_s")[span], **EVADER, label="the game's pursuer")
+    value.plot(now_s, needed_s, **PURSUER, label="this vehicle")
+    value.set_ylabel("time to go, s")
+    certificate = story.certificate(story.engaged)
+    if story.with_target:
+        labels = ("guarantee L, m", "L, evader's final\ndistance to T", "the same, of\nthis vehicle")
+        ideal, own = values, story.column("assured_distance_m")[span]
+        promised = None if certificate is None else certificate.assured_distance_m
+    else:
+        labels = ("time of capture, s", "V + t, the game's\npursuer", "time of capture,\nthis vehicle")
+        since_s = now_s - (now_s[0] if story.engaged is None else story.cycles[story.engaged].now_s)
+        ideal, own = values + since_s, needed_s + since_s
+        promised = None if certificate is None else certificate.time_needed_s
+    guarantee.set_ylabel(labels[0])
+    for line, style, label in ((ideal, EVADER, labels[1]), (own, PURSUER, labels[2])):
+        guarantee.plot(now_s, line, **{**style, "linewidth": 0.9}, label=label)
+    if promised is not None:
+        guarantee.axhline(promised, **_THIRD, label="promised at engagement")
+    for number, (alarm_s, _) in enumerate(story.alarms):
+        style = {**MARK, "color": "0.0", "linestyle": "-"}
+        guarantee.axvline(alarm_s, **style, label=None if number else "alarm")
+    mark_moments(axes, story)
+    for one in axes:
+        legend_beside(one)
+    return figure
+
+
+def velocities(story: Story) -> Figure:
+    """Draw the flown, commanded and desired velocity, by axis."""
+    figure = figure_of(11.0, 7.0)
+    axes = panels(figure, 3)
+    span = playing_span(story)
+    now_s = thinned(story.column("now_s")[span])
+    shown = (
+        ("flown_ned_m_s", {"color": "0.55", "linewidth": 2.2}, "flown"),
+        ("commanded_ned_m_s", {**PURSUER, "linewidth": 1.1}, "commanded"),
+        ("desired_ned_m_s", {**EVADER, "linewidth": 1.1}, "wanted by the game"),
+    )
+    for name, style, label in shown:
+        columns = thinned(story.column(name)[span])
+        for axis, one in enumerate(axes):
+            one.plot(now_s, columns[:, axis], **style, label=label)
+    for one, direction in zip(axes, ("north", "east", "down"), strict=True):
+        one.set_ylabel(f"velocity {direction}, m/s")
+    mark_moments(axes, story)
+    legend_beside(axes[0])
+    return figure
+
+
+def ages(story: Story) -> Figure:
+    """Draw ages of data, round-trip times and the loop's delays."""
+    figure = figure_of(11.0, 6.4)
+    known, trips, loop = axes = panels(figure, 3)
+    now_s = story.column("now_s")
+    for one, name, style, label in (
+        (known, "telemetry_age_s", PURSUER, "vehicle's position"),
+        (known, "evader_age_s", EVADER, "evader's last report"),
+        (loop, "late_s", PURSUER, "began late by"),
+        (loop, "worked_s", EVADER, "worked for"),
+    ):
+        seconds, worst_s = worst_of_each_second(now_s, story.column(name))
+        one.plot(seconds, 1e3 * worst_s, **style, drawstyle="steps-post", label=label)
+    known.set_ylabel("oldest in each\nsecond, ms")
+    loop.set_ylabel("loop, longest in\neach second, ms")
+    round_trip_s = story.column("round_trip_s")
+    answered = np.isfinite(round_trip_s)
+    trips.plot(now_s[answered], 1e3 * round_trip_s[answered], "k.", ms=4, label="TIMESYNC\nthere and back")
+    trips.set_ylabel("round trip, ms")
+    for one in axes:
+        low, high = one.get_ylim()
+        one.set_ylim(min(0.0, low), max(high, 1.0))
+        legend_beside(one)
+    mark_moments(axes, story)
+    return figure
+
+
+def events(story: Story) -> Figure:
+    """Draw the states as a band with the events below."""
+    shown = story.events[:_MOST_EVENTS]
+    figure = figure_of(11.0, 1.4 + 0.27 * len(shown))
+    axes = figure.subplots()
+    now_s = story.column("now_s")
+    end_s = float(now_s[-1])
+    first = 0
+    for number, (_, run) in enumerate(groupby(story.states)):
+        last = first + len(list(run))
+        until_s = float(now_s[last]) if last < len(now_s) else end_s
+        axes.axvspan(float(now_s[first]), until_s, color=_SHADES[number % len(_SHADES)], linewidth=0.0)
+        first = last
+    middle_s = 0.5 * (float(now_s[0]) + end_s)
+    for row, event in enumerate(shown):
+        axes.plot([event.now_s], [row], "ko", ms=4)
+        right = event.now_s < middle_s
+        words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.detail})" if event.detail else "")
+        axes.annotate(
+            words,
+            (event.now_s, row),
+            xytext=(7 if right else -7, 0),
+            textcoords="offset points",
+            ha="left" if right else "right",
+            va="center",
+            fontsize=8.5,
+        )
+    axes.set(xlabel="time, s", ylim=(len(shown) - 0.4, -0.6), yticks=[])
+    axes.margins(x=0.02)
+    left = len(story.events) - len(shown)
+    axes.set_title("shades: the flight's states" + (f"; {left} later events are not shown" if left else ""), fontsize=9)
+    return figure
+
+
+def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
+    """Return the seconds with data and the largest value in each, which turns a sawtooth into a line."""
+    known = np.isfinite(values)
+    seconds, starts = np.unique(np.floor(now_s[known]), return_index=True)
+    worst = np.maximum.reduceat(values[known], starts) if len(starts) else np.zeros(0)
+    return seconds, worst
+
+
+def mark_moments(axes: list[Any], story: Story) -> None:
+    """Mark the start of the game and the capture, with names above the first panel."""
+    for cycle, name in ((story.engaged, "engaged"), (story.captured, "captured")):
+        if cycle is None:
+            continue
+        now_s = story.cycles[cycle].now_s
+        for one in axes:
+            one.axvline(now_s, **MARK)
+        axes[0].text(now_s, 1.01, name, transform=axes[0].get_xaxis_transform(), ha="center", va="bottom", fontsize=9)
+
+
+def playing_span(story: Story) -> slice:
+    """The cycles from just before the game to just after the capture; all cycles without a game."""
+    if story.engaged is None:
+        return slice(None)
+    last = max(number for number, one in enumerate(story.certificates) if one is not None)
+    return slice(max(0, story.engaged - 50), min(len(story.cycles), last + 50))
+
+
+def animate(story: Story, path: Path) -> None:
+    """Write the game as a moving picture, WebP: from above, and the height over the distance to the evader.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    span = playing_span(story)
+    now_s = story.column("now_s")[span]
+    begun_s, ended_s = (
+        now_s[-1] if one is None else story.cycles[one].now_s for one in (story.engaged, story.captured)
+    )
+    now_s = now_s[now_s <= ended_s + _TAIL_S]
+    shown = np.unique(np.linspace(0, len(now_s) - 1, FRAMES).round().astype(int))
+    pursuer, evader = (story.column(name)[span][: len(now_s)] for name in ("pursuer_m", "evader_m"))
+    distance_m = np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1)
+    figure, draw = _stage(story, pursuer, evader, distance_m)
+    images = []
+    for number in shown:
+        draw(int(number), max(0.0, float(now_s[number] - begun_s)))
+        figure.canvas.draw()
+        images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
+    times_ms = [FRAME_MS] * (len(images) - 1) + [LAST_FRAME_MS]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=times_ms, loop=0, quality=55, method=4)
+
+
+def _stage(story: Story, pursuer: Array, evader: Array, distance_m: Array) -> tuple[Figure, Any]:
+    """Return the figure of a moving picture, and a function that draws one moment."""
+    figure = figure_of(8.0, 4.4)
+    figure.set_dpi(90)
+    plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
+    chase, standoff = chase_of(story), story.settings.cycle.standoff
+    names = ("vehicle", "evader", "stand-off disc")
+    moving = [plan.plot([], [], **style, label=name)[0] for name, style in zip(names, _PLAYERS, strict=True)]
+    if chase.isochron is not None:
+        plan.plot(*chase.isochron.T, **ISOCHRON, label="isochron at engagement")
+    for place, style, name in (
+        (chase.meeting_m, MEETING, "meeting point foreseen"),
+        (chase.target_m, TARGET, "target"),
+    ):
+        if place is not None:
+            draw_place(plan, place, style, 2, name)
+    low, high = chase.box
+    label_plan(plan)
+    plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    legend_below(figure, plan, columns=5)
+    side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
+    height_m = pursuer[:, 2] - evader[:, 2]
+    far_m, high_m = (max(1.0, float(np.nan_to_num(one).max())) for one in (distance_m, height_m))
+    side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
+    side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
+    side.grid(visible=True, linewidth=0.3)
+    moving += [plan.plot([], [], mark, color=style["color"])[0] for mark, style in (("o", PURSUER), ("^", EVADER))]
+    moving += [side.plot([], [], **PURSUER)[0], side.plot([], [], "o", color=PURSUER["color"])[0]]
+    title = figure.suptitle("")
+
+    def draw(number: int, since_s: float) -> None:
+        until, x, y = number + 1, *evader[number, :2]
+        rim = circle((float(x), float(y), 0.0), standoff.radius_m, 49)
+        lines = (pursuer[:until, :2], evader[:until, :2], rim, pursuer[number:until, :2], evader[number:until, :2])
+        height = np.column_stack([distance_m, height_m])
+        for line, points in zip(moving, (*lines, height[:until], height[number:until]), strict=True):
+            line.set_data(*points.T)
+        title.set_text(f"{story.title}: {since_s:.1f} s")
+
+    return figure, draw
 
 
 class Picture(NamedTuple):
@@ -32,21 +307,21 @@ PICTURES: Final[Mapping[str, Picture]] = {
         "Tracks",
         "Pursuer (solid) and evader (dashed) in the game frame. The isochron is where an evader that runs straight is "
         "caught, by heading. In the ideal game it is caught inside the one at engagement, whatever it does.",
-        charts.tracks,
+        tracks,
     ),
     "game": Picture(
         "The game",
         "Under optimal play V + t (pursuit-evasion) never rises and L (target-attacker-defender) never falls. What it "
         "rises or falls by is lost to what the game does not know: acceleration, lag, wind, noise.",
-        charts.game,
+        game,
     ),
     "velocities": Picture(
         "Velocities",
         "Flown (grey), commanded after servo and limits (solid), and wanted by the game (dashed).",
-        charts.velocities,
+        velocities,
     ),
-    "ages": Picture("Ages and latencies", "How old what each cycle knew was, and how the loop kept time.", charts.ages),
-    "events": Picture("Events", "Every event of the flight.", charts.events),
+    "ages": Picture("Ages and latencies", "How old what each cycle knew was, and how the loop kept time.", ages),
+    "events": Picture("Events", "Every event of the flight.", events),
 }
 
 
@@ -78,7 +353,7 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
             images[name] = svg_of(figure)
         if animate:
             written.append(folder / "flight.webp")
-            charts.animate(story, private_file(written[-1]))
+            animate(story, private_file(written[-1]))
         private_file(page).write_text(page_of(story, images, mark), encoding="utf-8")
     return written
 

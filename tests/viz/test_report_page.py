@@ -22,10 +22,8 @@ from guidance.log import cycles_of, metadata_of
 from guidance.log.writer import Recorder
 from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
-from guidance.viz import charts
 from guidance.viz import report as written
-from guidance.viz.charts import tracks
-from guidance.viz.report import PICTURES, write_report
+from guidance.viz.report import PICTURES, tracks, write_report
 from guidance.viz.story import opening, story_of, summary
 from tests.harness.flights import NEAR
 
@@ -172,9 +170,9 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
 
 
 def test_a_flight_becomes_a_short_moving_picture(pe, tmp_path, monkeypatch):
-    full = charts.FRAMES
-    monkeypatch.setattr(charts, "FRAMES", 10)  # to draw less
-    charts.animate(told(pe[1]), tmp_path / "flight.webp")
+    full = written.FRAMES
+    monkeypatch.setattr(written, "FRAMES", 10)  # to draw less
+    written.animate(told(pe[1]), tmp_path / "flight.webp")
     with Image.open(tmp_path / "flight.webp") as picture:
         frames = getattr(picture, "n_frames")  # noqa: B009 - of the moving kinds only
         assert frames == 10
@@ -199,7 +197,7 @@ def test_the_tracks_are_those_that_were_flown(pe):
 def test_every_axis_has_a_name_and_every_quantity_its_unit(pe, tad):
     for _, path, _ in (pe, tad):
         story = told(path)
-        for draw in (tracks, charts.game, charts.velocities, charts.ages):
+        for draw in (tracks, written.game, written.velocities, written.ages):
             axes = draw(story).axes
             assert axes[-1].get_xlabel() in {"time, s", "x east, m"}
             for one in axes:
@@ -208,7 +206,7 @@ def test_every_axis_has_a_name_and_every_quantity_its_unit(pe, tad):
 
 def test_no_legend_covers_what_is_drawn(pe):
     story = told(pe[1])
-    for draw in (tracks, charts.game, charts.velocities, charts.ages):
+    for draw in (tracks, written.game, written.velocities, written.ages):
         figure = draw(story)
         figure.canvas.draw()
         legends = [*figure.legends, *filter(None, (one.get_legend() for one in figure.axes))]
@@ -232,7 +230,7 @@ def test_without_colours_the_players_are_still_told_apart(pe):
 
 def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
     story = told(pe[1])
-    line = charts.game(story).axes[2].lines[0]
+    line = written.game(story).axes[2].lines[0]
     engaged = story.cycles[story.engaged]
     at = np.searchsorted(line.get_xdata(), engaged.now_s)
     assert line.get_ydata()[at] == pytest.approx(engaged.value)
@@ -241,12 +239,12 @@ def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
 
 
 def test_the_worst_of_each_second_is_kept():
-    seconds, worst = charts.worst_of_each_second(
+    seconds, worst = written.worst_of_each_second(
         np.array([0.0, 0.5, 0.9, 1.0, 1.5, 3.0]), np.array([1.0, 7.0, 2.0, np.nan, 3.0, 4.0])
     )
     assert seconds.tolist() == [0.0, 1.0, 3.0]
     assert worst.tolist() == [7.0, 3.0, 4.0]
-    assert len(charts.worst_of_each_second(np.zeros(0), np.zeros(0))[0]) == 0
+    assert len(written.worst_of_each_second(np.zeros(0), np.zeros(0))[0]) == 0
 
 
 def test_a_flight_that_never_engaged_or_was_torn_is_reported_too(pe, tmp_path):
