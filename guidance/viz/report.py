@@ -227,7 +227,7 @@ def playing_span(story: Story) -> slice:
     return slice(max(0, story.engaged - 50), min(len(story.cycles), last + 50))
 
 
-def animate(story: Story, path: Path) -> None:
+def write_animation(story: Story, path: Path) -> None:
     """Write the game as a moving picture, WebP: from above, and the height over the distance to the evader.
 
     Raises:
@@ -353,7 +353,7 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
             images[name] = svg_of(figure)
         if animate:
             written.append(folder / "flight.webp")
-            animate(story, private_file(written[-1]))
+            write_animation(story, private_file(written[-1]))
         private_file(page).write_text(page_of(story, images, mark), encoding="utf-8")
     return written
 

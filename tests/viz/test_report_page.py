@@ -172,7 +172,7 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
 def test_a_flight_becomes_a_short_moving_picture(pe, tmp_path, monkeypatch):
     full = written.FRAMES
     monkeypatch.setattr(written, "FRAMES", 10)  # to draw less
-    written.animate(told(pe[1]), tmp_path / "flight.webp")
+    written.write_animation(told(pe[1]), tmp_path / "flight.webp")
     with Image.open(tmp_path / "flight.webp") as picture:
         frames = getattr(picture, "n_frames")  # noqa: B009 - of the moving kinds only
         assert frames == 10
