@@ -182,6 +182,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         settings.following,
         memory.follow,
         max_speed_ratio=max_speed_ratio,
+        meeting_m_s=envelope.speed_m_s + evader.speed_bound_m_s,
         dt_s=dt_s,
         held_back=at_wall,
     )

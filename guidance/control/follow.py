@@ -12,6 +12,11 @@ above the game's speed; if there is no such part, it stays. The deficit is zero 
 the game's pursuer would have, so its mean speed over a game stays within the game's bound. A vehicle that flies faster
 than its limits without being asked to is commanded to fly slower: ArduCopter makes up for its own lag for seconds.
 
+**Unhurried height.** Vehicle and evader cannot meet before t = d/(a + v), however the evader flies: d is the distance
+to the rim, a and v are the two largest speeds. A vehicle that needs less than t for its height may use all of t and
+loses nothing, neither in PE nor in TAD, where the ground that the evader reaches within t is a part of its Apollonius
+disc. A multicopter near its tilt limit flies faster while it descends more slowly, so a vehicle that is behind does so.
+
 **Approach.** The game closes at full speed until the rim of the disc. A vehicle must stop closing there, measured
 relative to the evader. It may close only as fast as it can brake (`approach_speed`):
 
@@ -51,11 +56,14 @@ SETTLE_S = 1.2
 LARGEST_M_S = 0.6
 JUMP_M = 1.0
 _LONGEST_STEP_S = 0.1
+_TOUCH_M = 1e-3
 
 RECOVERY_PER_S = 0.5
 """Speed added per metre of along-track deficit."""
 LARGEST_DEFICIT_M = 15.0
 """So that a vehicle that cannot keep up does not race for long afterwards."""
+UNHURRIED_M = 1.0
+"""Deficit from which the height may take all the time there is."""
 EASE = 1.5
 """A vehicle that exceeds the speed limit is slowed down by this many times the excess."""
 
@@ -136,6 +144,30 @@ def catch_up(
     return (scale * north, scale * east, scale * down), deficit_m
 
 
+class Gaps(NamedTuple):
+    """Horizontal distance to the disc's rim (negative inside), height above the disc, unit vector to the evader."""
+
+    ground_m: float
+    height_m: float
+    towards_north: float
+    towards_east: float
+
+
+def unhurried(desired_ned_m_s: Vector, gaps: Gaps, deficit_m: float, meeting_m_s: float) -> Vector:
+    """Reduce the vertical speed of a vehicle that is behind to what reaches the disc's height before any meeting.
+
+    Args:
+        desired_ned_m_s: Velocity desired.
+        gaps: To the disc.
+        deficit_m: Along-track deficit.
+        meeting_m_s: Sum of the largest speeds of vehicle and evader.
+    """
+    north, east, down = desired_ned_m_s
+    enough_m_s = abs(gaps.height_m) * meeting_m_s / max(gaps.ground_m, _TOUCH_M)
+    spare_m_s = min(1.0, deficit_m / UNHURRIED_M) * max(0.0, abs(down) - enough_m_s)
+    return (north, east, down - math.copysign(spare_m_s, down))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approach:
     """Parameters of a vehicle's arrival at the disc.
@@ -157,15 +189,6 @@ class Approach:
     vertical_settle_s: float = 0.6
     margin_m: float = 0.15
     backing_m_s: float = 1.0
-
-
-class Gaps(NamedTuple):
-    """Horizontal distance to the disc's rim (negative inside), height above the disc, unit vector to the evader."""
-
-    ground_m: float
-    height_m: float
-    towards_north: float
-    towards_east: float
 
 
 def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOff) -> Gaps:
@@ -269,6 +292,7 @@ def follow(
     memory: FollowMemory,
     *,
     max_speed_ratio: float,
+    meeting_m_s: float,
     dt_s: float,
     held_back: bool = False,
 ) -> Followed:
@@ -281,6 +305,7 @@ def follow(
         following: Settings of the vehicle.
         memory: From the last call.
         max_speed_ratio: Speed limit over the game's speed.
+        meeting_m_s: Sum of the largest speeds of vehicle and evader.
         dt_s: Seconds since the last call.
         held_back: Whether a limit reduced the last command; the servo learns nothing then.
     """
@@ -296,6 +321,7 @@ def follow(
         max_speed_ratio=max_speed_ratio,
         dt_s=dt_s,
     )
+    wanted = unhurried(wanted, gaps, deficit_m, meeting_m_s)
     desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach)
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it

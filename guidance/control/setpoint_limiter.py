@@ -12,7 +12,7 @@ The order, and why:
                    stop for a wall more sharply than this allows.
  6. walls          Stand-off, fences, floor and ceiling, see `guidance.control.braking_law`.
  7. feed-forward   Within acceleration and jerk. Braking for a wall overrules the jerk. No part may push towards an
-                   active wall, or beyond a speed limit that is commanded.
+                   active wall, or beyond a speed limit that is commanded; the stand-off's wall takes it away gradually.
  8. yaw            Within the turn rate.
 
 The limiter keeps no state. Its memory holds the setpoint sent, not the command, so nothing winds up behind a limit.
@@ -35,6 +35,9 @@ NOTED: Final = 0.05
 
 The velocity of a hovering multicopter varies by 0.03 to 0.08 m/s.
 """
+
+EASED_M_S: Final = 1.0
+"""The stand-off's wall ends the feed-forward towards it when it has taken this much speed away."""
 
 OVER_SPEED: Final = 0.05
 """The feed-forward may not push along a speed limit from this share above the limit."""
@@ -123,7 +126,8 @@ def limit(
         wanted = slew(clamp(wanted, envelope.accelerations), memory.feed_forward_ned_m_s2, jerk_m_s2)
     feed_forward = braked(wanted, situation, walls, envelope)
     if feed_forward is not None:
-        feed_forward, _ = obey(clamp(feed_forward, envelope.accelerations), closed + at_speed)
+        at_wall = _at_walls(holding, math.dist(velocity, shaped), envelope)
+        feed_forward, _ = obey(clamp(feed_forward, envelope.accelerations), at_wall + at_speed)
         asked_for = command.acceleration_ned_m_s2 or STILL
         _note(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, asked_for)
     turned_rad = None if command.yaw_rad is None else _turn(command.yaw_rad, memory.yaw_rad, envelope, dt_s, active)
@@ -177,6 +181,19 @@ def _turn(wanted_rad: float, before_rad: float, envelope: Envelope, dt_s: float,
     if abs(allowed - turn) > NOTED:
         active.append(Limiter.YAW)
     return wrap_rad(before_rad + allowed)
+
+
+def _at_walls(holding: tuple[Constraint, ...], taken_m_s: float, envelope: Envelope) -> tuple[Constraint, ...]:
+    """Return constraints on the feed-forward towards the walls that hold the velocity back.
+
+    Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag, so it
+    goes as the wall takes speed away: all of it at `EASED_M_S`.
+    """
+    left_m_s2 = envelope.accelerations.ground * max(0.0, 1.0 - taken_m_s / EASED_M_S)
+    return tuple(
+        Constraint(one.limiter, one.normal_ned, left_m_s2) if one.limiter is Limiter.STAND_OFF else one.closed()
+        for one in holding
+    )
 
 
 def _at_speed_limit(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope) -> tuple[Constraint, ...]:

@@ -1,5 +1,7 @@
 """Following as a whole: what is not set up passes, and drift is taken out and put back."""
 
+from functools import partial
+
 import pytest
 
 from guidance.autopilots import AUTOPILOTS, PX4
@@ -14,14 +16,15 @@ from guidance.control.follow import (
 )
 from guidance.game import StandOff
 
+followed = partial(follow, max_speed_ratio=1.1, meeting_m_s=9.0)
 FAR = Gaps(60.0, 15.0, 1.0, 0.0)
 WANTED = (6.0, 0.0, 1.5)
 STILL = (0.0, 0.0, 0.0)
 
 
 def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():
-    followed = follow(WANTED, Situation(STILL, STILL), FAR, None, FollowMemory(), max_speed_ratio=1.1, dt_s=0.02)
-    assert followed == (WANTED, None, WANTED, FollowMemory(), STILL, False)
+    result = followed(WANTED, Situation(STILL, STILL), FAR, None, FollowMemory(), dt_s=0.02)
+    assert result == (WANTED, None, WANTED, FollowMemory(), STILL, False)
 
 
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
@@ -29,14 +32,13 @@ def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
     following = AUTOPILOTS[name].handling.following
     drift = Drift((0.2, -0.1, 0.05), (0.0, 0.0, -20.0))
     at = Situation((0.0, 0.0, -20.0), STILL)
-    plain = follow(WANTED, at, FAR, following, FollowMemory(), max_speed_ratio=1.1, dt_s=0.0)
-    shifted = follow(
+    plain = followed(WANTED, at, FAR, following, FollowMemory(), dt_s=0.0)
+    shifted = followed(
         WANTED,
         Situation((0.0, 0.0, -20.0), drift.velocity_ned_m_s),
         FAR,
         following,
         FollowMemory(drift=drift),
-        max_speed_ratio=1.1,
         dt_s=0.0,
     )
     moved = [one - other for one, other in zip(shifted.velocity_ned_m_s, plain.velocity_ned_m_s, strict=True)]
@@ -49,16 +51,16 @@ def test_what_braking_at_the_disc_costs_is_not_owed():
     near = Gaps(0.2, 0.0, 1.0, 0.0)
     motion = Situation((0.0, 0.0, -5.0), (3.0, 0.0, 0.0), evader_velocity_ned_m_s=(3.0, 0.0, 0.0))
     memory = FollowMemory(deficit_m=1.0)
-    assert follow(WANTED, motion, near, following, memory, max_speed_ratio=1.1, dt_s=0.02).memory.deficit_m == 1.0
-    assert follow(WANTED, motion, FAR, following, memory, max_speed_ratio=1.1, dt_s=0.02).memory.deficit_m > 1.0
+    assert followed(WANTED, motion, near, following, memory, dt_s=0.02).memory.deficit_m == 1.0
+    assert followed(WANTED, motion, FAR, following, memory, dt_s=0.02).memory.deficit_m > 1.0
 
 
 def test_the_servo_learns_of_what_it_follows_unless_it_is_held_back():
     following = PX4.handling.following
     slow = Situation((0.0, 0.0, -5.0), (2.0, 1.0, 0.0))
-    begun = follow(WANTED, slow, FAR, following, FollowMemory(), max_speed_ratio=1.1, dt_s=0.1).memory
+    begun = followed(WANTED, slow, FAR, following, FollowMemory(), dt_s=0.1).memory
     free, held = (
-        follow(WANTED, slow, FAR, following, begun, max_speed_ratio=1.1, dt_s=0.1, **said).memory.servo.drag_per_s
+        followed(WANTED, slow, FAR, following, begun, dt_s=0.1, **said).memory.servo.drag_per_s
         for said in ({}, {"held_back": True})
     )
     assert free > held == begun.servo.drag_per_s
@@ -71,9 +73,7 @@ def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
     near = Gaps(1.0, 2.0, *towards)
     unknown = Situation((0.0, 0.0, -20.0), (2.0, 1.0, 0.5))
     still = unknown._replace(evader_velocity_ned_m_s=STILL)
-    one, other = (
-        follow(WANTED, at, near, following, FollowMemory(), max_speed_ratio=1.1, dt_s=0.02) for at in (unknown, still)
-    )
+    one, other = (followed(WANTED, at, near, following, FollowMemory(), dt_s=0.02) for at in (unknown, still))
     assert one == other
 
 

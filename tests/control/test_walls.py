@@ -7,9 +7,11 @@ import pytest
 
 from guidance.control import Dynamics, Limiter, Limits, Polygon, Situation, Speeds, measure_walls
 from guidance.control.braking_law import surge
-from guidance.control.limits import StandOffLimit
+from guidance.control.limits import StandOffLimit, clamp
+from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.control.walls import COVER_M
 from guidance.game import StandOff
+from guidance.messages import Setpoint
 from tests.control.scenes import HOVER, OPEN, settled
 
 
@@ -318,6 +320,19 @@ def test_each_axis_has_its_own_braking(braking):
     assert settled((0.0, 0.0, 2.0), low, floored)[0].velocity_ned_m_s[2] == pytest.approx(1.0 / (0.5 + 1.0 / braking))
     fenced = replace(OPEN, fence_radius_m=3.0, braking_m_s2=braking)
     assert settled((8.0, 0.0, 2.0), HOVER, fenced)[0].velocity_ned_m_s[0] == pytest.approx(3.0 / (0.5 + 4.0 / braking))
+
+
+@pytest.mark.parametrize(("taken_m_s", "left"), [(0.0, 1.0), (0.3, 0.7), (0.9, 0.1), (1.0, 0.0), (5.0, 0.0)])
+def test_the_stand_off_takes_the_feed_forward_away_as_it_takes_speed_away(taken_m_s, left):
+    velocity, pushing, bounds = (8.0, 0.0, 0.0), (9.0, 1.0, 0.0), OPEN.accelerations
+    beside_m = (8.0 - taken_m_s) * (OPEN.reaction_s + 8.0 / (2.0 * OPEN.braking_m_s2))
+    here = Situation((-3.0 - beside_m, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0))
+    before = LimitMemory(velocity, feed_forward_ned_m_s2=pushing)
+    limited = limit(Setpoint(velocity, pushing), here, ZONE, before, 0.02)
+    assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(8.0 - taken_m_s)
+    sent = limited.setpoint.acceleration_ned_m_s2
+    assert sent[0] == pytest.approx(min(left * bounds.ground, clamp(pushing, bounds)[0]))
+    assert sent[1] == pytest.approx(clamp(pushing, bounds)[1])
 
 
 def test_no_evader_no_stand_off():
