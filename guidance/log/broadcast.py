@@ -64,7 +64,7 @@ class Broadcast:
         self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
 
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+    def frames(self, passed: Sequence[tuple[float, str, bytes]]) -> None:
         """Do nothing: raw frames are published elsewhere."""
 
     def cycle(self, entry: CycleEntry) -> None:

@@ -1,7 +1,7 @@
 """Writes the record of a flight: an MCAP file with the raw frames of every link and a JSON row per cycle and event.
 
 A long flight is continued in further files, `NAME.002.mcap` and so on. Each can be read alone, and only by their
-owner. Chunks are small and written unbuffered: a killed process loses less than 0.2 s. A record that cannot be
+owner. In real time chunks are small and written unbuffered: a killed process loses less than 0.2 s. A record that cannot be
 written never disturbs the flight: recording stops and `failed` says why.
 """
 
@@ -15,8 +15,7 @@ import subprocess
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -29,9 +28,11 @@ from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_
 from guidance.log.mcap_file import McapFile
 from guidance.log.scene import Scene, Shape
 
-CHUNK_BYTES = 32 * 1024
-CHUNK_S = 0.1
-"""A chunk is written when it reaches this size or age. A killed process loses the chunk that it had not written."""
+CHUNK_S: Final = 0.1
+"""Period of the recorder's thread, which writes a chunk each time. A killed process loses what it had not written."""
+
+VIRTUAL_CHUNK_S: Final = 0.5
+"""Duration of a chunk without the thread, in virtual time: larger chunks take less time to write."""
 
 ROTATE_S = 600.0
 ROTATE_BYTES = 256_000_000
@@ -42,8 +43,6 @@ PART = "part"
 
 MAX_WAITING: Final = 4096
 """Entries that may wait for the recorder's thread; further ones are dropped and counted."""
-
-_LOOK_EVERY_S: Final = 0.03
 
 PACKAGE: Final = "pursuit-guidance"
 _RECORDED: Final = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
@@ -58,8 +57,8 @@ class Record(Protocol):
     def failed(self) -> str | None:
         """Why recording has stopped; None while it works."""
 
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Keep one raw MAVLink frame."""
+    def frames(self, passed: Sequence[tuple[float, str, bytes]]) -> None:
+        """Keep raw MAVLink frames: time, topic (the Zenoh key) and bytes."""
 
     def cycle(self, entry: CycleEntry) -> None:
         """Keep one guidance cycle."""
@@ -68,14 +67,25 @@ class Record(Protocol):
         """Keep one event."""
 
 
+_Waiting = tuple[float, str, bytes | CycleEntry | EventEntry]
+
+
 class Recorder:
     """`Record` that writes MCAP files. Times are those of the injected clock, in nanoseconds.
+
+    Entries wait until a chunk is due and are encoded together, which is faster. With a thread, a slow or full disk does
+    not delay the loop. An error of the disk, or a row that cannot be encoded, ends the record and nothing else.
 
     Args:
         path: The first file; further ones are named by `part_path`.
         metadata: Name -> text, written at the start of each file: configuration, versions, seed.
+        threaded: Whether a thread writes, every `CHUNK_S` of real time; else the loop does, in virtual time.
         rotate_s: Maximum duration of a file.
         rotate_bytes: Maximum size of a file.
+
+    Attributes:
+        failed: Why recording has stopped; None while it works.
+        dropped: Entries dropped because the thread was too slow.
 
     Raises:
         OSError: If the file cannot be opened, before anything flies.
@@ -86,11 +96,13 @@ class Recorder:
         path: Path,
         metadata: Mapping[str, str],
         *,
+        threaded: bool = False,
         rotate_s: float = ROTATE_S,
         rotate_bytes: int = ROTATE_BYTES,
     ) -> None:
         self.path = path
         self.failed: str | None = None
+        self.dropped = 0
         self._metadata = dict(metadata)
         self._rotate_s, self._rotate_bytes = rotate_s, rotate_bytes
         self._scene = Scene()
@@ -98,46 +110,84 @@ class Recorder:
         self._part = 1
         private_folder(path.parent)
         self._file = McapFile(path, self._metadata)
-        self._file_ends_s = self._chunk_ends_s = math.inf
-        self._closed = False
+        self._file_ends_s = math.inf
+        self._chunk_ends_s = -math.inf
+        self._waiting: deque[_Waiting] = deque()
+        self._closed = threading.Event()
+        self._thread: threading.Thread | None = None
+        if threaded:
+            self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+            self._thread.start()
 
     def cycle(self, entry: CycleEntry) -> None:
         """Keep one guidance cycle, the reports that it read, and what viewers draw of it."""
-        for report in entry.inputs.reports:
-            self.frame(report.received_s, EVADER_TOPIC, REPORT.encode(report), REPORT)
-        self.frame(entry.now_s, CYCLE_TOPIC, CYCLE.encode(entry), CYCLE)
-        for drawn in self._scene.of(entry):
-            self.frame(entry.now_s, drawn.topic, to_json(drawn.message, inf_nan_mode="null"), drawn.shape)
+        self.frames(((entry.now_s, CYCLE_TOPIC, entry),))
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
-        self.frame(now_s, EVENT_TOPIC, EVENT.encode(EventEntry(now_s, event, detail)), EVENT)
+        self.frames(((now_s, EVENT_TOPIC, EventEntry(now_s, event, detail)),))
+
+    def frames(self, passed: Sequence[_Waiting]) -> None:
+        """Keep raw MAVLink frames, or other entries."""
+        if not passed or self.failed is not None or self._closed.is_set():
+            return
+        self._waiting.extend(passed)
+        if self._thread is None:
+            now_s = passed[-1][0]
+            if now_s >= self._chunk_ends_s:
+                self._chunk_ends_s = now_s + VIRTUAL_CHUNK_S
+                self._write()
+        else:
+            while len(self._waiting) > MAX_WAITING:
+                self._waiting.pop()
+                self.dropped += 1
 
     def close(self) -> None:
-        """Finish the file; may be called twice."""
-        self._closed = True
+        """Write what waits and finish the file; may be called twice."""
+        self._closed.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._write()
         try:
             self._file.close(finish=self.failed is None)
         except OSError as error:
             self.failed = str(error)
 
-    def frame(self, now_s: float, topic: str, frame: bytes, shape: Shape | Codec[Any] | None = None) -> None:
-        """Keep one raw MAVLink frame, whose `topic` is its Zenoh key; with a shape, a message as JSON."""
-        if self._closed or self.failed is not None:
-            return
+    def _run(self) -> None:
+        while not self._closed.wait(CHUNK_S):
+            self._write()
+
+    def _write(self) -> None:
+        """Write what waits as a chunk."""
+        waiting = self._waiting
         try:
-            if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
-                self._rotate()
-            waiting_bytes = self._file.add(topic, shape, round(now_s * 1e9), self._sequence, frame)
-            self._sequence += 1
-            if self._chunk_ends_s == math.inf:
-                self._chunk_ends_s = now_s + CHUNK_S
-                self._file_ends_s = min(self._file_ends_s, now_s + self._rotate_s)
-            elif now_s >= self._chunk_ends_s or waiting_bytes > CHUNK_BYTES:
-                self._file.flush()
-                self._chunk_ends_s = math.inf
-        except OSError as error:
+            while waiting and self.failed is None:
+                now_s, topic, what = waiting.popleft()
+                if isinstance(what, bytes):
+                    self._add(now_s, topic, what)
+                elif isinstance(what, CycleEntry):
+                    self._add_cycle(what)
+                else:
+                    self._add(now_s, topic, EVENT.encode(what), EVENT)
+            self._file.flush()
+        except (OSError, ValueError, TypeError) as error:
             self.failed = str(error)
+            waiting.clear()
+
+    def _add_cycle(self, entry: CycleEntry) -> None:
+        for report in entry.inputs.reports:
+            self._add(report.received_s, EVADER_TOPIC, REPORT.encode(report), REPORT)
+        self._add(entry.now_s, CYCLE_TOPIC, CYCLE.encode(entry), CYCLE)
+        for drawn in self._scene.of(entry):
+            self._add(entry.now_s, drawn.topic, to_json(drawn.message, inf_nan_mode="null"), drawn.shape)
+
+    def _add(self, now_s: float, topic: str, data: bytes, shape: Shape | Codec[Any] | None = None) -> None:
+        if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
+            self._rotate()
+        if self._file_ends_s == math.inf:
+            self._file_ends_s = now_s + self._rotate_s
+        self._file.add(topic, shape, round(now_s * 1e9), self._sequence, data)
+        self._sequence += 1
 
     def _rotate(self) -> None:
         """Open the next file, then finish the previous one: a program that follows the record always finds a next."""
@@ -147,7 +197,7 @@ class Recorder:
         finally:
             before.close(finish=True)
         self._part += 1
-        self._file_ends_s = self._chunk_ends_s = math.inf
+        self._file_ends_s = math.inf
 
 
 def part_path(path: Path, part: int) -> Path:
@@ -160,50 +210,6 @@ def started_utc(now_s: float) -> str:
     return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
 
 
-class BackgroundRecorder:
-    """`Record` in front of a `Recorder` on its own thread: a slow or full disk does not delay the loop."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-        self._waiting: deque[Callable[[], None]] = deque()
-        self._stop = threading.Event()
-        self.dropped = 0
-        self.frame = partial(self._add, recorder.frame)
-        self.cycle = partial(self._add, recorder.cycle)
-        self.event = partial(self._add, recorder.event)
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-        self._thread.start()
-
-    @property
-    def failed(self) -> str | None:
-        """Why recording has stopped; None while it works."""
-        return self._recorder.failed
-
-    def close(self) -> None:
-        """Write what waits and finish the file; may be called twice."""
-        self._stop.set()
-        self._thread.join()
-        self._recorder.close()
-
-    def _add(self, write: Callable[..., None], *what: Any) -> None:  # noqa: ANN401 - its arguments
-        if len(self._waiting) >= MAX_WAITING:
-            self.dropped += 1
-        else:
-            self._waiting.append(partial(write, *what))
-
-    def _run(self) -> None:
-        while not self._stop.wait(_LOOK_EVERY_S):
-            self._write()
-        self._write()
-
-    def _write(self) -> None:
-        while self._waiting:
-            try:
-                self._waiting.popleft()()
-            except (OSError, ValueError, TypeError) as error:  # a row that cannot be encoded ends only the record
-                self._recorder.failed = self._recorder.failed or str(error)
-
-
 class NullRecorder:
     """`Record` that has failed from the start."""
 
@@ -212,10 +218,10 @@ class NullRecorder:
     def __init__(self, reason: str) -> None:
         self.failed: str | None = reason
 
-    def frame(self, *_what: object, **_more: object) -> None:
+    def frames(self, *_what: object, **_more: object) -> None:
         """Do nothing."""
 
-    cycle = event = close = frame
+    cycle = event = close = frames
 
 
 def versions() -> dict[str, str]:

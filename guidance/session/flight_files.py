@@ -7,7 +7,7 @@ import logging
 import os
 import time
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -21,7 +21,7 @@ from guidance.flight.settings import TeamSection
 from guidance.links.wires import CapturedFrame
 from guidance.log.entries import BEGUN, STOPPED, cycle_entry
 from guidance.log.reader import CONFIG, SCENARIO
-from guidance.log.writer import BackgroundRecorder, NullRecorder, Record, Recorder, started_utc, versions
+from guidance.log.writer import NullRecorder, Record, Recorder, started_utc, versions
 from guidance.session.log import Logger
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
@@ -78,7 +78,7 @@ def _new_folder(parent: Path, stem: str) -> Path:
 
 
 @contextlib.contextmanager
-def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder | BackgroundRecorder]:
+def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder]:
     """Open the record. In real time a thread writes it, so a slow disk delays no cycle.
 
     Raises:
@@ -89,8 +89,7 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
         if (path.parent / name).exists():
             raise ConfigError(f"--out {path.parent}: contains another flight ({name}); give a new folder")
     with writing(path.parent):
-        written = Recorder(path, metadata)
-    recorder = BackgroundRecorder(written) if real_time else written
+        recorder = Recorder(path, metadata, threaded=real_time)
     try:
         yield recorder
     finally:
@@ -100,18 +99,19 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
 @contextlib.contextmanager
 def daemon_recording(
     config: Config, metadata: Mapping[str, str], log: Logger
-) -> Iterator[BackgroundRecorder | NullRecorder | None]:
+) -> Iterator[Recorder | NullRecorder | None]:
     """Open the daemon's record. Preflight reports an unwritable one; a flight continues without it."""
     if config.record.folder is None:
         yield None
         return
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
-    recorder: BackgroundRecorder | NullRecorder
+    recorder: Recorder | NullRecorder
     try:
         rotate_bytes = round(config.record.rotate_mb * 1e6)
-        written = Recorder(path, metadata, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes)
-        recorder = BackgroundRecorder(written)
+        recorder = Recorder(
+            path, metadata, threaded=True, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes
+        )
     except OSError as error:
         where = f"record.folder = {str(config.record.folder)!r}"
         recorder = NullRecorder(f"{where}: cannot be written ({error.strerror})")
@@ -188,11 +188,10 @@ class Recording:
         for one in self._each:
             one.event(now_s, event, detail)
 
-    def frames(self, passed: Iterable[CapturedFrame]) -> None:
+    def frames(self, passed: Sequence[CapturedFrame]) -> None:
         """Keep raw frames; a broadcast has none."""
         if self._record is not None:
-            for frame in passed:
-                self._record.frame(*frame)
+            self._record.frames(passed)
 
     @property
     def words(self) -> str:

@@ -18,7 +18,6 @@ from guidance.links.port import Wire, parse
 from guidance.links.udp import UdpWire
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
-from guidance.log.writer import BackgroundRecorder
 from guidance.messages import Home
 from guidance.session.answers import startup_answers
 from guidance.session.checkup import Checkup
@@ -297,7 +296,7 @@ def _conducted(
             broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, way, folder))
     if record.failed is not None and result.record_stopped is None:
         result.record_stopped = Stopped(result.duration_s, record.failed)
-    result.record_dropped = record.dropped if isinstance(record, BackgroundRecorder) else 0
+    result.record_dropped = record.dropped
     return result
 
 

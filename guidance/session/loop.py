@@ -229,7 +229,8 @@ def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:
     passed = world.drain()
     for daemon in daemons:
         others = tuple(f"{one.name}/" for one in daemons if one is not daemon)
-        daemon.recording.frames(frame for frame in passed if not frame.topic.startswith(others))
+        own = [frame for frame in passed if not frame.topic.startswith(others)] if others else passed
+        daemon.recording.frames(own)
 
 
 def nudge_s(age_s: float) -> float:

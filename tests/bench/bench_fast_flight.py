@@ -79,7 +79,7 @@ def flown_s(scenario: Scenario, path: Path, watch: Stopwatch | None = None) -> t
             watch.time("links", link, "receive", "send_heartbeat", "send_setpoint", "request")
         watch.time("links", world.evaders["pursuer"]["evader"], "receive")
         watch.time("links", world, "drain")
-        watch.time("record", recorder, "frame", "cycle", "event", "close")
+        watch.time("record", recorder, "frames", "cycle", "event", "close")
         step = watch.timed("flight", Flight.step)
     begin_s = time.process_time()
     try:

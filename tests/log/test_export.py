@@ -200,7 +200,7 @@ def test_a_byte_stream_cut_anywhere_is_written_as_whole_frames(frames, tmp_path_
     position = 0
     while position < len(stream):
         length = cuts[position % len(cuts)]
-        recorder.frame(1.0, "uav/mavlink_raw/out", stream[position : position + length])
+        recorder.frames([(1.0, "uav/mavlink_raw/out", stream[position : position + length])])
         position += length
     recorder.close()
     out = path.with_suffix(".tlog")
@@ -213,7 +213,7 @@ def test_a_byte_stream_cut_anywhere_is_written_as_whole_frames(frames, tmp_path_
 def test_the_log_begins_at_the_utc_start_of_the_record(flight, tmp_path):
     path = tmp_path / "dated.mcap"
     recorder = Recorder(path, {"started_utc": "2026-03-01T12:00:00+00:00"})
-    recorder.frame(2.5, "uav/mavlink_raw/out", frames_of(flight[1])[0][1])
+    recorder.frames([(2.5, "uav/mavlink_raw/out", frames_of(flight[1])[0][1])])
     recorder.close()
     write_tlog(path, tmp_path / "dated.tlog")
     assert int.from_bytes((tmp_path / "dated.tlog").read_bytes()[:8], "big") == 1_772_366_402_500_000

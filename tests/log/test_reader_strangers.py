@@ -133,7 +133,7 @@ def test_text_from_a_record_cannot_command_the_terminal(tmp_path):
     path, hostile = tmp_path / "record.mcap", "\x1b]0;owned\x07\x1b[2J\r\u202e"
     recorder = Recorder(path, {"scenario": json.dumps({"title": hostile}), hostile: hostile})
     recorder.event(1.0, hostile, hostile)
-    recorder.frame(1.0, hostile, b"")
+    recorder.frames([(1.0, hostile, b"")])
     recorder.close()
     for command in ("info", "events"):
         shown = CliRunner().invoke(app, ["log", command, str(path)])

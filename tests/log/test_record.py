@@ -8,17 +8,17 @@ from mcap.reader import make_reader
 
 from guidance.flight import State
 from guidance.log.entries import CycleEntry, InputsEntry
-from guidance.log.writer import MAX_WAITING, BackgroundRecorder, Recorder
+from guidance.log.writer import MAX_WAITING, Recorder
 
 READY = CycleEntry(0.0, State.READY, InputsEntry((), (), ()), ())
 
 
 def test_the_thread_writes_a_complete_record(tmp_path):
     path = tmp_path / "record.mcap"
-    recorder = BackgroundRecorder(Recorder(path, {}))
+    recorder = Recorder(path, {}, threaded=True)
     for number in range(200):
         recorder.cycle(READY._replace(now_s=0.02 * number))
-    recorder.frame(1.0, "uav1/mavlink_raw/in", b"\xfd")
+    recorder.frames([(1.0, "uav1/mavlink_raw/in", b"\xfd")])
     recorder.event(2.0, "armed")
     recorder.close()
     recorder.close()
@@ -29,13 +29,12 @@ def test_the_thread_writes_a_complete_record(tmp_path):
 
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), ValueError("no such row")])
 def test_a_record_that_fails_is_reported_and_raises_nothing(tmp_path, monkeypatch, error):
-    inner = Recorder(tmp_path / "record.mcap", {})
+    recorder = Recorder(tmp_path / "record.mcap", {}, threaded=True)
 
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(inner, "cycle", fail)
-    recorder = BackgroundRecorder(inner)
+    monkeypatch.setattr(recorder._file, "add", fail)
     for _ in range(10):
         recorder.cycle(READY)
     recorder.close()
@@ -43,10 +42,9 @@ def test_a_record_that_fails_is_reported_and_raises_nothing(tmp_path, monkeypatc
 
 
 def test_a_stalled_disk_drops_rows_and_never_blocks_the_loop(tmp_path, monkeypatch):
-    inner = Recorder(tmp_path / "record.mcap", {})
+    recorder = Recorder(tmp_path / "record.mcap", {}, threaded=True)
     go = threading.Event()
-    monkeypatch.setattr(inner, "cycle", lambda *_: go.wait(10.0))
-    recorder = BackgroundRecorder(inner)
+    monkeypatch.setattr(recorder._file, "add", lambda *_: go.wait(10.0))
     for _ in range(MAX_WAITING + 100):
         recorder.cycle(READY)
     assert recorder.dropped >= 99

@@ -13,7 +13,7 @@ from guidance.flight import State
 from guidance.log import compare, cycles_of, events_of, mcap_file
 from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
-from guidance.log.writer import BackgroundRecorder, Recorder
+from guidance.log.writer import Recorder
 from guidance.session.flight_files import daemon_recording, recorded_settings
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
@@ -80,8 +80,8 @@ def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
     def make(room):
         monkeypatch.setattr(FullDisk, "room", room)
         monkeypatch.setattr(mcap_file, "private_file", lambda path: SimpleNamespace(open=lambda *_, **__: disk(path)))
-        recorder = Recorder(tmp_path / "daemon.mcap", {"config": json.dumps(vehicle_document())})
-        return BackgroundRecorder(recorder) if request.param == "in the background" else recorder
+        metadata = {"config": json.dumps(vehicle_document())}
+        return Recorder(tmp_path / "daemon.mcap", metadata, threaded=request.param == "in the background")
 
     def disk(path):
         return FullDisk(path, "wb")
