@@ -1,8 +1,8 @@
 """Writes the record of a flight: an MCAP file with the raw frames of every link and a JSON row per cycle and event.
 
 A long flight is continued in further files, `NAME.002.mcap` and so on. Each can be read alone, and only by their
-owner. In real time chunks are small and written unbuffered: a killed process loses less than 0.2 s. A record that cannot be
-written never disturbs the flight: recording stops and `failed` says why.
+owner. In real time chunks are small and written unbuffered: a killed process loses less than 0.2 s. A record that
+cannot be written never disturbs the flight: recording stops and `failed` says why.
 """
 
 import calendar

@@ -109,9 +109,7 @@ def daemon_recording(
     recorder: Recorder | NullRecorder
     try:
         rotate_bytes = round(config.record.rotate_mb * 1e6)
-        recorder = Recorder(
-            path, metadata, threaded=True, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes
-        )
+        recorder = Recorder(path, metadata, threaded=True, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes)
     except OSError as error:
         where = f"record.folder = {str(config.record.folder)!r}"
         recorder = NullRecorder(f"{where}: cannot be written ({error.strerror})")
