@@ -23,8 +23,12 @@ def fly(
         ),
     ] = "pe",
     vehicle: Annotated[
-        str | None,
-        typer.Option(help="URL of an autopilot that runs already (a SITL, say): IT IS ARMED AND FLOWN.", metavar="URL"),
+        list[str] | None,
+        typer.Option(
+            help="URL of an autopilot that runs already (a SITL, say): IT IS ARMED AND FLOWN. For a team: one for each "
+            "vehicle.",
+            metavar="URL",
+        ),
     ] = None,
     autopilot: Annotated[
         str | None, typer.Option(help="px4 or arducopter; found by HEARTBEAT if not given (with --vehicle).")
@@ -88,14 +92,17 @@ def fly(
     - `guidance fly --panel`: with the operator's page, its picture and its orders
     - `guidance fly hover_chase --vehicle udpin://127.0.0.1:14540`: PX4's SITL
     - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
+    - `guidance fly teams_guard --vehicle URL1 --vehicle URL2 --vehicle URL3`: a team
     """
     given = {"--fast": fast, "--link": link, "--port": port, "--yes": yes, "--autopilot": autopilot, "--end": end}
     given |= {"--panel": panel}
-    if vehicle is None:
+    if not vehicle:
         refuse_others("the mock", given, dict.fromkeys(("--yes", "--autopilot", "--end"), "with --vehicle"))
     else:
-        refuse_others(f"--vehicle {vehicle}", given, dict.fromkeys(("--fast", "--port"), "without it, with the mock"))
-        _may_fly(vehicle, yes=yes)
+        refuse_others(
+            f"--vehicle {' '.join(vehicle)}", given, dict.fromkeys(("--fast", "--port"), "without it, with the mock")
+        )
+        may_fly(vehicle, yes=yes)
     if fast:
         refuse_others("--fast", given, dict.fromkeys(("--link", "--port", "--panel"), "in real time"))
 
@@ -108,24 +115,26 @@ def fly(
 
             client = link or "mavsdk"
             mock = MockOptions(fast=fast, link=client, port=port or 0)
-            how = mock if vehicle is None else Asked(vehicle, autopilot, client, end or "return")
+            how = [Asked(url, autopilot, client, end or "return") for url in vehicle or ()] or mock
             code = fly_scenario(
                 scenario, how, out=out, seed=seed, on_record=beside.record, on_control=beside.control, as_json=as_json
             )
         except KeyboardInterrupt:
-            nothing = "nothing was recorded" if vehicle is None else "nothing was armed"
+            nothing = "nothing was armed" if vehicle else "nothing was recorded"
             kept = f"the record so far is {beside.records[0]}" if beside.records else nothing
-            typer.echo(f"interrupted: {'the mock was ended; ' if vehicle is None else ''}{kept}", err=True)
+            typer.echo(f"interrupted: {'' if vehicle else 'the mock was ended; '}{kept}", err=True)
             raise typer.Exit(INTERRUPTED) from None
         beside.stay()
     raise typer.Exit(code)
 
 
-def _may_fly(vehicle: str, *, yes: bool) -> None:
+def may_fly(vehicles: list[str], *, yes: bool) -> None:
+    """Ask before vehicles are armed that are not on loopback."""
     from guidance.links.port import parse  # noqa: PLC0415
 
-    if not (parse(vehicle).on_loopback or yes):
-        agree(f"{vehicle} may be a real vehicle. Arm and fly it? Propellers will turn")
+    for url in vehicles:
+        if not (parse(url).on_loopback or yes):
+            agree(f"{url} may be a real vehicle. Arm and fly it? Propellers will turn")
 
 
 class _Beside:

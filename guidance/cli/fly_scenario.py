@@ -7,7 +7,7 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -49,7 +49,7 @@ _WITH_CAUSE: Final = frozenset(
 
 def fly_scenario(
     name: str,
-    how: MockOptions | Asked,
+    how: MockOptions | Sequence[Asked],
     *,
     out: Path | None,
     seed: int | None,
@@ -61,7 +61,7 @@ def fly_scenario(
 
     Args:
         name: Of one that comes along, or a path.
-        how: The mock, or the vehicle that flies it.
+        how: The mock, or the vehicles that fly it: one, or in a game of teams one for each pursuer.
         out: Folder for the record and the picture.
         seed: In place of the scenario's.
         on_record: Called with the record's path when it is open.
@@ -74,17 +74,22 @@ def fly_scenario(
     path, scenario = load_any(name)
     scenario = scenario if seed is None else scenario.model_copy(update={"seed": seed})
     console = screen(stderr=as_json)
+    where = "" if isinstance(how, MockOptions) else " ".join(one.url for one in how)
+    first = how if isinstance(how, MockOptions) else how[0]
     with_mock = isinstance(how, MockOptions)
-    where = how.url if isinstance(how, Asked) else ""
-    words = "virtual time" if isinstance(how, MockOptions) and how.fast else ", ".join(filter(None, (how.link, where)))
+    words = (
+        "virtual time" if isinstance(how, MockOptions) and how.fast else ", ".join(filter(None, (first.link, where)))
+    )
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {words})", highlight=False)
     if isinstance(scenario, TeamScenario):
-        return _fly_team(scenario, path, how, out, console, as_json=as_json)
+        return _fly_team(scenario, path, how, out, console, on_control, as_json=as_json)
+    if where != getattr(first, "url", ""):
+        raise ConfigError(f"--vehicle {where}: {path.name} has one pursuer: give one URL")
     for what in () if with_mock else left_out(scenario):
         console.print(f"{what}: only a mock can have that; the vehicle flies without")
     with flight_folder(out, path.stem) as folder, _advised(name, where):
-        result = flown(console, scenario, folder, how, on_record, on_control)
-        outcome = outcome_of_flight(result, how.way)
+        result = flown(console, scenario, folder, first, on_record, on_control)
+        outcome = outcome_of_flight(result, first.way)
         report(console, result, outcome, folder)
     if as_json:
         sys.stdout.write(json.dumps(outcome_json(outcome), indent=2) + "\n")
@@ -95,13 +100,18 @@ def fly_scenario(
 
 
 def _fly_team(
-    scenario: TeamScenario, path: Path, how: MockOptions | Asked, out: Path | None, console: Console, *, as_json: bool
+    scenario: TeamScenario,
+    path: Path,
+    how: MockOptions | Sequence[Asked],
+    out: Path | None,
+    console: Console,
+    on_control: Callable[[str], None],
+    *,
+    as_json: bool,
 ) -> int:
     """Fly a team; the exit code is 0 if it captured as many evaders as it guaranteed."""
-    if isinstance(how, Asked):
-        raise ConfigError(f"--vehicle {how.url}: {path.name} has teams, which only mocks fly yet")
     with flight_folder(out, path.stem) as folder, live_line(console) as show:
-        rows = fly_and_show(scenario, folder, how, show, console)
+        rows = fly_and_show(scenario, folder, how, Onlooker(show, on_control=on_control), console)
     if as_json:
         sys.stdout.write(json.dumps([outcome_json(row) for row in rows], indent=2) + "\n")
     kept = bool(rows) and rows[0].captured >= rows[0].guaranteed

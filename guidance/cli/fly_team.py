@@ -12,30 +12,41 @@ from guidance.screen import Cell, sheet
 from guidance.sim.teams import TeamOutcome, TeamScenario, summary_of
 
 if TYPE_CHECKING:
-    from guidance.session.fly import MockOptions
+    from guidance.session.fly import Asked, MockOptions, Onlooker
     from guidance.session.fly_team import TeamFlight
-    from guidance.session.mission import Progress, Show
+    from guidance.session.mission import Progress
 
 _SHOWN = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
 
 
 def fly_and_show(
-    scenario: TeamScenario, folder: Path, options: "MockOptions", show: "Show", console: Console
+    scenario: TeamScenario,
+    folder: Path,
+    how: "MockOptions | Sequence[Asked]",
+    onlooker: "Onlooker",
+    console: Console,
 ) -> list[TeamOutcome]:
     """Fly a scenario of teams and show its outcome; return its rows, one for each evader.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    from guidance.session.flight_files import RECORD  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.flight_files import RECORD, TEAM  # noqa: PLC0415 - zenoh and mavsdk take a second
     from guidance.session.fly_team import fly_team  # noqa: PLC0415
 
     def first(progress: "Progress") -> None:
         """Show the first vehicle only; all of them would not fit in one line."""
         if progress.vehicle == "uav1":
-            show(progress)
+            onlooker.show(progress)
 
-    flown = fly_team(scenario, options, folder=folder, show=first)
+    def tell_endpoint(endpoint: str) -> None:
+        console.print(
+            f"orders   guidance ctl ORDER --team {TEAM} --endpoint {endpoint}", soft_wrap=True, highlight=False
+        )
+        onlooker.on_control(endpoint)
+
+    look = onlooker._replace(show=first, on_control=tell_endpoint)
+    flown = fly_team(scenario, how, folder=folder, onlooker=look)
     console.print(_vehicles(flown))
     if flown.rows:
         tell_rows(flown.rows, console)

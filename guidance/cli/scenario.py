@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.cli.arguments import CommandGroup, agree, refuse_others
+from guidance.cli.fly import may_fly
 from guidance.cli.fly_team import fly_and_show, tell_rows
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
@@ -38,7 +39,7 @@ _WIDE: Final = 120
 
 _WAYS: Final = ("maths", "fast", "live", "vehicle")
 _ONLY_WITH: Final = {
-    **dict.fromkeys(("--config", "--engage", "--yes"), ("vehicle",)),
+    **dict.fromkeys(("--config", "--vehicle", "--engage", "--yes"), ("vehicle",)),
     **dict.fromkeys(("--link", "--over", "--port"), ("live",)),
     "--out": ("fast", "live", "vehicle"),
 }
@@ -57,6 +58,13 @@ def run(
         str, typer.Option("--as", help="maths, fast (virtual time), live (real time) or vehicle (needs --config).")
     ] = "maths",
     config: Annotated[Path | None, typer.Option(help="The vehicle file, with --as vehicle.")] = None,
+    vehicle: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --as vehicle and a team: URL of each autopilot, in place of --config. THEY ARE ARMED.",
+            metavar="URL",
+        ),
+    ] = None,
     engage: Annotated[
         bool,
         typer.Option(
@@ -95,7 +103,15 @@ def run(
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, after
       the orders `guidance ctl start` and `guidance ctl engage`; `--engage` **arms** without them
     """
-    given = {"--config": config, "--engage": engage, "--yes": yes, "--link": link, "--over": over, "--port": port}
+    given = {
+        "--config": config,
+        "--vehicle": vehicle or None,
+        "--engage": engage,
+        "--yes": yes,
+        "--link": link,
+        "--over": over,
+        "--port": port,
+    }
     _refuse_others(way, given | {"--out": out})
     path, played = load_any(name)
     if seed is not None:
@@ -103,9 +119,8 @@ def run(
     there = console(stderr=json_file == _STANDARD_OUTPUT)
     there.print(f"[bold]{played.title}[/bold]  ({path.name}, as {way})")
     if isinstance(played, TeamScenario):
-        if way == "vehicle":
-            raise ConfigError(f"--as {way}: {path.name} has teams; use --as maths, fast or live")
-        options = {"link": link or "mavsdk", "port": port or 0, "over": over or "zenoh"}
+        may_fly(vehicle or [], yes=yes)
+        options = {"link": link or "mavsdk", "port": port or 0, "over": over or "zenoh", "vehicle": vehicle or []}
         verdicts, row = _run_teams(played, path.stem, way, options, out, there)
     else:
         if config is not None:
@@ -125,11 +140,11 @@ def run(
 def _refuse_others(way: str, given: Mapping[str, Any]) -> None:
     if way not in _WAYS:
         raise ConfigError(f"--as {way}: allowed are {', '.join(_WAYS)}")
-    if given["--config"] is None and way == "vehicle":
-        raise ConfigError("--config: missing; --as vehicle needs a vehicle file")
+    if given["--config"] is None and given["--vehicle"] is None and way == "vehicle":
+        raise ConfigError("--config: missing; --as vehicle needs a vehicle file, and a team --vehicle URL for each")
     elsewhere = {option: f"with --as {' or '.join(of)}" for option, of in _ONLY_WITH.items() if way not in of}
     refuse_others(f"--as {way}", given, elsewhere)
-    if not given["--engage"]:
+    if not (given["--engage"] or given["--vehicle"]):
         refuse_others("orders by hand", given, {"--yes": "with --engage, which arms"})
 
 
@@ -161,10 +176,12 @@ def _run_teams(
     else:
         from guidance.cli.fly_scenario import live_line  # noqa: PLC0415 - zenoh and mavsdk take a second
         from guidance.session.flight_files import flight_folder  # noqa: PLC0415
-        from guidance.session.fly import MockOptions  # noqa: PLC0415
+        from guidance.session.fly import Asked, MockOptions, Onlooker  # noqa: PLC0415
 
+        urls = options.pop("vehicle")
+        how = [Asked(url) for url in urls] if way == "vehicle" else MockOptions(fast=way == "fast", **options)
         with flight_folder(out, stem) as folder, live_line(there) as show:
-            rows = fly_and_show(scenario, folder, MockOptions(fast=way == "fast", **options), show, there)
+            rows = fly_and_show(scenario, folder, how, Onlooker(show), there)
     if not rows:
         raise FlightError("no game: not all vehicles engaged")
     return scenario.expect.verdicts(summary_of(rows)), [outcome_json(row) for row in rows]

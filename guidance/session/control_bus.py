@@ -181,27 +181,37 @@ def _hosted(endpoint: str, token_file: Path | None) -> Iterator[tuple["zenoh.Ses
 
 @contextlib.contextmanager
 def opened(
-    name: str, mailbox: Mailbox, endpoint: str | None, on_open: Callable[[str], None] = lambda _: None
-) -> Iterator[ControlBus | None]:
-    """Take orders for a vehicle at an endpoint, or at a free one if another process listens there; None takes none.
+    mailboxes: Mapping[str, Mailbox],
+    endpoint: str | None,
+    on_open: Callable[[str], None] = lambda _: None,
+    *,
+    team: str = "",
+) -> Iterator[Mapping[str, ControlBus]]:
+    """Take orders for vehicles at an endpoint, or at a free one if another process listens there; None takes none.
 
-    `on_open` is called with the endpoint.
+    The first vehicle listens, and the others join. `on_open` is called with the endpoint.
 
     Raises:
         OutputError: If the token or the socket cannot be written.
         LinkError: If it cannot listen at any endpoint.
     """
-    if endpoint is None:
-        yield None
-        return
-    try:
-        control = ControlBus(name, mailbox, endpoint=endpoint, host=True)
-    except LinkError:
-        endpoint = free_endpoint()
-        control = ControlBus(name, mailbox, endpoint=endpoint, host=True)
-    with contextlib.closing(control):
-        on_open(endpoint)
-        yield control
+    buses: dict[str, ControlBus] = {}
+    with contextlib.ExitStack() as closing:
+        for name, mailbox in mailboxes.items():
+            if endpoint is None:
+                break
+            used: dict[str, Any] = {"host": not buses, "team": team, "mates": [one for one in mailboxes if one != name]}
+            try:
+                bus = ControlBus(name, mailbox, endpoint=endpoint, **used)
+            except LinkError:
+                if buses:
+                    raise
+                endpoint = free_endpoint()
+                bus = ControlBus(name, mailbox, endpoint=endpoint, **used)
+            buses[name] = closing.enter_context(contextlib.closing(bus))
+        if endpoint is not None:
+            on_open(endpoint)
+        yield buses
 
 
 def free_endpoint() -> str:

@@ -12,10 +12,12 @@ from guidance.autopilots import autopilot_named
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.flight import State
+from guidance.flight.settings import TeamSection
 from guidance.frames import Amsl, LocalFrame, ned_from_game
 from guidance.links.opening import KINDS
 from guidance.links.port import Wire, parse
 from guidance.links.udp import UdpWire
+from guidance.links.wires import share
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.messages import Home
@@ -24,7 +26,7 @@ from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus, opened
 from guidance.session.daemon import Equipment
 from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
-from guidance.session.flight_files import RECORD, Stopped, flight_metadata, recording
+from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording
 from guidance.session.log import Log
 from guidance.session.loop import Signals, World, run
 from guidance.session.mission import Mission, Progress, Show
@@ -38,7 +40,7 @@ from guidance.session.vehicle_file import Config
 from guidance.session.vehicle_world import VehicleWorld, open_all
 from guidance.sim.live import OVER, ZENOH, LiveWorld
 from guidance.sim.mock_files import check_faults
-from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Flown, Pursuit, Scenario, Site, Wind
+from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Flown, Pursuit, Scenario, Site, Wind, pursuits_of
 from guidance.sim.stepped import EvaderHere, SteppedWorld
 
 ENDS: Final = ("return", "land")
@@ -163,8 +165,8 @@ def fly_mock(scenario: Scenario, folder: Path, options: MockOptions, onlooker: O
     check_faults(scenario)
     clock: Clock = VirtualClock() if options.fast else MonotonicClock()
     mailbox = Mailbox()
-    with opened(PURSUER, mailbox, onlooker.control, onlooker.on_control) as bus:
-        mock = _mock(scenario, clock, options)
+    with opened({PURSUER: mailbox}, onlooker.control, onlooker.on_control) as buses:
+        mock, bus = _mock(scenario, clock, options), buses.get(PURSUER)
         return _conducted(scenario, mock, clock, folder, bus, Equipment(mailbox=mailbox), onlooker)
 
 
@@ -203,7 +205,7 @@ def fly_vehicle(
     if scenario.fault:
         say("faults are a mock's: the vehicle flies without them")
     clock, hand_over = MonotonicClock(), ORDER_OF[own.flight.on_terminate]
-    signals, policy = Signals(hand_over, _kept), MissionPolicy(engage, hand_over=hand_over)
+    signals, policy = Signals(hand_over, kept), MissionPolicy(engage, hand_over=hand_over)
     with signals.installed(), opened_vehicle(own, clock, tapped=True) as (world, control, used):
         say(f"record   {folder / RECORD}")
         if not engage:
@@ -232,17 +234,18 @@ def fly_url(scenario: Scenario, folder: Path, asked: Asked, onlooker: Onlooker =
     mailbox = Mailbox()
     mailbox.meanwhile(startup_answers(PURSUER, for_whom, FOUND_WITHIN_S, MonotonicClock()))
     with (
-        opened(PURSUER, mailbox, onlooker.control, onlooker.on_control) as bus,
-        reach(scenario, asked) as (own, world, clock, radio),
+        opened({PURSUER: mailbox}, onlooker.control, onlooker.on_control) as buses,
+        reach(scenario, [asked]) as reached,
     ):
+        own, world, clock = reached.configs[PURSUER], reached.world, reached.clock
         began_s = time.perf_counter()
         autopilot = autopilot_named(own.vehicle.autopilot)
         home, frame = wait_until_placed(world.links[own.name], autopilot, clock, onlooker.show)
         laid = laid_about(scenario, home, frame, own.vehicle.autopilot)
-        evader = EvaderHere(laid, clock, radio)
+        evader = EvaderHere(laid, clock, reached.radios[EVADER])
         world.players[EVADER], world.on_engage = evader, evader.engage
         hand_over = ORDER_OF[own.flight.on_terminate]
-        signals = Signals(hand_over, _kept)
+        signals = Signals(hand_over, kept)
         policy = MissionPolicy(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         with (
@@ -252,7 +255,9 @@ def fly_url(scenario: Scenario, folder: Path, asked: Asked, onlooker: Onlooker =
         ):
             mailbox.meanwhile(None)
             used, real = Equipment(mailbox=mailbox, log=log, notifier=notifier), contextlib.nullcontext(world)
-            result = _conducted(laid, real, clock, folder, bus, used, onlooker, own=own, policy=policy, signals=signals)
+            result = _conducted(
+                laid, real, clock, folder, buses.get(PURSUER), used, onlooker, own=own, policy=policy, signals=signals
+            )
         result.wall_s = time.perf_counter() - began_s
     return result
 
@@ -300,36 +305,66 @@ def _conducted(
     return result
 
 
-@contextlib.contextmanager
-def reach(scenario: Scenario, asked: Asked) -> Iterator[tuple[Config, VehicleWorld, MonotonicClock, Wire]]:
-    """Find the vehicle at a URL and open its link, and a loopback port for the evader's reports.
+class Reached(NamedTuple):
+    """Vehicles at URLs: their configurations by name, their world, and the evaders' ends of loopback ports by name."""
 
-    Yields:
-        Its configuration, its world, its clock, and the evader's end of the loopback port.
+    configs: dict[str, Config]
+    world: VehicleWorld
+    clock: MonotonicClock
+    radios: dict[str, Wire]
+
+
+@contextlib.contextmanager
+def reach(flown: Flown, asked: Sequence[Asked], separation: TeamSection | None = None) -> Iterator[Reached]:
+    """Find the vehicles at their URLs and open their links, and a loopback port for each evader's reports.
+
+    Args:
+        flown: Who pursues whom.
+        asked: One for each vehicle.
+        separation: Of a team; None for one vehicle.
 
     Raises:
         ConfigError: If an argument is wrong, or another autopilot is there.
         LinkError: If there is no vehicle.
     """
-    clock = MonotonicClock()
+    clock, pursuits = MonotonicClock(), pursuits_of(flown)
+    ears, reached = dict[str, UdpWire](), Reached({}, VehicleWorld(), clock, {})
+    speeds_m_s = {one.evader: one.scenario.evader.believed_speed_m_s for one in reversed(pursuits)}
     with contextlib.ExitStack() as closing:
-        at_url = autopilot_at(asked.url, asked.autopilot, clock, who=f"--vehicle {asked.url}")
-        wire, found, autopilot = closing.enter_context(at_url)
-        ears = UdpWire(clock.now_s, host="127.0.0.1", port=0, listen=True, systems=(EVADER_ID,))
-        closing.callback(ears.close)
-        radio = UdpWire(clock.now_s, host="127.0.0.1", port=ears.port, listen=False)
-        closing.callback(radio.close)
-        own = config_of(
-            scenario,
-            url=asked.url,
-            link=asked.link,
-            autopilot=autopilot.name,
-            found=found,
-            evader_url=f"udpin://127.0.0.1:{ears.port}",
-        )
-        world = open_all(own, clock, tapped=True, wire=wire, evader_wires={EVADER: ears})
-        closing.callback(world.close)
-        yield own, world, clock, radio
+        for name in speeds_m_s:
+            ears[name] = UdpWire(clock.now_s, host="127.0.0.1", port=0, listen=True, systems=(EVADER_ID,))
+            closing.callback(ears[name].close)
+            radio = UdpWire(clock.now_s, host="127.0.0.1", port=ears[name].port, listen=False)
+            reached.radios[name] = radio
+            closing.callback(radio.close)
+        heard = {name: iter(share(wire, len(pursuits))) for name, wire in ears.items()}
+        for (scenario, vehicle, evader), one in zip(pursuits, asked, strict=True):
+            at_url = autopilot_at(one.url, one.autopilot, clock, who=f"--vehicle {one.url}")
+            wire, found, autopilot = closing.enter_context(at_url)
+            urls = {name: f"udpin://127.0.0.1:{wire.port}" for name, wire in ears.items()}
+            team = None
+            if separation is not None:
+                others = {
+                    name: {"kind": "global_position", "url": url, "system_id": EVADER_ID, "speed_m_s": speeds_m_s[name]}
+                    for name, url in urls.items()
+                    if name != evader
+                }
+                mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
+                team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **dict(separation)}
+            own = reached.configs[vehicle] = config_of(
+                scenario,
+                name=vehicle,
+                url=one.url,
+                link=one.link,
+                autopilot=autopilot.name,
+                found=found,
+                evader_url=urls[evader],
+                team=team,
+            )
+            wires = {name: next(shares) for name, shares in heard.items()}
+            reached.world.add(open_all(own, clock, tapped=True, wire=wire, evader_wires=wires))
+        closing.callback(reached.world.close)
+        yield reached
 
 
 @contextlib.contextmanager
@@ -341,10 +376,11 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     """
     log = Log("console", "error")
     try:
-        with reach(scenario, asked) as (own, world, clock, _):
+        with reach(scenario, [asked]) as reached:
+            own = reached.configs[PURSUER]
             pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
             plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
-            yield Checkup(own.name, plan, world, clock, log=log)
+            yield Checkup(own.name, plan, reached.world, reached.clock, log=log)
     finally:
         log.close()
 
@@ -384,5 +420,10 @@ def left_out(scenario: Scenario) -> Sequence[str]:
     return words
 
 
-def _kept() -> NoReturn:
+def kept() -> NoReturn:
+    """Refuse to read the configuration again.
+
+    Raises:
+        ConfigError: Always.
+    """
     raise ConfigError("a scenario is flown: end it and begin again to fly another configuration")

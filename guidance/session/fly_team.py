@@ -10,22 +10,31 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
+from guidance.autopilots import autopilot_named
 from guidance.clock import Clock, MonotonicClock, VirtualClock
+from guidance.errors import ConfigError
 from guidance.flight import Event
 from guidance.flight.settings import TeamSection
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
 from guidance.links.zenoh_team import ZenohTeam
-from guidance.links.zenoh_wire import open_session
+from guidance.log.broadcast import Broadcast
+from guidance.session.control_bus import opened
+from guidance.session.control_socket import ENDPOINT
 from guidance.session.daemon import Equipment
+from guidance.session.discovery import wait_until_placed
 from guidance.session.flight_files import RECORD, TEAM, flight_metadata, recording, with_team
-from guidance.session.fly import MockOptions, fly
-from guidance.session.mission import Show
+from guidance.session.fly import NOBODY, Asked, MockOptions, Onlooker, fly, kept, laid_about, reach
+from guidance.session.log import Log
+from guidance.session.loop import Signals, World
+from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.plan import plan_of
 from guidance.session.result import MissionResult
+from guidance.session.sequencer import MOCKED, MissionPolicy
+from guidance.session.vehicle_file import Config
 from guidance.sim.live import LiveWorld
 from guidance.sim.scenario import Pursuit
-from guidance.sim.stepped import SteppedWorld
+from guidance.sim.stepped import EvaderHere, SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team, rows_of
 from guidance.sim.teams import TeamOutcome, TeamScenario
 from guidance.team import Member, MemoryNetwork, Transport
@@ -35,6 +44,15 @@ DELAY_S = 0.02
 
 Join = Callable[[str], Transport]
 """Connects a vehicle to its team."""
+
+
+class Opened(NamedTuple):
+    """Who pursues whom, in which world and by which clock; configurations of vehicles at URLs, by name."""
+
+    pursuits: tuple[Pursuit, ...]
+    world: World
+    clock: Clock
+    configs: Mapping[str, Config]
 
 
 class TeamFlight(NamedTuple):
@@ -63,67 +81,120 @@ def team_document(scenario: TeamScenario) -> str:
 
 def fly_team(
     scenario: TeamScenario,
-    options: MockOptions,
+    how: MockOptions | Sequence[Asked],
     *,
     folder: Path | None = None,
-    show: Show = lambda _: None,
+    onlooker: Onlooker = NOBODY,
     join: Callable[[Clock], Join] | None = None,
 ) -> TeamFlight:
-    """Fly a scenario of teams against mocks.
+    """Fly a scenario of teams with mocks, or with vehicles that run at URLs; their evaders are simulated here.
 
     Args:
         scenario: The scenario.
-        options: Real or virtual time, and links.
+        how: The mocks, or one URL for each vehicle. Ctrl-C lands vehicles at URLs.
         folder: For the records, one folder for each vehicle; None keeps none.
-        show: Called for each vehicle in every cycle.
-        join: Makes the transports; by default a network in this process, or Zenoh in real time.
+        onlooker: Who watches, and gives orders; `show` is called for each vehicle in every cycle.
+        join: Makes the transports; by default a network in this process, or in real time the sessions for orders.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    clock: Clock = VirtualClock() if options.fast else MonotonicClock()
-    pursuits = pursuits_of_team(scenario)
+    fast = isinstance(how, MockOptions) and how.fast
     members, equipment, document = {}, {}, team_document(scenario)
     with contextlib.ExitStack() as closing:
-        world: SteppedWorld | LiveWorld = closing.enter_context(contextlib.closing(_world(pursuits, clock, options)))
-        connect = _connection(world, clock, scenario.seed, closing) if join is None else join(clock)
+        log = closing.enter_context(contextlib.closing(Log("console", "error")))
+        flown = (
+            _mocks(scenario, how, closing)
+            if isinstance(how, MockOptions)
+            else _reached(scenario, how, closing, onlooker)
+        )
+        pursuits, world, clock, configs = flown
+        names, evaders = [one.vehicle for one in pursuits], sorted({one.evader for one in pursuits})
+        network = None if not fast else MemoryNetwork(clock.now_s, delay_s=DELAY_S, seed=scenario.seed).join
+        connect = network if join is None else join(clock)
+        mailboxes = {name: Mailbox() for name in names}
+        orders = opened(mailboxes, None if fast else ENDPOINT, onlooker.on_control, team=TEAM)
+        buses = closing.enter_context(orders)
         for number, pursuit in enumerate(pursuits):
-            transport = connect(pursuit.vehicle)
+            name, own = pursuit.vehicle, configs.get(pursuit.vehicle)
+            if connect is None:
+                transport: Transport = ZenohTeam(clock.now_s, buses[name].session, TEAM, name, names)
+            else:
+                transport = connect(name)
             closing.callback(transport.close)
-            members[pursuit.vehicle] = member = Member(
-                pursuit.vehicle,
-                [one.vehicle for one in pursuits],
-                sorted({one.evader for one in pursuits}, key=lambda name: (name != pursuit.evader, name)),
+            members[name] = Member(
+                name,
+                names,
+                sorted(evaders, key=lambda evader: evader != pursuit.evader),
                 transport,
                 epoch=random.Random(f"{scenario.seed} {number}").getrandbits(48),
                 separation_height_m=scenario.flight.separation_height_m,
             )
-            record = None
+            metadata = flight_metadata(pursuit.scenario, own, None if fast else clock)
+            metadata |= {TEAM: document, "vehicle": name}
+            record, broadcast = None, None
             if folder is not None:
-                metadata = flight_metadata(pursuit.scenario, None, None if options.fast else clock)
-                metadata |= {TEAM: document, "vehicle": pursuit.vehicle}
-                path = folder / pursuit.vehicle / RECORD
-                record = closing.enter_context(recording(path, metadata, real_time=not options.fast))
-            equipment[pursuit.vehicle] = Equipment(record=record, team=member)
-        alone = {one.vehicle: plan_of(scenario=one.scenario) for one in pursuits}
-        plans = {name: replace(plan, flight=with_team(plan.flight, document)) for name, plan in alone.items()}
-        result = fly(pursuits, world, clock, plans=plans, equipment=equipment, show=show)
-    rows = _rows(scenario, options.way, result, members)
+                record = closing.enter_context(recording(folder / name / RECORD, metadata, real_time=not fast))
+            if name in buses:
+                broadcast = closing.enter_context(contextlib.closing(Broadcast(name, buses[name].session, metadata)))
+            equipment[name] = Equipment(
+                mailbox=mailboxes[name], log=log, record=record, broadcast=broadcast, team=members[name]
+            )
+        plans = {one.vehicle: plan_of(configs.get(one.vehicle), one.scenario) for one in pursuits}
+        policy, signals = MOCKED, None
+        if not isinstance(how, MockOptions):
+            policy = MissionPolicy(engage=True, end_with=ORDER_OF[how[0].end], hand_over=Event.LAND)
+            signals = Signals(Event.LAND, kept)
+            closing.enter_context(signals.installed())
+        result = fly(
+            pursuits,
+            world,
+            clock,
+            plans={name: replace(plan, flight=with_team(plan.flight, document)) for name, plan in plans.items()},
+            equipment=equipment,
+            policy=policy,
+            show=onlooker.show,
+            signals=signals,
+        )
+    way = how.way if isinstance(how, MockOptions) else Asked.way
+    rows = _rows(scenario, way, result, members)
     return TeamFlight(rows, result, least_distance_m(result, scenario.flight.separation_height_m), members)
 
 
-def _world(pursuits: tuple[Pursuit, ...], clock: Clock, options: MockOptions) -> SteppedWorld | LiveWorld:
+def _mocks(scenario: TeamScenario, options: MockOptions, closing: contextlib.ExitStack) -> Opened:
+    pursuits = pursuits_of_team(scenario)
+    clock: Clock = VirtualClock() if options.fast else MonotonicClock()
+    world: SteppedWorld | LiveWorld
     if options.fast:
-        return SteppedWorld(pursuits, clock)
-    return LiveWorld(pursuits, clock, link=options.link, port=options.port, over=options.over)
+        world = SteppedWorld(pursuits, clock)
+    else:
+        world = LiveWorld(pursuits, clock, link=options.link, port=options.port, over=options.over)
+    closing.callback(world.close)
+    return Opened(pursuits, world, clock, {})
 
 
-def _connection(world: SteppedWorld | LiveWorld, clock: Clock, seed: int, closing: contextlib.ExitStack) -> Join:
-    """Return how vehicles join: a network in virtual time, or in real time Zenoh, routed by the mock's session."""
-    if isinstance(world, SteppedWorld):
-        return MemoryNetwork(clock.now_s, delay_s=DELAY_S, seed=seed).join
-    endpoint, names = world.endpoint, list(world.links)
-    return lambda vehicle: ZenohTeam(clock.now_s, closing.enter_context(open_session(endpoint)), TEAM, vehicle, names)
+def _reached(
+    scenario: TeamScenario, asked: Sequence[Asked], closing: contextlib.ExitStack, onlooker: Onlooker
+) -> Opened:
+    """Open the vehicles at URLs, and lay the scenario about the first one's home."""
+    pursuits, flight = pursuits_of_team(scenario), scenario.flight
+    if len(asked) != len(pursuits):
+        raise ConfigError(
+            f"--vehicle: {len(asked)} given; the scenario has {len(pursuits)} vehicles: give one URL each"
+        )
+    separation = TeamSection(separation_m=flight.separation_m, separation_height_m=flight.separation_height_m)
+    reached = closing.enter_context(reach(pursuits, asked, separation))
+    world, clock, laid = reached.world, reached.clock, list[Pursuit]()
+    for pursuit in pursuits:
+        autopilot = autopilot_named(reached.configs[pursuit.vehicle].vehicle.autopilot)
+        home, frame = wait_until_placed(world.links[pursuit.vehicle], autopilot, clock, onlooker.show)
+        here = laid_about(pursuit.scenario, home, frame, autopilot.name)
+        site = laid[0].scenario.site if laid else here.site
+        laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
+    for name, radio in reached.radios.items():
+        chased = next(one.scenario for one in laid if one.evader == name)
+        world.players[name] = EvaderHere(chased, clock, radio)
+    return Opened(tuple(laid), world, clock, reached.configs)
 
 
 def _rows(

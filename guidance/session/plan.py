@@ -6,7 +6,7 @@ file with the scenario's own limits.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -153,16 +153,28 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
-def config_of(scenario: "Scenario", *, url: str, link: str, autopilot: str, found: "Found", evader_url: str) -> Config:
+def config_of(
+    scenario: "Scenario",
+    *,
+    name: str,
+    url: str,
+    link: str,
+    autopilot: str,
+    found: "Found",
+    evader_url: str,
+    team: Mapping[str, Any] | None = None,
+) -> Config:
     """Return the vehicle file that flies a scenario with the scenario's own limits.
 
     Args:
         scenario: Who plays what, where and within which limits.
+        name: Of the vehicle.
         url: Where the vehicle is.
         link: `mavsdk` or `pymavlink`.
         autopilot: Name of the autopilot.
         found: System and component id of the vehicle.
         evader_url: Where the simulated evader reports.
+        team: The section `[team]`.
 
     Raises:
         ConfigError: If the scenario asks for what no vehicle file may.
@@ -171,7 +183,7 @@ def config_of(scenario: "Scenario", *, url: str, link: str, autopilot: str, foun
         autopilot=autopilot, link=link, url=url, system_id=found.system_id, component_id=found.component_id
     )
     document = _as_vehicle_file(scenario, vehicle, evader_url).model_dump(mode="json")
-    return parse(Config, document, source=f"{scenario.title!r} at {url}")
+    return parse(Config, document | {"name": name, "team": team}, source=f"{scenario.title!r} at {url}")
 
 
 def _as_vehicle_file(scenario: "Scenario", vehicle: Vehicle, evader_url: str) -> Config:

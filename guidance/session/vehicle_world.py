@@ -36,24 +36,31 @@ _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "o
 
 @dataclass(slots=True)
 class VehicleWorld:
-    """The world of a running vehicle and its evader, in real time.
+    """The world of running vehicles and their evaders, in real time.
 
     Attributes:
-        links: The vehicle, by its name.
+        links: The vehicles, by name.
         evaders: Reports of the evaders, by the vehicle's name and theirs; without a team it is `EVADER`.
-        taps: Pass on the raw frames of the vehicle's wire.
+        taps: Pass on the raw frames of the vehicles' wires.
         closing: Closes everything.
-        players: The evader, where this process plays it.
+        players: The evaders that this process plays.
         on_engage: Called when the game begins.
     """
 
-    links: Mapping[str, VehicleLink]
-    evaders: Mapping[str, Mapping[str, EvaderSource]]
+    links: dict[str, VehicleLink] = field(default_factory=dict)
+    evaders: dict[str, Mapping[str, EvaderSource]] = field(default_factory=dict)
     taps: list[TappedWire] = field(default_factory=list)
     closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     players: dict[str, EvaderPlayer] = field(default_factory=dict)
     on_engage: Callable[[], None] = lambda: None
     real_time: ClassVar[bool] = True
+
+    def add(self, other: "VehicleWorld") -> None:
+        """Add the vehicles of another world, which is closed with this one."""
+        self.links |= other.links
+        self.evaders |= other.evaders
+        self.taps += other.taps
+        self.closing.callback(other.close)
 
     def advance(self) -> None:
         """Nothing: its time is real."""

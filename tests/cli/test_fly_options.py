@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from guidance.cli import app, fly_scenario
 from guidance.errors import ConfigError
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
-from guidance.session.fly import Asked
+from guidance.session.fly import MockOptions
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 
@@ -106,7 +106,7 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
     def flown(scenario, how, *, on_control, **_):
         on_control(control)
         (panel,) = panels(within_s=10.0)  # until the child has become the program
-        seen.append((scenario, isinstance(how, Asked), panel.cmdline()[4:]))
+        seen.append((scenario, not isinstance(how, MockOptions), panel.cmdline()[4:]))
         panel.terminate()  # as a person does who has seen enough
         return 0
 

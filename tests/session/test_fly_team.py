@@ -6,7 +6,7 @@ from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
 from guidance.session.flight_files import recorded_settings
-from guidance.session.fly import MockOptions
+from guidance.session.fly import MockOptions, Onlooker
 from guidance.session.fly_team import fly_team
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
@@ -88,7 +88,7 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
         since_s = progress.now_s - engaged_s[0] if engaged_s else 0.0
         networks[0].cut = {"uav1"} if 1.0 <= since_s < 4.0 else set()
 
-    flown = fly_team(GUARD, MockOptions(fast=True), show=cut, join=join)
+    flown = fly_team(GUARD, MockOptions(fast=True), onlooker=Onlooker(cut), join=join)
     assert [row.end for row in flown.rows] == ["captured", "captured"]
     assert flown.least_m > GUARD.flight.separation_m - 0.5
     boards = [member.board for member in flown.members.values()]
