@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from html import escape
 from importlib import resources
 from io import BytesIO
-from itertools import groupby
+from itertools import pairwise
 from pathlib import Path
 from string import Template
 from typing import Any, Final, NamedTuple
@@ -48,7 +48,6 @@ FRAME_MS: Final = 80
 """Frames of a moving picture, spread over the game, and how long each is shown."""
 
 LAST_FRAME_MS: Final = 1600
-_PLAYERS = (PURSUER, EVADER, STANDOFF)
 _TAIL_S: Final = 2.0
 """Time after the capture that is shown."""
 
@@ -66,17 +65,17 @@ def chase_of(story: Story) -> Chase:
     """Return the shapes of a recorded flight."""
     begin = len(story.cycles) if story.engaged is None else story.engaged
     end = begin + sum(one is not None for one in story.certificates[begin:])
-    first, last = story.certificate(story.engaged), story.certificate(story.captured)
+    last, home_m = story.certificate(story.captured), story.flight.home_m
     return flown_chase(
         story.settings.cycle,
         story.column("pursuer_m"),
         story.column("evader_m"),
         slice(begin, end),
-        first,
+        story.certificate(story.engaged),
         last,
         reached_m=None if last is None else last.evader_game_m,
-        fence=() if story.home_m is None else fence_edges(story.envelope, story.home_m),
-        fence_height_m=0.0 if story.home_m is None else story.home_m[2],
+        fence=() if home_m is None else fence_edges(story.flight.envelope, home_m),
+        fence_height_m=0.0 if home_m is None else home_m[2],
     )
 
 
@@ -171,28 +170,17 @@ def events(story: Story) -> Figure:
     shown = story.events[:_MOST_EVENTS]
     figure = figure_of(11.0, 1.4 + 0.27 * len(shown))
     axes = figure.subplots()
-    now_s = story.column("now_s")
-    end_s = float(now_s[-1])
-    first = 0
-    for number, (_, run) in enumerate(groupby(story.states)):
-        last = first + len(list(run))
-        until_s = float(now_s[last]) if last < len(now_s) else end_s
-        axes.axvspan(float(now_s[first]), until_s, color=_SHADES[number % len(_SHADES)], linewidth=0.0)
-        first = last
-    middle_s = 0.5 * (float(now_s[0]) + end_s)
+    now_s, states = story.column("now_s"), np.array([row.state for row in story.rows])
+    changes = [0, *(1 + np.flatnonzero(states[1:] != states[:-1])), len(now_s) - 1]
+    for number, (first, last) in enumerate(pairwise(changes)):
+        axes.axvspan(now_s[first], now_s[last], color=_SHADES[number % len(_SHADES)], linewidth=0.0)
+    middle_s = 0.5 * (now_s[0] + now_s[-1])
     for row, event in enumerate(shown):
         axes.plot([event.now_s], [row], "ko", ms=4)
-        right = event.now_s < middle_s
+        side, shift = ("left", 7) if event.now_s < middle_s else ("right", -7)
         words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.detail})" if event.detail else "")
-        axes.annotate(
-            words,
-            (event.now_s, row),
-            xytext=(7 if right else -7, 0),
-            textcoords="offset points",
-            ha="left" if right else "right",
-            va="center",
-            fontsize=8.5,
-        )
+        beside: dict[str, Any] = {"xytext": (shift, 0), "textcoords": "offset points", "ha": side, "va": "center"}
+        axes.annotate(words, (event.now_s, row), **beside, fontsize=8.5)
     axes.set(xlabel="time, s", ylim=(len(shown) - 0.4, -0.6), yticks=[])
     axes.margins(x=0.02)
     left = len(story.events) - len(shown)
@@ -233,62 +221,56 @@ def write_animation(story: Story, path: Path) -> None:
     Raises:
         OSError: If the file cannot be written.
     """
-    span = playing_span(story)
-    now_s = story.column("now_s")[span]
-    begun_s, ended_s = (
-        now_s[-1] if one is None else story.cycles[one].now_s for one in (story.engaged, story.captured)
-    )
-    now_s = now_s[now_s <= ended_s + _TAIL_S]
-    shown = np.unique(np.linspace(0, len(now_s) - 1, FRAMES).round().astype(int))
-    pursuer, evader = (story.column(name)[span][: len(now_s)] for name in ("pursuer_m", "evader_m"))
-    distance_m = np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1)
-    figure, draw = _stage(story, pursuer, evader, distance_m)
+    span, now_s = playing_span(story), story.column("now_s")
+    begun_s, ended_s = (now_s[-1] if one is None else now_s[one] for one in (story.engaged, story.captured))
+    shown = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
+    pursuer, evader = (story.column(name)[shown] for name in ("pursuer_m", "evader_m"))
+    figure, draw = _stage(story, pursuer, evader)
     images = []
-    for number in shown:
-        draw(int(number), max(0.0, float(now_s[number] - begun_s)))
+    for number in np.unique(np.linspace(0, len(shown) - 1, FRAMES).round().astype(int)).tolist():
+        draw(number, max(0.0, float(now_s[shown[number]] - begun_s)))
         figure.canvas.draw()
         images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
     times_ms = [FRAME_MS] * (len(images) - 1) + [LAST_FRAME_MS]
     images[0].save(path, save_all=True, append_images=images[1:], duration=times_ms, loop=0, quality=55, method=4)
 
 
-def _stage(story: Story, pursuer: Array, evader: Array, distance_m: Array) -> tuple[Figure, Any]:
+def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callable[[int, float], None]]:
     """Return the figure of a moving picture, and a function that draws one moment."""
     figure = figure_of(8.0, 4.4)
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     chase, standoff = chase_of(story), story.settings.cycle.standoff
-    names = ("vehicle", "evader", "stand-off disc")
-    moving = [plan.plot([], [], **style, label=name)[0] for name, style in zip(names, _PLAYERS, strict=True)]
+    height = np.column_stack([np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]])
+    far_m, high_m = np.maximum(1.0, np.nan_to_num(height).max(axis=0))
     if chase.isochron is not None:
         plan.plot(*chase.isochron.T, **ISOCHRON, label="isochron at engagement")
-    for place, style, name in (
-        (chase.meeting_m, MEETING, "meeting point foreseen"),
-        (chase.target_m, TARGET, "target"),
-    ):
-        if place is not None:
-            draw_place(plan, place, style, 2, name)
+    if chase.meeting_m is not None:
+        draw_place(plan, chase.meeting_m, MEETING, 2, "meeting point foreseen")
+    if chase.target_m is not None:
+        draw_place(plan, chase.target_m, TARGET, 2, "target")
     low, high = chase.box
     label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    legend_below(figure, plan, columns=5)
     side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
-    height_m = pursuer[:, 2] - evader[:, 2]
-    far_m, high_m = (max(1.0, float(np.nan_to_num(one).max())) for one in (distance_m, height_m))
     side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
     side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
     side.grid(visible=True, linewidth=0.3)
-    moving += [plan.plot([], [], mark, color=style["color"])[0] for mark, style in (("o", PURSUER), ("^", EVADER))]
-    moving += [side.plot([], [], **PURSUER)[0], side.plot([], [], "o", color=PURSUER["color"])[0]]
+    runs = [axes.plot([], [], **style, label=name)[0] for axes, style, name in (
+        (plan, PURSUER, "vehicle"), (plan, EVADER, "evader"), (side, PURSUER, None),
+    )]  # fmt: skip
+    marks = [axes.plot([], [], mark, color=style["color"])[0] for axes, mark, style in (
+        (plan, "o", PURSUER), (plan, "^", EVADER), (side, "o", PURSUER),
+    )]  # fmt: skip
+    (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
+    legend_below(figure, plan, columns=5)
     title = figure.suptitle("")
 
     def draw(number: int, since_s: float) -> None:
-        until, x, y = number + 1, *evader[number, :2]
-        rim = circle((float(x), float(y), 0.0), standoff.radius_m, 49)
-        lines = (pursuer[:until, :2], evader[:until, :2], rim, pursuer[number:until, :2], evader[number:until, :2])
-        height = np.column_stack([distance_m, height_m])
-        for line, points in zip(moving, (*lines, height[:until], height[number:until]), strict=True):
-            line.set_data(*points.T)
+        for run, mark, track in zip(runs, marks, (pursuer, evader, height), strict=True):
+            run.set_data(*track[: number + 1, :2].T)
+            mark.set_data(*track[number : number + 1, :2].T)
+        rim.set_data(*circle(tuple(evader[number]), standoff.radius_m, 49).T)
         title.set_text(f"{story.title}: {since_s:.1f} s")
 
     return figure, draw

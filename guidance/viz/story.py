@@ -10,10 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.certificate import Certificate
-from guidance.control import Envelope
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
-from guidance.frames import Vector
 from guidance.game import solve
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, SettingsOf, Survey, metadata_of, scan, title_of
 from guidance.log.entries import EVENT_TOPIC
@@ -26,33 +24,52 @@ Rows = list[tuple[str, str]]
 class Story(NamedTuple):
     """A flight, cycle by cycle.
 
-    `engaged` and `captured` are the first cycles of the game and of the capture, or None. `begun_s` and `reached_s` are
-    the times of the state changes ENGAGED and ON STATION, or NaN; `guidance.session.result` uses the same times.
+    Attributes:
+        title: Of the flight.
+        survey: Of the record.
+        settings: At the start.
+        flight: What was known after the last cycle: home, limits.
+        events: All of them.
+        rows: One of each cycle, as recorded.
+        cycles: The numbers of each.
     """
 
     title: str
-    settings: FlightSettings
     survey: Survey
-    events: tuple[EventEntry, ...]
-    states: tuple[str, ...]
-    certificates: tuple[Certificate | None, ...]
-    alarms: tuple[tuple[float, str], ...]
-    home: Home | None
-    home_m: Vector | None
-    envelope: Envelope
-    cycles: tuple[Cycle, ...]
-    engaged: int | None
-    captured: int | None
-    begun_s: float
-    reached_s: float
+    settings: FlightSettings
+    flight: Aggregator
+    events: list[EventEntry]
+    rows: list[CycleEntry]
+    cycles: list[Cycle]
 
     def column(self, name: str) -> Array:
         """Return one field of all cycles, shape (n,) or (n, 3)."""
         return np.array([getattr(cycle, name) for cycle in self.cycles])
 
+    @property
+    def certificates(self) -> list[Certificate | None]:
+        """The certificate of each cycle."""
+        return [row.certificate for row in self.rows]
+
+    @property
+    def engaged(self) -> int | None:
+        """The first cycle of the game."""
+        return next((number for number, row in enumerate(self.rows) if row.certificate is not None), None)
+
+    @property
+    def captured(self) -> int | None:
+        """The first cycle of the capture."""
+        played = ((number, row.certificate) for number, row in enumerate(self.rows))
+        return next((number for number, one in played if one is not None and one.captured), None)
+
     def certificate(self, cycle: int | None) -> Certificate | None:
         """Return the certificate of a cycle."""
-        return None if cycle is None else self.certificates[cycle]
+        return None if cycle is None else self.rows[cycle].certificate
+
+    @property
+    def alarms(self) -> list[tuple[float, str]]:
+        """Time and kind of every alarm."""
+        return [(row.now_s, str(row.alarm.violation)) for row in self.rows if row.alarm is not None]
 
     @property
     def with_target(self) -> bool:
@@ -66,8 +83,12 @@ class Story(NamedTuple):
 
     @property
     def game_lasted_s(self) -> float:
-        """Duration of the game."""
-        return self.reached_s - self.begun_s
+        """Time from the state ENGAGED to ON STATION, as in `guidance.session.result`; NaN without one of them."""
+        begun_s, reached_s = (
+            next((row.now_s for row in self.rows if row.state == state), math.nan)
+            for state in (State.ENGAGED, State.ON_STATION)
+        )
+        return reached_s - begun_s
 
 
 def story_of(path: Path, settings_of: SettingsOf) -> Story:
@@ -78,38 +99,17 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
     """
     metadata, survey = metadata_of(path), Survey()
     flight = Aggregator(settings_of, metadata, str(path))
-    settings, events, rows, cycles = flight.settings, list[EventEntry](), list[CycleEntry](), list[Cycle]()
+    story = Story(title_of(metadata), survey, flight.settings, flight, [], [], [])
     for item in scan(path, survey):
         entry = flight.take(item)
         if isinstance(entry, EventEntry):
-            events.append(entry)
+            story.events.append(entry)
         elif entry is not None:
-            rows.append(entry)
-            cycles.append(flight.cycle)
-    if not cycles:
+            story.rows.append(entry)
+            story.cycles.append(flight.cycle)
+    if not story.cycles:
         raise ConfigError(f"{path}: contains no guidance cycle, so there is nothing to report")
-
-    def first_s(wanted: State) -> float:
-        return next((row.now_s for row in rows if row.state == wanted), math.nan)
-
-    certificates = tuple(row.certificate for row in rows)
-    return Story(
-        title_of(metadata),
-        settings,
-        survey,
-        tuple(events),
-        tuple(row.state for row in rows),
-        certificates,
-        tuple((row.now_s, str(row.alarm.violation)) for row in rows if row.alarm is not None),
-        flight.vehicle.last(Home),
-        flight.home_m,
-        flight.envelope,
-        tuple(cycles),
-        next((number for number, one in enumerate(certificates) if one is not None), None),
-        next((number for number, one in enumerate(certificates) if one is not None and one.captured), None),
-        first_s(State.ENGAGED),
-        first_s(State.ON_STATION),
-    )
+    return story
 
 
 def opening(story: Story) -> str:
@@ -119,7 +119,7 @@ def opening(story: Story) -> str:
 
 def _who(story: Story) -> str:
     """Say who flew, when and where."""
-    started, home = story.survey.metadata.get("started_utc", ""), story.home
+    started, home = story.survey.metadata.get("started_utc", ""), story.flight.vehicle.last(Home)
     when = f"on {started[:10]} at {started[11:16]} UTC" if started else "in virtual time"
     where = "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
     return f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {story.lasted_s:.0f} s."
@@ -145,7 +145,7 @@ def _promise(story: Story) -> Sequence[str]:
 
 def _happened(story: Story) -> str:
     """Say how the game and the flight ended."""
-    ended = f"the flight ended {story.states[-1]}"
+    ended = f"the flight ended {story.rows[-1].state}"
     engaged = story.certificate(story.engaged)
     if engaged is None:
         return f"No game was played; {ended}."
@@ -187,7 +187,7 @@ def _game(story: Story) -> Rows:
     ]
     engaged = story.certificate(story.engaged)
     if engaged is None:
-        return [*rows, ("outcome", f"no game was played; ended {story.states[-1]}")]
+        return [*rows, ("outcome", f"no game was played; ended {story.rows[-1].state}")]
     predicted = _predicted(story, engaged)
     rows += [
         ("value predicted at engagement", f"{predicted:.2f} {unit}"),
@@ -197,11 +197,11 @@ def _game(story: Story) -> Rows:
     if story.with_target:
         rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
     if story.captured is None:
-        return [*rows, ("outcome", f"not captured; ended {story.states[-1]}")]
+        return [*rows, ("outcome", f"not captured; ended {story.rows[-1].state}")]
     flown, lasted_s = _flown(story), story.game_lasted_s
     return [
         *rows,
-        ("outcome", f"captured; ended {story.states[-1]}"),
+        ("outcome", f"captured; ended {story.rows[-1].state}"),
         ("flown", f"{flown:.2f} {unit}"),
         ("flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"),
         ("game lasted", f"{lasted_s:.2f} s"),
@@ -237,7 +237,7 @@ def _flown(story: Story) -> float:
 def _flight(story: Story) -> Rows:
     speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
     heights = story.column("pursuer_m")[:, 2]
-    playing = np.isin(story.states, [State.ENGAGED, State.PAUSED, State.ON_STATION])
+    playing = np.isin([row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION])
     return [
         ("record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"),
         ("setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"),

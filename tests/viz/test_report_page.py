@@ -20,6 +20,7 @@ from guidance.cli import app
 from guidance.errors import ConfigError, OutputError
 from guidance.log import cycles_of, metadata_of
 from guidance.log.writer import Recorder
+from guidance.messages import Home
 from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.viz import report as written
@@ -158,8 +159,8 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
         story = told(path)
         said, engaged = opening(story), story.certificates[story.engaged]
         for words in (
-            result.scenario.title, "in virtual time", f"from {story.home.latitude_deg:.5f}°",
-            f"within {engaged.time_needed_s:.1f} s", f"after {story.reached_s - story.begun_s:.1f} s", "ended landed",
+            result.scenario.title, "in virtual time", f"from {story.flight.vehicle.last(Home).latitude_deg:.5f}°",
+            f"within {engaged.time_needed_s:.1f} s", f"after {story.game_lasted_s:.1f} s", "ended landed",
             "imit",
         ):  # fmt: skip
             assert words in said
