@@ -28,7 +28,10 @@ def run(
         str, typer.Argument(help="A vehicle file, or the name of one that comes along: px4, arducopter.")
     ],
     panel: Annotated[
-        bool, typer.Option("--panel", help="Serve the operator's page beside it (needs the extra panel).")
+        bool,
+        typer.Option(
+            "--panel", help="Serve the operator's page beside it (needs the extra panel; GUIDANCE_TILES names a map)."
+        ),
     ] = False,
 ) -> None:
     """Run the offboard guidance daemon of one vehicle, on its companion computer.

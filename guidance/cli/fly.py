@@ -65,7 +65,10 @@ def fly(
         bool, typer.Option("--view", help="Show the flight in Rerun meanwhile (needs the extra viz).")
     ] = False,
     panel: Annotated[
-        bool, typer.Option("--panel", help="Serve the operator's page meanwhile (needs the extra panel).")
+        bool,
+        typer.Option(
+            "--panel", help="Serve the operator's page meanwhile (needs the extra panel; GUIDANCE_TILES names a map)."
+        ),
     ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the outcome row as JSON; what is for people goes to standard error.")

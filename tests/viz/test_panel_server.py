@@ -207,6 +207,13 @@ async def test_map_tiles_come_from_the_local_folder_by_default(opened, tmp_path)
         assert (await answer.json())["tiles"] == ""
 
 
+def test_the_environment_names_the_map_of_every_panel(monkeypatch):
+    """The pages beside `fly` and `run` are child processes, which inherit it."""
+    monkeypatch.setenv("GUIDANCE_TILES", "no-folder.example")
+    with pytest.raises(ConfigError, match=r"--tiles no-folder\.example: must be a folder"):
+        app(["panel", "--port", "0"], standalone_mode=False)
+
+
 async def test_twenty_pages_get_a_snapshot_and_then_the_same_changes(opened):
     panel = await let_in(await opened())
     sockets = [await panel.client.ws_connect("live", headers=panel.origin) for _ in range(20)]
