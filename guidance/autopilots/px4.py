@@ -109,12 +109,12 @@ def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judge
     uploaded = parameters.get(UPLOADED)
     if value == 0.0 and uploaded == 1.0:
         return Judgement(Verdict.PASS, "0, since the uploaded fence stands behind ours")
-    read = "none that holds the vehicle in is uploaded" if uploaded == 0.0 else "whether one is uploaded is not known"
-    return rules.fence_size(value, wants.limits.reach_m, wants, f"0 is off, and {read}")
+    read = "no inclusion fence is uploaded" if uploaded == 0.0 else "whether a fence is uploaded is not known"
+    return rules.fence_size(value, wants.limits.reach_m, wants, f"0 disables it, and {read}")
 
 
 def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return rules.fence_size(value, wants.limits.ceiling_m, wants, "0 is off, and an uploaded fence has no height")
+    return rules.fence_size(value, wants.limits.ceiling_m, wants, "0 disables it, and an uploaded fence has no height")
 
 
 def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:

@@ -310,11 +310,7 @@ def listed() -> list[dict[str, str]]:
 def listing(width: int) -> Table:
     """Return the table of `guidance scenario list`; expectations are shown from 120 columns on."""
     shown = ("name", "game", "title", "expected")[: 4 if width >= _WIDE else 3]
-    rows = ([Text(row[name], no_wrap=True, overflow="ellipsis") for name in shown] for row in listed())
-    table = sheet(shown, rows, left=range(len(shown)))
-    for column in table.columns[:-1]:
-        column.no_wrap = True  # cut the last column
-    return table
+    return sheet(shown, ([row[name] for name in shown] for row in listed()), left=range(len(shown)))
 
 
 def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:

@@ -68,7 +68,7 @@ def view(
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
     from guidance.viz.view import view as show  # noqa: PLC0415
 
-    source = RecordFile(file, follow=follow) if file is not None else _live(endpoint, name, token_file, zenoh)
+    source = RecordFile(file, live=follow) if file is not None else _live(endpoint, name, token_file, zenoh)
     count = show(source, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 

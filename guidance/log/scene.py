@@ -47,6 +47,11 @@ def circle(centre: Vector, radius_m: float, points: int = 181) -> Array:
     return np.stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1)
 
 
+def lifted(curve: Array, height_m: float) -> Array:
+    """Lift a curve (n, 2) to a height: (n, 3)."""
+    return np.column_stack([curve, np.full(len(curve), height_m)])
+
+
 def target_edge(place_m: Vector, extent: Extent) -> Array:
     """The closed edge (n, 2) of a target's shape about its place; of a point nothing."""
     edge = np.array(extent.outline_m()).reshape(-1, 2) + np.array(place_m[:2])

@@ -21,7 +21,7 @@ from guidance.files import private_file
 from guidance.frames import Vector
 from guidance.game import Extent, StandOff
 from guidance.game.extent import POINT
-from guidance.log.scene import Array, circle, isochron_at, target_edge
+from guidance.log.scene import Array, circle, isochron_at, lifted, target_edge
 
 PURSUER: Final = {"color": "#b3261e", "linewidth": 1.8}
 EVADER: Final = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
@@ -100,11 +100,6 @@ def thinned(values: Array) -> Array:
         return values
     kept: Array = values[np.linspace(0, len(values) - 1, MOST_POINTS).round().astype(int)]
     return kept
-
-
-def lifted(curve: Array, height_m: float, dimensions: int) -> list[Array]:
-    """Return the coordinates of a plane curve (n, 2), with its height for 3D axes."""
-    return [*curve.T, *([np.full(len(curve), height_m)] * (dimensions - 2))]
 
 
 def draw_place(axes: Any, place_m: Vector, style: dict[str, Any], dimensions: int, label: str) -> None:  # noqa: ANN401
@@ -193,13 +188,11 @@ class Chase(NamedTuple):
         """The corners of everything but courses and fence, with a margin."""
         points = [*self.before, self.pursuer, self.evader]
         if self.isochron is not None:
-            points.append(np.column_stack([self.isochron, np.zeros(len(self.isochron))]))
+            points.append(lifted(self.isochron, 0.0))
         if self.target_m is not None:
             points.append(np.array([self.target_m]))
         known = np.concatenate(points)
-        known = known[np.isfinite(known).all(axis=-1)]
-        if not len(known):
-            known = np.zeros((1, 3))
+        known = known[np.isfinite(known).all(axis=-1)] if np.isfinite(known).any() else np.zeros((1, 3))
         return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
 
 
@@ -276,18 +269,18 @@ def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN40
         (chase.isochron_later, ISOCHRON_LATER, "capture"),
     ):
         if curve is not None:
-            axes.plot(*lifted(curve, 0.0, dimensions), **style, label=f"isochron at {when}")
+            axes.plot(*lifted(curve, 0.0)[:, :dimensions].T, **style, label=f"isochron at {when}")
     if chase.meeting_m is not None:
         name = "q*" if chase.target_m is None else "g*"
         draw_place(axes, chase.meeting_m, MEETING, dimensions, f"{name}, meeting point foreseen")
     if chase.reached_m is not None:
         rim = circle(chase.reached_m, chase.standoff.radius_m, 73)
-        disc = lifted(rim, chase.standoff.height_m, dimensions)
-        axes.plot(*disc, **STANDOFF, label="stand-off disc at capture")
+        disc = lifted(rim, chase.standoff.height_m)
+        axes.plot(*disc[:, :dimensions].T, **STANDOFF, label="stand-off disc at capture")
     if chase.target_m is not None:
         draw_place(axes, chase.target_m, TARGET, dimensions, "T, target")
         edge = target_edge(chase.target_m, chase.target_extent)
-        axes.plot(*lifted(edge, chase.target_m[2], dimensions), color=TARGET["color"])
+        axes.plot(*lifted(edge, chase.target_m[2])[:, :dimensions].T, color=TARGET["color"])
 
 
 def _draw_run(axes: Any, track: Array, dimensions: int, name: str, style: dict[str, Any], marks: str) -> None:  # noqa: ANN401
@@ -318,6 +311,6 @@ def draw_fence(axes: Any, edges: Sequence[Array], height_m: float, dimensions: i
         if dimensions == 2:
             axes.plot(x, y, **FENCE, label=label, scalex=whole, scaley=whole)
         else:  # 3D axes do not clip
-            axes.plot(*lifted(np.where(inside[:, None], edge, np.nan), height_m, 3), **FENCE, label=label)
+            axes.plot(*lifted(np.where(inside[:, None], edge, np.nan), height_m).T, **FENCE, label=label)
             axes.set(xlim=(west, east), ylim=(south, north))
         label = None

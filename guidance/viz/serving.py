@@ -182,49 +182,45 @@ class WebPage:
     """
 
     def __init__(self, port: int, recording: RecordingServer) -> None:
-        self._closing = contextlib.ExitStack()
-        behind = hidden_address()
         headers = f"Content-Security-Policy: {policy(recording.port)}\r\nReferrer-Policy: no-referrer\r\n"
-        front = _Relay("--web-port", port, behind, headers)
-        self._closing.callback(front.close)
-        self.url = f"http://{LOOPBACK}:{front.port}/?url={quote(recording.uri, safe='')}"
-        try:
-            self._wait_until_served(self._start(behind, recording.uri), behind)
-        except (OSError, subprocess.SubprocessError) as error:
-            self._closing.close()
-            raise LinkError(f"the viewer's page could not be served: {error}") from error
-        except BaseException:
-            self._closing.close()
-            raise
-
-    def _start(self, behind: Address, recording_url: str) -> "subprocess.Popen[bytes]":
-        program = Path(rerun_cli.__file__).with_name("rerun")
-        # Turn off Rerun's usage reports in a folder of our own, so the user's setting stays unchanged.
-        folder = self._closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
-        environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
-        none = subprocess.DEVNULL
-        silent = [str(program), "analytics", "disable"]
-        subprocess.run(silent, env=environment, stdout=none, stderr=none, check=True, timeout=START_LIMIT_S)
-        serve = [str(program), "--serve-web", "--bind", behind[0], "--web-viewer-port", str(behind[1]), recording_url]
-        words = [sys.executable, "-P", "-c", _UNTIL_WE_END, *serve]
-        child = subprocess.Popen(words, env=environment, stdin=none, stdout=none, stderr=none)
-        self._closing.callback(_end, child)
-        return child
-
-    @staticmethod
-    def _wait_until_served(child: "subprocess.Popen[bytes]", behind: Address) -> None:
-        for _ in range(round(START_LIMIT_S / 0.05)):
-            if child.poll() is not None:
-                raise LinkError(f"the viewer's page could not be served (exit code {child.returncode})")
-            with contextlib.suppress(OSError), socket.create_connection(behind, timeout=1.0):
-                return
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                child.wait(0.05)
-        raise LinkError(f"the viewer's page was not served within {START_LIMIT_S:g} s")
+        with contextlib.ExitStack() as closing:
+            behind = hidden_address()
+            front = _Relay("--web-port", port, behind, headers)
+            closing.callback(front.close)
+            self.url = f"http://{LOOPBACK}:{front.port}/?url={quote(recording.uri, safe='')}"
+            try:
+                _wait_until_served(_start(closing, behind, recording.uri), behind)
+            except (OSError, subprocess.SubprocessError) as error:
+                raise LinkError(f"the viewer's page could not be served: {error}") from error
+            self._closing = closing.pop_all()
 
     def close(self) -> None:
         """End the child. May be called twice."""
         self._closing.close()
+
+
+def _start(closing: contextlib.ExitStack, behind: Address, recording_url: str) -> "subprocess.Popen[bytes]":
+    program = str(Path(rerun_cli.__file__).with_name("rerun"))
+    # Turn off Rerun's usage reports in a folder of our own, so the user's setting stays unchanged.
+    folder = closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
+    environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
+    none = subprocess.DEVNULL
+    silent = [program, "analytics", "disable"]
+    subprocess.run(silent, env=environment, stdout=none, stderr=none, check=True, timeout=START_LIMIT_S)
+    serve = [program, "--serve-web", "--bind", behind[0], "--web-viewer-port", str(behind[1]), recording_url]
+    words = [sys.executable, "-P", "-c", _UNTIL_WE_END, *serve]
+    child = subprocess.Popen(words, env=environment, stdin=none, stdout=none, stderr=none)
+    closing.callback(_end, child)
+    return child
+
+
+def _wait_until_served(child: "subprocess.Popen[bytes]", behind: Address) -> None:
+    for _ in range(round(START_LIMIT_S / 0.05)):
+        with contextlib.suppress(OSError), socket.create_connection(behind, timeout=1.0):
+            return
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            raise LinkError(f"the viewer's page could not be served (exit code {child.wait(0.05)})")
+    raise LinkError(f"the viewer's page was not served within {START_LIMIT_S:g} s")
 
 
 def _end(child: "subprocess.Popen[bytes]") -> None:

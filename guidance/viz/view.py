@@ -22,7 +22,7 @@ from guidance.files import private_file, private_folder, writing
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, metadata_of, scan, title_of
 from guidance.log.reader import Idle
-from guidance.log.scene import Array, circle, fence_edges, isochron_at, target_edge
+from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted, target_edge
 from guidance.viz.serving import RecordingServer, WebPage
 
 if TYPE_CHECKING:
@@ -43,9 +43,6 @@ TARGET: Final = "game/target"
 GUARANTEE: Final = "plots/guarantee"
 STATE: Final = "state"
 EVENTS: Final = "events"
-
-COLUMN: Final[Mapping[str, str]] = {PURSUER: "pursuer_m", EVADER: "evader_m"}
-"""Column of a cycle with the entity's position."""
 
 TIMELINE: Final = "flight"
 
@@ -187,8 +184,8 @@ class Painter:
         if not pending:
             return
         now_s = np.array([cycle.now_s for cycle, _ in pending])
-        for name, column in COLUMN.items():
-            self._send_track(name, now_s, np.array([getattr(cycle, column) for cycle, _ in pending]))
+        self._send_track(PURSUER, now_s, np.array([cycle.pursuer_m for cycle, _ in pending]))
+        self._send_track(EVADER, now_s, np.array([cycle.evader_m for cycle, _ in pending]))
         for curve in CURVES:
             self._send_curve(curve.path, now_s, np.array([curve.of(cycle) for cycle, _ in pending]))
         self._send_curve(f"{GUARANTEE}/value", now_s, np.array([guarantee for _, guarantee in pending]))
@@ -220,7 +217,7 @@ class Painter:
     def _draw_static(self) -> None:
         """Send what never changes: axes, colours, names, the target."""
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for name in COLUMN:
+        for name in (PURSUER, EVADER):
             points = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
             self._to.log(name, points, static=True)
         cycle = self._flight.settings.cycle
@@ -273,11 +270,6 @@ def _lines(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3
     return rr.LineStrips3D(curves, colors=[COLOURS[name]], radii=rr.Radius.ui_points(width))
 
 
-def lifted(curve: Array, height_m: float) -> Array:
-    """Lift a curve (n, 2) to a height: (n, 3)."""
-    return np.column_stack([curve, np.full(len(curve), height_m)])
-
-
 class Destination(NamedTuple):
     """A file, or a page on two loopback ports (0 picks a free one)."""
 
@@ -287,22 +279,22 @@ class Destination(NamedTuple):
 
 
 class RecordFile:
-    """A record; `follow` reads one that is still being written."""
+    """A record; `live` is one that is still being written."""
 
     trusted = True
 
-    def __init__(self, path: Path, *, follow: bool = False) -> None:
+    def __init__(self, path: Path, *, live: bool = False) -> None:
         self.name = str(path)
-        self.live = follow
-        self._path = path
+        self.path = path
+        self.live = live
 
     def metadata(self, idle: Idle) -> Mapping[str, str]:
         """Return the record's metadata."""
-        return metadata_of(self._path, idle if self.live else None)
+        return metadata_of(self.path, idle if self.live else None)
 
     def items(self, idle: Idle) -> Iterator[Item]:
         """Yield the record's messages."""
-        return scan(self._path, idle=idle if self.live else None)
+        return scan(self.path, idle=idle if self.live else None)
 
     def close(self) -> None:
         """Do nothing; `scan` closes the file."""
@@ -330,14 +322,18 @@ def view(
         OutputError: If the file cannot be written.
         LinkError: If a port is in use.
     """
-    with contextlib.ExitStack() as closing:
-        closing.callback(source.close)
+    with contextlib.closing(source), contextlib.ExitStack() as closing:
         if source.live:
             os.nice(NICE)
         metadata = source.metadata(lambda: ended.wait(REDRAWN_EVERY_S))
         recording = rr.RecordingStream(APPLICATION)
         closing.callback(recording.disconnect)
-        sink = _served(destination, say, closing) if destination.save is None else _file(destination.save)
+        if destination.save is None:
+            sink: Any = _served(destination, say, closing)
+        else:
+            with writing(destination.save):
+                private_folder(destination.save.parent)
+                sink = rr.FileSink(private_file(destination.save))  # Rerun only logs a failure
         with_target = settings_of(metadata).cycle.target_game_m is not None
         recording.set_sinks(sink, default_blueprint=layout(with_target=with_target))
         recording.send_recording_name(title_of(metadata))
@@ -356,13 +352,6 @@ def view(
         if destination.save is None:
             ended.wait()
         return painter.cycles
-
-
-def _file(path: Path) -> rr.FileSink:
-    with writing(path):
-        private_folder(path.parent)
-        private_file(path)  # Rerun only logs a failure
-    return rr.FileSink(path)
 
 
 def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:

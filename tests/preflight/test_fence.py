@@ -85,9 +85,9 @@ def test_what_was_not_read_or_cannot_be_is_said_to_be_unknown():
     ("uploaded", "verdict", "words"),
     [
         (Uploaded((WIDE,)), "pass", ""),
-        (Uploaded((HOLE,)), "refuse", "none that holds the vehicle in is uploaded"),
-        (Uploaded(()), "refuse", "none that holds the vehicle in is uploaded"),
-        (Uploaded(), "refuse", "whether one is uploaded is not known"),
+        (Uploaded((HOLE,)), "refuse", "no inclusion fence is uploaded"),
+        (Uploaded(()), "refuse", "no inclusion fence is uploaded"),
+        (Uploaded(), "refuse", "whether a fence is uploaded is not known"),
     ],
 )
 def test_without_a_distance_px4_needs_an_uploaded_fence(uploaded, verdict, words):

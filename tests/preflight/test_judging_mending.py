@@ -31,7 +31,7 @@ def test_px4s_defaults_need_two_parameters_and_the_table_says_why():
     facts = Facts(parameters=defaults("px4"), parameter_types={"GF_MAX_HOR_DIST": 9}, uploaded=Uploaded(areas=()))
     horizontal, vertical = changes(facts, PX4, WANTS)
     assert (horizontal.name, horizontal.now, horizontal.then) == ("GF_MAX_HOR_DIST", "0 m", "205 m")
-    assert horizontal.why == "at least 200 m, ours; 0 is off, and none that holds the vehicle in is uploaded"
+    assert horizontal.why == "at least 200 m, ours; 0 disables it, and no inclusion fence is uploaded"
     assert horizontal.verdict is Verdict.REFUSE
     assert (vertical.request.name, vertical.request.value, vertical.request.param_type) == ("GF_MAX_VER_DIST", 65.0, 9)
 

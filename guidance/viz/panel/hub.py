@@ -20,7 +20,7 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_wire import is_over
-from guidance.log import CycleEntry, EventEntry, Item, SettingsOf
+from guidance.log import EventEntry, Item, SettingsOf
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER
 from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session
@@ -91,12 +91,8 @@ class DaemonBus:
         self._thread.start()
 
     def news(self) -> Sequence[News]:
-        """Return the news since the last call, oldest first."""
-        taken = []
-        with contextlib.suppress(IndexError):
-            while True:
-                taken.append(self._news.popleft())
-        return taken
+        """Take the news since the last call, oldest first."""
+        return [self._news.popleft() for _ in range(len(self._news))]
 
     def order(self, name: str, order: str, by: str) -> Mapping[str, Any]:
         """Send an order and return the daemon's answer. Blocks until it arrives.
@@ -198,10 +194,10 @@ class DaemonView:
         self._settings_of = settings_of
         self._fold: SnapshotFold | None = None
         self._status: Mapping[str, Any] = {}
-        self._scene_sent = 0
+        self._scene_sent: Plain | None = None
         self._new = {"history"}  # further parts that the pages do not have yet
-        self._events_new: list[Plain] = []
         self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
+        self._events_new: deque[Plain] = deque(maxlen=MAX_EVENTS)
         self._history: deque[Sequence[float | None]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
         self._heard_s = now_s
         self._over: Plain | None = None
@@ -220,7 +216,7 @@ class DaemonView:
 
     def _reset(self, found: FoundFlight) -> None:
         """Start again with the metadata of a flight."""
-        self._fold, self._scene_sent, self._over = None, 0, None
+        self._fold, self._scene_sent, self._over = None, None, None
         self._new.add("history")
         self._history.clear()
         with contextlib.suppress(*_BAD_DATA):  # another version: show its status at least
@@ -229,13 +225,11 @@ class DaemonView:
                 self._fold.take(found.last_cycle)
 
     def _add(self, item: Item, at_s: float) -> None:
-        if self._fold is None:
-            return
         with contextlib.suppress(*_BAD_DATA):
-            entry = self._fold.take(item)
+            entry = None if self._fold is None else self._fold.take(item)
             if isinstance(entry, EventEntry):
                 self._add_event(entry)
-            elif isinstance(entry, CycleEntry):
+            elif entry is not None:
                 self._heard_s = at_s
                 self._new.add("snapshot")
                 self._add_history(entry.now_s)
@@ -247,10 +241,8 @@ class DaemonView:
             event = event._replace(detail=self._over["ended"])
         elif event.event == BEGUN:
             self._over = None
-        row = event_row(event)
-        self._events.append(row)
-        self._events_new.append(row)
-        del self._events_new[:-MAX_EVENTS]
+        for kept in (self._events, self._events_new):
+            kept.append(event_row(event))
 
     def _add_history(self, now_s: float) -> None:
         last_s = self._history[-1][0] if self._history else None
@@ -269,21 +261,22 @@ class DaemonView:
         message |= {"silent_s": round(silent_s, 1), "contact": str(contact), "over": self._over}
         if whole or "status" in self._new:
             message |= {"status": self._status, "operator": of_operator(self._status)}
-        if self._fold is not None and (whole or self._fold.scenes != self._scene_sent):
-            message["scene"] = self._fold.scene
-        if self._fold is not None and (whole or "snapshot" in self._new):
-            message["snapshot"] = self._fold.snapshot()
+        if self._fold is not None:
+            if whole or self._fold.scene is not self._scene_sent:
+                message["scene"] = self._fold.scene
+            if whole or "snapshot" in self._new:
+                message["snapshot"] = self._fold.snapshot()
         if whole or "history" in self._new:
             message |= {"history": {"columns": HISTORY, "rows": list(self._history)}, "events": list(self._events)}
         elif self._events_new:
-            message["events"] = self._events_new
+            message["events"] = list(self._events_new)
         return message
 
     def mark_sent(self) -> None:
         """Mark everything as sent."""
-        self._new = set()
-        self._events_new = []
-        self._scene_sent = 0 if self._fold is None else self._fold.scenes
+        self._new.clear()
+        self._events_new.clear()
+        self._scene_sent = None if self._fold is None else self._fold.scene
 
 
 class Hub:

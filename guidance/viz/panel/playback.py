@@ -7,14 +7,15 @@ damaged or hostile record cannot disturb the panel.
 import json
 import math
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
 from guidance.errors import GuidanceError
-from guidance.flight import Event, State
+from guidance.flight import Event
 from guidance.log import EventEntry, metadata_of, record_errors, scan, survey_of, title_of
 from guidance.log.codec import plain
-from guidance.log.entries import EVENT, EVENT_TOPIC
+from guidance.log.entries import CYCLE_TOPIC, EVENT, EVENT_TOPIC
 from guidance.log.reader import Survey, entry_of
 from guidance.monitor import Violation
 from guidance.session.flight_files import recorded_settings
@@ -32,33 +33,23 @@ def outcome_of(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: If the file is not a record.
     """
-    survey = Survey()
-    state, captured, alarms = "", False, 0
+    survey, events = Survey(), Counter[str]()
+    last_cycle = b"{}"
     with record_errors(path):
         for item in scan(path, survey):
-            if item.topic != EVENT_TOPIC:
-                continue
-            event = entry_of(EVENT, item, path)
-            captured |= event.event == Event.CAPTURED
-            alarms += event.event in set(Violation)
-            state = _state_after(event) or state
-        title = title_of(survey.metadata)
-    return {
-        "title": title,
-        "started_utc": survey.metadata.get("started_utc", ""),
-        "duration_s": round(survey.duration_s, 1),
-        "captured": captured,
-        "alarms": alarms,
-        "ended": state,
-        "torn": survey.torn,
-    }
-
-
-def _state_after(event: EventEntry) -> str:
-    """Return the state after an event; empty if it changed none."""
-    _, arrow, after = event.detail.partition(" -> ")
-    after = after.partition(":")[0]
-    return after if arrow and after in set(State) else ""
+            if item.topic == CYCLE_TOPIC:
+                last_cycle = item.data
+            elif item.topic == EVENT_TOPIC:
+                events[entry_of(EVENT, item, path).event] += 1
+        return {
+            "title": title_of(survey.metadata),
+            "started_utc": survey.metadata.get("started_utc", ""),
+            "duration_s": round(survey.duration_s, 1),
+            "captured": Event.CAPTURED in events,
+            "alarms": sum(events[violation] for violation in Violation),
+            "ended": json.loads(last_cycle).get("state", ""),
+            "torn": survey.torn,
+        }
 
 
 def frames_of(path: Path) -> dict[str, Any]:
@@ -71,22 +62,17 @@ def frames_of(path: Path) -> dict[str, Any]:
         metadata, survey = metadata_of(path), survey_of(path)
         fold = SnapshotFold(recorded_settings, metadata, str(path))
         step_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES)
-        frames: list[dict[str, Any]] = []
-        events: list[dict[str, Any]] = []
-        scenes: list[dict[str, Any]] = []
-        sent_scene, last_s = -1, -math.inf
+        frames, events, scenes = list[Any](), list[Any](), list[Any]()
+        last_s = -math.inf
         for item in scan(path):
             entry = fold.take(item)
             if isinstance(entry, EventEntry):
                 events.append(event_row(entry))
             elif entry is not None and entry.now_s - last_s >= 0.99 * step_s:
                 last_s = entry.now_s
-                if fold.scenes != sent_scene:
-                    sent_scene = fold.scenes
+                if not scenes or scenes[-1]["scene"] is not fold.scene:
                     scenes.append({"from_s": round(entry.now_s, 3), "scene": fold.scene})
-                snapshot = fold.snapshot()
-                if snapshot is not None:
-                    frames.append(snapshot)
+                frames.append(fold.snapshot())
     return {"name": title_of(metadata), "scenes": scenes, "columns": HISTORY, "frames": frames, "events": events}
 
 

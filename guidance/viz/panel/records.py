@@ -29,15 +29,15 @@ EXPORTS: Final = ("tlog", "csv", "parquet", "geojson", "kml")
 _GUIDANCE: Final = ("-c", "from guidance.cli import main; main()")
 _PLAYBACK: Final = ("-m", "guidance.viz.panel.playback")
 _MADE: Final[Mapping[str, tuple[tuple[str, ...], str, str]]] = {
-    "frames": ((*_PLAYBACK, "frames", "RECORD"), "", "application/json"),
-    "events": ((*_GUIDANCE, "log", "events", "RECORD"), "", "text/plain"),
+    "frames": ((*_PLAYBACK, "frames", "RECORD"), "frames.json", "application/json"),
+    "events": ((*_GUIDANCE, "log", "events", "RECORD"), "events.txt", "text/plain"),
     "report": ((*_GUIDANCE, "report", "RECORD", "--out", "FOLDER"), "report.html", "text/html"),
     **{
         kind: ((*_GUIDANCE, "log", "export", "RECORD", f"FOLDER/flight.{kind}"), f"flight.{kind}", "")
         for kind in EXPORTS
     },
 }
-"""Kind -> command, the file it writes (or its output), content type (or a download)."""
+"""Kind -> command, the file that it writes or that gets its output, content type (or a download)."""
 
 _REPORT_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'"
 
@@ -129,11 +129,9 @@ class RecordFolder:
         command, written, _ = _MADE[what]
         words = [word.replace("FOLDER", str(folder)) for word in command]
         lines = [line async for line in _lines(*(str(path) if word == "RECORD" else word for word in words))]
-        if written:
-            return folder / written
-        made = folder / ("frames.json" if what == "frames" else "events.txt")
-        made.write_bytes(b"".join(lines))
-        return made
+        if not (folder / written).exists():
+            (folder / written).write_bytes(b"".join(lines))
+        return folder / written
 
     async def _list(self, _: web.Request) -> web.StreamResponse:
         return web.json_response({"folder": str(self.folder), "exports": EXPORTS, "records": self.listed()})

@@ -148,8 +148,7 @@ class SnapshotFold:
     """Accumulates the data of one flight; arguments of `Aggregator`.
 
     Attributes:
-        scene: Home, fence, target, size of the stand-off disc and kind of game.
-        scenes: Version of `scene`; increases when it changes.
+        scene: Home, fence, target, size of the stand-off disc and kind of game; another object when it changes.
 
     Raises:
         ConfigError: If the metadata has no settings.
@@ -158,7 +157,6 @@ class SnapshotFold:
     def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
         self._flight = Aggregator(settings_of, metadata, source)
         self._title = title_of(metadata)
-        self.scenes = 0
         self._begin()
 
     def _begin(self) -> None:
@@ -206,7 +204,6 @@ class SnapshotFold:
         cycle, home = settings.cycle, self._flight.home_m
         target, standoff = cycle.target_game_m, cycle.standoff
         self._home_m = home
-        self.scenes += 1
         self.scene: Plain = {
             "title": self._title,
             "unit": "s" if target is None else "m",
