@@ -3,6 +3,7 @@
 With `--px4 URL` or `--arducopter URL` all flights are flown on that SITL in real time, one after another; both
 autopilots fly at the same time. Without a URL each flight gets its own mock over UDP, with the autopilots that its case
 lists, some of them in virtual time; `--all` flies every case on both in real time. Several mocks fly at a time.
+With `--team URL URL URL` three autopilots fly as a team.
 """
 
 import argparse
@@ -25,6 +26,7 @@ from sitl_mock.errors import MockError
 from tests.acceptance.cases import Case, cases, toml
 from tests.acceptance.flying import GUIDANCE, Line, fly, fly_in_virtual_time
 from tests.acceptance.relay import Relay, wait
+from tests.acceptance.team import fly_all
 from tests.harness.starved import Waiting
 
 AUTOPILOTS = ("px4", "arducopter")
@@ -175,6 +177,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests acceptance", description=__doc__)
     for autopilot in AUTOPILOTS:
         parser.add_argument(f"--{autopilot}", metavar="URL", help="IT IS ARMED AND FLOWN; see docs/acceptance.md")
+    parser.add_argument("--team", metavar="URL", nargs=3, help="three vehicles: THEY ARE ARMED AND FLOWN as a team")
     parser.add_argument("--report", type=Path, help="folder for records, pictures and the table")
     parser.add_argument("--only", default="", help="flights with these words in their name")
     parser.add_argument("--all", action="store_true", help="without a URL: every flight on both mocks")
@@ -196,7 +199,9 @@ def main(arguments: Sequence[str]) -> int:
         folder = given.report if given.report is not None else Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
         urls = {autopilot: getattr(given, autopilot) for autopilot in AUTOPILOTS if getattr(given, autopilot)}
-        if urls:
+        if given.team:
+            fly_all(given.team, folder / "team", tell, given.only)
+        elif urls:
             threads = [
                 threading.Thread(target=on_a_url, args=(name, url, folder / name, tell, given.only))
                 for name, url in urls.items()
