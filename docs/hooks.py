@@ -17,7 +17,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from guidance.cli import app as guidance_app
-from guidance.cli.vehicle_setup import KINDS
+from guidance.cli.vehicle_setup import schema_of
 from guidance.control import Limiter
 from guidance.flight import ORDERS, Event, State
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
@@ -125,7 +125,7 @@ def file_page(kind: str, words: str) -> Callable[[], str]:
     """Make the page of a kind of file from its JSON Schema."""
 
     def page() -> str:
-        schema = KINDS[kind]()
+        schema = schema_of(kind)
         parts = [
             f"# {kind.capitalize()} file\n",
             f"{words} Unknown keys are refused. `guidance schema {kind}` prints the JSON Schema, for editors that "

@@ -1,9 +1,8 @@
-"""Shared handling of arguments: help without arguments, refused combinations of options, and questions.
+"""Options that several commands share, refused combinations of options, help without arguments, and questions.
 
 An option that does not apply is refused, not ignored. Arming and setting need an answer to a question, or `--yes`.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,12 +11,29 @@ from typer.core import TyperGroup
 
 from guidance.errors import ConfigError, FlightError
 
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before arming or setting.")]
+AllRows = Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")]
+Scenario = Annotated[str, typer.Argument(help="A scenario file, or a name of `guidance scenario list`.")]
+Seed = Annotated[int | None, typer.Option(min=0, help="Seed; default: the scenario's.")]
+Url = Annotated[str | None, typer.Option(help="URL of an autopilot that runs already.", metavar="URL")]
+Expected = Annotated[str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT.")]
+Link = Annotated[str, typer.Option(help="Client in real time: mavsdk or pymavlink.")]
+Port = Annotated[int, typer.Option(help="Port of the mock's Zenoh session, or its first UDP port; 0 is any.")]
+FlightFolder = Annotated[
+    Path | None, typer.Option(help="New folder of the flight.", show_default="flights/SCENARIO-NUMBER")
+]
+Name = Annotated[str | None, typer.Option(help="The vehicle's name; not needed if there is only one.")]
 TokenFile = Annotated[
     Path | None, typer.Option(help="The daemon's control.token_file; not needed for your own daemon.")
 ]
 ZenohFile = Annotated[
     Path | None, typer.Option(help="For a router's endpoint (tls/…): our file from `guidance zenoh keys`.")
 ]
+Panel = Annotated[
+    bool, typer.Option("--panel", help="Serve the operator's page too (extra panel; GUIDANCE_TILES names a map).")
+]
+WithParent = Annotated[bool, typer.Option("--with-parent", hidden=True)]
 
 
 class CommandGroup(TyperGroup):
@@ -28,21 +44,22 @@ class CommandGroup(TyperGroup):
         return super().parse_args(ctx, args or ["--help"])
 
 
-def refuse_others(way: str, given: Mapping[str, Any], belonging: Mapping[str, str]) -> None:
-    """Refuse options that do not apply.
+def refuse(ctx: typer.Context, way: str, where: str, *options: str) -> None:
+    """Refuse options that were given and do not apply.
 
     Args:
+        ctx: Of the command.
         way: The chosen way, as in "--as maths".
-        given: Values by option; None and False mean not given.
-        belonging: For each option that does not apply to `way`: where it applies.
+        where: Where the options apply.
+        options: Their names, as in "--link".
 
     Raises:
         ConfigError: With the option's name and where it applies.
     """
-    for option, where in belonging.items():
-        value = given.get(option)
-        if value is not None and value is not False:
-            raise ConfigError(f"{option}: only {where}, not with {way}; remove it")
+    for one in ctx.command.params:
+        source = ctx.get_parameter_source(str(one.name))
+        if one.opts[0] in options and source is not None and source.name == "COMMANDLINE":
+            raise ConfigError(f"{one.opts[0]}: only {where}, not with {way}; remove it")
 
 
 def agree(question: str) -> None:

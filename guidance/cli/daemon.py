@@ -14,7 +14,7 @@ from rich.live import Live
 from rich.text import Text
 
 from guidance.cli import ask, show
-from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
+from guidance.cli.arguments import Json, Panel, TokenFile, ZenohFile, refuse
 from guidance.cli.viewers import panel_beside
 from guidance.config import find
 from guidance.errors import ConfigError, FlightError
@@ -24,15 +24,8 @@ from guidance.session.control_socket import ENDPOINT
 
 
 def run(
-    config: Annotated[
-        str, typer.Argument(help="A vehicle file, or the name of one that comes along: px4, arducopter.")
-    ],
-    panel: Annotated[
-        bool,
-        typer.Option(
-            "--panel", help="Serve the operator's page beside it (needs the extra panel; GUIDANCE_TILES names a map)."
-        ),
-    ] = False,
+    config: Annotated[str, typer.Argument(help="A vehicle file, or one of the package: px4, arducopter.")],
+    panel: Panel = False,
 ) -> None:
     """Run the offboard guidance daemon of one vehicle, on its companion computer.
 
@@ -62,18 +55,16 @@ def run(
 
 
 def ctl(
+    ctx: typer.Context,
     order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive.")],
     name: Annotated[
-        str | None,
-        typer.Option(
-            help="The vehicle's name; not needed where there is only one. With --team: uav1,uav2 are several."
-        ),
+        str | None, typer.Option(help="The vehicle's name, if there are several; with --team uav1,uav2 for several.")
     ] = None,
     team: Annotated[str | None, typer.Option(help="To all vehicles of a team, or to those of --name.")] = None,
     endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = ENDPOINT,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
+    as_json: Json = False,
     watch: Annotated[bool, typer.Option("--watch", help="With status or alive: once a second, until Ctrl-C.")] = False,
 ) -> None:
     """Give a running daemon an order, and say what became of it; `status` shows where the flight stands.
@@ -98,14 +89,13 @@ def ctl(
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
     if order not in {"alive", "status"} or as_json:
-        said = "with status and alive, for people"
-        refuse_others(f"{order} --json" if as_json else order, {"--watch": watch}, {"--watch": said})
+        refuse(ctx, f"{order} --json" if as_json else order, "with status and alive, for people", "--watch")
 
     def asked() -> Mapping[str, Any]:
         return ask(order, endpoint=endpoint, name=name, token_file=token_file, zenoh=zenoh)
 
     if team is not None:
-        refuse_others("--team", {"--watch": watch}, {"--watch": "for one vehicle"})
+        refuse(ctx, "--team", "for one vehicle", "--watch")
         names = [] if name is None else name.split(",")
         answers = ask_team(order, team, names, endpoint=endpoint, token_file=token_file, zenoh=zenoh)
     elif watch:

@@ -9,77 +9,36 @@ from typing import Annotated
 import typer
 
 from guidance.cli import INTERRUPTED
-from guidance.cli.arguments import agree, refuse_others
+from guidance.cli.arguments import Expected, FlightFolder, Json, Link, Panel, Port, Scenario, Seed, Yes, agree, refuse
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.extras import require
 
 
 def fly(
-    scenario: Annotated[
-        str,
-        typer.Argument(
-            help="A scenario file, or the name of one that comes along: `guidance scenario list` names them all.",
-            show_default=True,
-        ),
-    ] = "pe",
+    ctx: typer.Context,
+    scenario: Scenario = "pe",
     vehicle: Annotated[
         list[str] | None,
-        typer.Option(
-            help="URL of an autopilot that runs already (a SITL, say): IT IS ARMED AND FLOWN. For a team: one for each "
-            "vehicle.",
-            metavar="URL",
-        ),
+        typer.Option(help="URL of a running autopilot: IT IS ARMED AND FLOWN; repeated for a team.", metavar="URL"),
     ] = None,
-    autopilot: Annotated[
-        str | None, typer.Option(help="px4 or arducopter; found by HEARTBEAT if not given (with --vehicle).")
-    ] = None,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask before a vehicle is armed that is not on loopback.")
-    ] = False,
-    end: Annotated[
-        str | None,
-        typer.Option(
-            help="When the game is over (with --vehicle): return home and land, or land where it is.",
-            show_default="return",
-        ),
-    ] = None,
-    fast: Annotated[
-        bool, typer.Option("--fast", help="Fly in virtual time, in one process, as fast as the processor goes.")
-    ] = False,
-    link: Annotated[
-        str | None,
-        typer.Option(help="Which client flies: mavsdk or pymavlink (real time only).", show_default="mavsdk"),
-    ] = None,
-    port: Annotated[
-        int | None,
-        typer.Option(help="TCP port of the Zenoh session on loopback; 0 picks a free one.", show_default="0"),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="New folder for the record and the picture.", show_default="flights/SCENARIO-NUMBER"),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the mock's noise, instead of the scenario's.")
-    ] = None,
-    view: Annotated[
-        bool, typer.Option("--view", help="Show the flight in Rerun meanwhile (needs the extra viz).")
-    ] = False,
-    panel: Annotated[
-        bool,
-        typer.Option(
-            "--panel", help="Serve the operator's page meanwhile (needs the extra panel; GUIDANCE_TILES names a map)."
-        ),
-    ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the outcome row as JSON; what is for people goes to standard error.")
-    ] = False,
+    autopilot: Expected = None,
+    yes: Yes = False,
+    end: Annotated[str, typer.Option(help="End of a flight with --vehicle: return home, or land.")] = "return",
+    fast: Annotated[bool, typer.Option("--fast", help="Fly in virtual time, as fast as the processor goes.")] = False,
+    link: Link = "mavsdk",
+    port: Port = 0,
+    out: FlightFolder = None,
+    seed: Seed = None,
+    view: Annotated[bool, typer.Option("--view", help="Show the flight in Rerun (needs the extra viz).")] = False,
+    panel: Panel = False,
+    as_json: Json = False,
 ) -> None:
     """Fly a pursuit, of the mock or of an autopilot that runs already, and show how it compares with the game's value.
 
     Starts the mock (a PX4-flavoured copter and a ground rover) as a child process on a loopback Zenoh session, connects
     as to a real vehicle, arms, takes off, flies to the scenario's start, plays the game at 50 Hz over MAVLink until the
     stand-off disc around the evader is reached, holds, lands and disarms. Writes the record (MCAP), a picture (PNG) and
-    the outcome row (JSON).
+    the outcome row (JSON). With `--json` that row is also printed, and text for people goes to standard error.
 
     With `--vehicle URL` nothing is started: the autopilot there, PX4 or ArduCopter, is **armed**, climbs, flies to the
     start, plays, returns and lands. The scenario is laid about its home, and its evader is simulated here and reports
@@ -97,18 +56,13 @@ def fly(
     - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
     - `guidance fly teams_guard --vehicle URL1 --vehicle URL2 --vehicle URL3`: a team
     """
-    given = {"--fast": fast, "--link": link, "--port": port, "--yes": yes, "--autopilot": autopilot, "--end": end}
-    given |= {"--panel": panel}
     if not vehicle:
-        refuse_others("the mock", given, dict.fromkeys(("--yes", "--autopilot", "--end"), "with --vehicle"))
+        refuse(ctx, "the mock", "with --vehicle", "--yes", "--autopilot", "--end")
     else:
-        refuse_others(
-            f"--vehicle {' '.join(vehicle)}", given, dict.fromkeys(("--fast", "--port"), "without it, with the mock")
-        )
+        refuse(ctx, f"--vehicle {' '.join(vehicle)}", "without it, with the mock", "--fast", "--port")
         may_fly(vehicle, yes=yes)
     if fast:
-        refuse_others("--fast", given, dict.fromkeys(("--link", "--port", "--panel"), "in real time"))
-
+        refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with contextlib.ExitStack() as closing:
         beside = _Beside(closing, view=view, panel=panel, folder=Path("flights") if out is None else out.parent)
@@ -116,9 +70,8 @@ def fly(
             from guidance.cli.fly_scenario import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
             from guidance.session.fly import Asked, MockOptions  # noqa: PLC0415
 
-            client = link or "mavsdk"
-            mock = MockOptions(fast=fast, link=client, port=port or 0)
-            how = [Asked(url, autopilot, client, end or "return") for url in vehicle or ()] or mock
+            mock = MockOptions(fast=fast, link=link, port=port)
+            how = [Asked(url, autopilot, link, end) for url in vehicle or ()] or mock
             code = fly_scenario(
                 scenario, how, out=out, seed=seed, on_record=beside.record, on_control=beside.control, as_json=as_json
             )

@@ -8,8 +8,9 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from rich.console import Console
 from rich.live import Live
@@ -26,7 +27,7 @@ from guidance.screen import console as screen
 from guidance.screen import pairs, redraws
 from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, Stopped, flight_folder
-from guidance.session.fly import Asked, MockOptions, Onlooker, fly_mock, fly_url, left_out
+from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Way, fly_recorded, left_out
 from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, ending_words, outcome_of_flight
 from guidance.sim.outcome import Outcome, outcome_json
@@ -57,7 +58,7 @@ def fly_scenario(
     on_control: Callable[[str], None] = lambda _: None,
     as_json: bool = False,
 ) -> int:
-    """Fly a scenario; return the exit code: 0 when the game ended as it should have.
+    """Fly a scenario; return the exit code: 0 when the game ended as it should have, or a team kept its guarantee.
 
     Args:
         name: Of one that comes along, or a path.
@@ -71,62 +72,44 @@ def fly_scenario(
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    path, scenario = load_any(name)
-    scenario = scenario if seed is None else scenario.model_copy(update={"seed": seed})
+    path, scenario = load_any(name, seed)
+    first, urls = (how, "") if isinstance(how, MockOptions) else (how[0], " ".join(one.url for one in how))
     console = screen(stderr=as_json)
-    where = "" if isinstance(how, MockOptions) else " ".join(one.url for one in how)
-    first = how if isinstance(how, MockOptions) else how[0]
-    with_mock = isinstance(how, MockOptions)
-    words = (
-        "virtual time" if isinstance(how, MockOptions) and how.fast else ", ".join(filter(None, (first.link, where)))
-    )
+    words = "virtual time" if first.way == "fast" else ", ".join(filter(None, (first.link, urls)))
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {words})", highlight=False)
-    if isinstance(scenario, TeamScenario):
-        return _fly_team(scenario, path, how, out, console, on_control, as_json=as_json)
-    if where != getattr(first, "url", ""):
-        raise ConfigError(f"--vehicle {where}: {path.name} has one pursuer: give one URL")
-    for what in () if with_mock else left_out(scenario):
-        console.print(f"{what}: only a mock can have that; the vehicle flies without")
-    with flight_folder(out, path.stem) as folder, _advised(name, where):
-        result = flown(console, scenario, folder, first, on_record, on_control)
-        outcome = outcome_of_flight(result, first.way)
-        report(console, result, outcome, folder)
+    if not (isinstance(scenario, TeamScenario) or isinstance(how, MockOptions) or len(how) == 1):
+        raise ConfigError(f"--vehicle {urls}: {path.name} has one pursuer: give one URL")
+    row: Any
+    with flight_folder(out, path.stem) as folder, _advised(name, urls):
+        if isinstance(scenario, TeamScenario):
+            with live_line(console) as show:
+                rows = fly_and_show(scenario, folder, how, Onlooker(show, on_control=on_control), console)
+            code = 0 if rows and rows[0].captured >= rows[0].guaranteed else FlightError.exit_code
+            row = [outcome_json(one) for one in rows]
+        else:
+            result = flown(console, scenario, folder, first, on_record, on_control)
+            outcome = outcome_of_flight(result, first.way)
+            report(console, result, outcome, folder)
+            code, row = 0 if result.captured else FlightError.exit_code, outcome_json(outcome)
+            if result.interrupted and urls:
+                console.print(f"interrupted: the vehicle was told to land, and is {result.ended}")
+                code = INTERRUPTED
     if as_json:
-        sys.stdout.write(json.dumps(outcome_json(outcome), indent=2) + "\n")
-    if result.interrupted and not with_mock:
-        console.print(f"interrupted: the vehicle was told to land, and is {result.ended}")
-        return INTERRUPTED
-    return 0 if result.captured else FlightError.exit_code
-
-
-def _fly_team(
-    scenario: TeamScenario,
-    path: Path,
-    how: MockOptions | Sequence[Asked],
-    out: Path | None,
-    console: Console,
-    on_control: Callable[[str], None],
-    *,
-    as_json: bool,
-) -> int:
-    """Fly a team; the exit code is 0 if it captured as many evaders as it guaranteed."""
-    with flight_folder(out, path.stem) as folder, live_line(console) as show:
-        rows = fly_and_show(scenario, folder, how, Onlooker(show, on_control=on_control), console)
-    if as_json:
-        sys.stdout.write(json.dumps([outcome_json(row) for row in rows], indent=2) + "\n")
-    kept = bool(rows) and rows[0].captured >= rows[0].guaranteed
-    return 0 if kept else FlightError.exit_code
+        sys.stdout.write(json.dumps(row, indent=2) + "\n")
+    return code
 
 
 def flown(
     console: Console,
     scenario: Scenario,
     folder: Path,
-    how: MockOptions | Asked,
+    how: Way,
     on_record: Callable[[Path], None] = lambda _: None,
     on_control: Callable[[str], None] = lambda _: None,
 ) -> FlightResult:
-    """Fly a scenario with the live line; say how it is ordered if not at the usual endpoint, and what was not recorded.
+    """Fly a scenario with the live line; say what is left out, how it is ordered, and what was not recorded.
+
+    A vehicle of a file has a log instead of the live line.
 
     Arguments as of `fly_scenario`.
     """
@@ -136,13 +119,17 @@ def flown(
             console.print(f"orders   guidance ctl ORDER --endpoint {endpoint}", soft_wrap=True, highlight=False)
         on_control(endpoint)
 
-    with live_line(console) as show:
-        if isinstance(how, Asked):
-            result = fly_url(scenario, folder, how, Onlooker(show, on_record, ENDPOINT, tell_endpoint))
-        else:
-            with noted_ctrl_c(show) as look:
-                control = None if how.fast else ENDPOINT
-                result = fly_mock(scenario, folder, how, Onlooker(look, on_record, control, tell_endpoint))
+    for what in left_out(scenario, how):
+        console.print(f"{what}: only a mock can have that; the vehicle flies without")
+    if isinstance(how, ByFile):
+        result = fly_recorded(scenario, folder, how, Onlooker(on_record=on_record))
+    else:
+        control = None if how.way == "fast" else ENDPOINT
+        with (
+            live_line(console) as show,
+            noted_ctrl_c(show) if isinstance(how, MockOptions) else nullcontext(show) as look,
+        ):
+            result = fly_recorded(scenario, folder, how, Onlooker(look, on_record, control, tell_endpoint))
     if result.record_dropped:
         console.print(f"[yellow]the disk was too slow: {result.record_dropped} messages are not in the record[/yellow]")
     return result

@@ -11,7 +11,7 @@ from guidance.cli.arguments import CommandGroup
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
     "fly": ("fly", "Fly a pursuit, with the mock or a running autopilot, and show the outcome."),
-    "paper": ("paper", "Recompute the paper's tables and figures."),
+    "paper": ("solve", "Recompute the paper's tables and figures."),
     "solve": ("solve", "Solve one state of a game, or every row of a file."),
     "scenario": ("scenario", "Run, list and explain scenario files."),
     "sweep": ("sweep", "Play a scenario with many values of its keys, and report the results."),
@@ -27,7 +27,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
     "log": ("records", "Inspect a flight record, and export it for other tools."),
     "replay": ("records", "Run the present code on a record's inputs and compare the setpoints."),
     "report": ("records", "Draw a record: an HTML page and pictures."),
-    "zenoh": ("zenoh", "Certificates and a router for Zenoh between machines."),
+    "zenoh": ("vehicle_setup", "Certificates and a router for Zenoh between machines."),
 }
 """Every command: its module, and its line in the help. The function or `typer.Typer` has the command's name."""
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.text import Text
 
-from guidance.cli.arguments import CommandGroup
+from guidance.cli.arguments import CommandGroup, Json
 from guidance.cli.streams import printable
 from guidance.extras import require
 from guidance.screen import console, pairs, sheet
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 log = typer.Typer(cls=CommandGroup, help="Inspect a flight record, and export it for other tools.")
 
 File = Annotated[Path, typer.Argument(help="A record.mcap of a flight.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @log.command()

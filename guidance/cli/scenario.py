@@ -4,14 +4,15 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from guidance.cli.arguments import CommandGroup, agree, refuse_others
+from guidance.cli import arguments
+from guidance.cli.arguments import CommandGroup, agree, refuse
 from guidance.cli.fly import may_fly
 from guidance.cli.fly_team import fly_and_show, tell_rows
 from guidance.cli.streams import printable
@@ -25,25 +26,28 @@ from guidance.sim.maths import opening, play
 from guidance.sim.outcome import Outcome, outcome_json, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
-from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
+from guidance.sim.teams import TeamOutcome, TeamScenario, opening_of, play_teams, summary_of
+
+if TYPE_CHECKING:
+    from guidance.session.fly import Asked, ByFile, MockOptions
+
+    Ways = MockOptions | ByFile | list[Asked]
 
 scenario = typer.Typer(
     cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
 )
-
-Name = Annotated[str, typer.Argument(help="A scenario file, or the name of a bundled one.")]
 
 _GAMES: Final = {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}
 _WIDE: Final = 120
 """Columns from which on the list shows the expectations."""
 
 _WAYS: Final = ("maths", "fast", "live", "vehicle")
-_ONLY_WITH: Final = {
-    **dict.fromkeys(("--config", "--vehicle", "--engage", "--yes"), ("vehicle",)),
-    **dict.fromkeys(("--link", "--over", "--port"), ("live",)),
-    "--out": ("fast", "live", "vehicle"),
+_BELONGING: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
+    ("vehicle",): ("--config", "--vehicle", "--engage", "--yes"),
+    ("live",): ("--link", "--over", "--port"),
+    ("fast", "live", "vehicle"): ("--out",),
 }
-"""Options of `guidance scenario run`: the ways to which each belongs."""
+"""Options of `guidance scenario run`, by the ways to which they belong."""
 
 _REPORTED: Final = "reported"
 """Evader policy in the row of a run `--as vehicle`, where the evader is only reported."""
@@ -53,41 +57,25 @@ _STANDARD_OUTPUT: Final = Path("-")
 
 @scenario.command()
 def run(
-    name: Name,
+    ctx: typer.Context,
+    name: arguments.Scenario,
     way: Annotated[
         str, typer.Option("--as", help="maths, fast (virtual time), live (real time) or vehicle (needs --config).")
     ] = "maths",
-    config: Annotated[Path | None, typer.Option(help="The vehicle file, with --as vehicle.")] = None,
+    config: Annotated[str | None, typer.Option(help="The vehicle file, with --as vehicle.")] = None,
     vehicle: Annotated[
         list[str] | None,
-        typer.Option(
-            help="With --as vehicle and a team: URL of each autopilot, in place of --config. THEY ARE ARMED.",
-            metavar="URL",
-        ),
+        typer.Option(help="With --as vehicle and a team: URL of each autopilot. THEY ARE ARMED.", metavar="URL"),
     ] = None,
     engage: Annotated[
-        bool,
-        typer.Option(
-            "--engage",
-            help="With --as vehicle: THE VEHICLE IS ARMED, takes off and engages at once, without `guidance ctl start` "
-            "and `guidance ctl engage`.",
-        ),
+        bool, typer.Option("--engage", help="With --as vehicle: THE VEHICLE IS ARMED, takes off and engages at once.")
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="With --engage: do not ask before arming.")] = False,
-    link: Annotated[
-        str | None, typer.Option(help="With --as live: mavsdk or pymavlink.", show_default="mavsdk")
-    ] = None,
-    over: Annotated[str | None, typer.Option(help="With --as live: zenoh or udp.", show_default="zenoh")] = None,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            help="With --as live: TCP port of the mock's Zenoh session, or first UDP port; 0 is any.", show_default="0"
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="New folder for a flight's record.", show_default="flights/SCENARIO-NUMBER")
-    ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed; default: the scenario's.")] = None,
+    yes: arguments.Yes = False,
+    link: arguments.Link = "mavsdk",
+    over: Annotated[str, typer.Option(help="With --as live: zenoh or udp.")] = "zenoh",
+    port: arguments.Port = 0,
+    out: arguments.FlightFolder = None,
+    seed: arguments.Seed = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the outcome row to this JSON file; - is standard output.")
     ] = None,
@@ -103,49 +91,43 @@ def run(
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, after
       the orders `guidance ctl start` and `guidance ctl engage`; `--engage` **arms** without them
     """
-    given = {
-        "--config": config,
-        "--vehicle": vehicle or None,
-        "--engage": engage,
-        "--yes": yes,
-        "--link": link,
-        "--over": over,
-        "--port": port,
-    }
-    _refuse_others(way, given | {"--out": out})
-    path, played = load_any(name)
-    if seed is not None:
-        played = played.model_copy(update={"seed": seed})
+    _check_options(ctx, way, config=config, vehicle=vehicle, engage=engage)
+    path, played = load_any(name, seed)
     there = console(stderr=json_file == _STANDARD_OUTPUT)
     there.print(f"[bold]{played.title}[/bold]  ({path.name}, as {way})")
-    if isinstance(played, TeamScenario):
-        may_fly(vehicle or [], yes=yes)
-        options = {"link": link or "mavsdk", "port": port or 0, "over": over or "zenoh", "vehicle": vehicle or []}
-        verdicts, row = _run_teams(played, path.stem, way, options, out, there)
+    may_fly(vehicle or [], yes=yes)
+    if way == "maths":
+        verdicts, row = _play(played, there)
     else:
+        from guidance.session.fly import Asked, ByFile, MockOptions  # noqa: PLC0415 - slow imports
+        from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
+
+        how: Ways = [Asked(url) for url in vehicle or ()] or MockOptions(
+            fast=way == "fast", link=link, port=port, over=over
+        )
         if config is not None:
-            outcome = _run_vehicle(played, str(config), out, there, engage=engage, yes=yes)
-        elif way == "maths":
-            outcome = _run_maths(played, there)
-        else:
-            options = {"link": link or "mavsdk", "port": port or 0, "over": over or "zenoh"}
-            outcome = _run_mock(played, path.stem, {"fast": way == "fast", **options}, out, there)
-        there.print(_outcome_table(outcome))
-        verdicts, row = played.expect.of(outcome._asdict()), outcome_json(outcome)
+            how = ByFile(load_vehicle(find(config, "vehicles")), engage)
+            if engage and not yes:  # also on loopback: a real vehicle may be behind a router
+                where = f"{config}: {how.config.vehicle.url}"
+                agree(f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
+        verdicts, row = _fly(played, path.stem, how, out, there)
     _print_verdicts(verdicts, there)
     _write(json.dumps(row, indent=2) + "\n", json_file)
     raise typer.Exit(0 if all(verdict.held for verdict in verdicts) else 1)
 
 
-def _refuse_others(way: str, given: Mapping[str, Any]) -> None:
+def _check_options(
+    ctx: typer.Context, way: str, *, config: str | None, vehicle: list[str] | None, engage: bool
+) -> None:
     if way not in _WAYS:
         raise ConfigError(f"--as {way}: allowed are {', '.join(_WAYS)}")
-    if given["--config"] is None and given["--vehicle"] is None and way == "vehicle":
+    if config is None and not vehicle and way == "vehicle":
         raise ConfigError("--config: missing; --as vehicle needs a vehicle file, and a team --vehicle URL for each")
-    elsewhere = {option: f"with --as {' or '.join(of)}" for option, of in _ONLY_WITH.items() if way not in of}
-    refuse_others(f"--as {way}", given, elsewhere)
-    if not (given["--engage"] or given["--vehicle"]):
-        refuse_others("orders by hand", given, {"--yes": "with --engage, which arms"})
+    for ways, options in _BELONGING.items():
+        if way not in ways:
+            refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
+    if not (engage or vehicle):
+        refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
 
 
 def _print_verdicts(verdicts: Sequence[CheckedExpectation], there: Console) -> None:
@@ -166,70 +148,57 @@ def _write(text: str, json_file: Path | None) -> None:
             private_file(json_file).write_text(text, encoding="utf-8")
 
 
-def _run_teams(
-    scenario: TeamScenario, stem: str, way: str, options: dict[str, Any], out: Path | None, there: Console
-) -> tuple[Sequence[CheckedExpectation], Any]:
-    """Play or fly teams and show one row per evader; return the expectations and the rows as plain values."""
-    if way == "maths":
+Judged = tuple[Sequence[CheckedExpectation], Any]
+"""The expectations of a run, and its row or rows as plain values."""
+
+
+def _play(scenario: Scenario | TeamScenario, there: Console) -> Judged:
+    """Play a scenario between point masses, and show the outcome."""
+    if isinstance(scenario, TeamScenario):
         rows = play_teams([scenario])[0]
         tell_rows(rows, there)
-    else:
-        from guidance.cli.fly_scenario import live_line  # noqa: PLC0415 - zenoh and mavsdk take a second
-        from guidance.session.flight_files import flight_folder  # noqa: PLC0415
-        from guidance.session.fly import Asked, MockOptions, Onlooker  # noqa: PLC0415
-
-        urls = options.pop("vehicle")
-        how = [Asked(url) for url in urls] if way == "vehicle" else MockOptions(fast=way == "fast", **options)
-        with flight_folder(out, stem) as folder, live_line(there) as show:
-            rows = fly_and_show(scenario, folder, how, Onlooker(show), there)
-    if not rows:
-        raise FlightError("no game: not all vehicles engaged")
-    return scenario.expect.verdicts(summary_of(rows)), [outcome_json(row) for row in rows]
-
-
-def _run_maths(scenario: Scenario, there: Console) -> Outcome:
+        return _judged_team(scenario, rows)
     if scenario.fault:
         there.print("the mathematics ignores faults")
-    return play([scenario])[0]
+    return _judged(scenario, play([scenario])[0], there)
 
 
-def _run_vehicle(
-    scenario: Scenario, config: str, out: Path | None, there: Console, *, engage: bool, yes: bool
-) -> Outcome:
-    from guidance.session.flight_files import flight_folder  # noqa: PLC0415 - slow imports
-    from guidance.session.fly import fly_vehicle  # noqa: PLC0415
-    from guidance.session.result import outcome_of_flight  # noqa: PLC0415
-    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
-
-    def say(words: str) -> None:
-        there.print(words, soft_wrap=True, highlight=False)
-
-    own = load_vehicle(find(config, "vehicles"))
-    if engage and not yes:  # also on loopback: a real vehicle may be behind a router
-        agree(f"{config}: {own.vehicle.url} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
-    with flight_folder(out, own.name) as folder:
-        result = fly_vehicle(scenario, own, folder, say, engage=engage)
-    # The evader is out there, and does what it wants: no policy of the file's is its.
-    return outcome_of_flight(result, "vehicle")._replace(evader_policy=_REPORTED)
-
-
-def _run_mock(scenario: Scenario, stem: str, options: dict[str, Any], out: Path | None, there: Console) -> Outcome:
-    from guidance.cli.fly_scenario import flown  # noqa: PLC0415 - slow imports
-    from guidance.session.flight_files import RECORD, flight_folder  # noqa: PLC0415
-    from guidance.session.fly import MockOptions  # noqa: PLC0415
+def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Ways", out: Path | None, there: Console) -> Judged:
+    """Fly a scenario, and show the outcome."""
+    from guidance.cli.fly_scenario import flown, live_line  # noqa: PLC0415 - slow imports
+    from guidance.session.flight_files import flight_folder  # noqa: PLC0415
+    from guidance.session.fly import ByFile, Onlooker  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
-    how = MockOptions(**options)
-    with flight_folder(out, stem) as folder:
-        result = flown(there, scenario, folder, how)
-    there.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
-    return outcome_of_flight(result, how.way)
+    def on_record(path: Path) -> None:
+        there.print(f"record   {path}", soft_wrap=True, highlight=False)
+        if isinstance(how, ByFile) and not how.engage:
+            there.print("waiting for a person: `guidance ctl start`, then `guidance ctl engage`", soft_wrap=True)
+
+    with flight_folder(out, how.config.name if isinstance(how, ByFile) else stem) as folder:
+        if isinstance(scenario, TeamScenario) and not isinstance(how, ByFile):
+            with live_line(there) as show:
+                rows = fly_and_show(scenario, folder, how, Onlooker(show), there)
+            if not rows:
+                raise FlightError("no game: not all vehicles engaged")
+            return _judged_team(scenario, rows)
+        if isinstance(scenario, TeamScenario) or isinstance(how, list):
+            raise ConfigError("--as vehicle: teams need --vehicle URL for each vehicle, and others --config FILE")
+        outcome = outcome_of_flight(flown(there, scenario, folder, how, on_record), how.way)
+    if isinstance(how, ByFile):  # the evader is out there, and no policy of the file's is its
+        outcome = outcome._replace(evader_policy=_REPORTED)
+    return _judged(scenario, outcome, there)
 
 
-def _outcome_table(outcome: Outcome) -> Table:
+def _judged(scenario: Scenario, outcome: Outcome, there: Console) -> Judged:
     unit = "s" if outcome.game == "pe" else "m"
     shown = ((name, value) for name, value in outcome._asdict().items() if name != "scenario")
-    return pairs((name, _shown(value, unit if name == "regret" else _unit(name))) for name, value in shown)
+    there.print(pairs((name, _shown(value, unit if name == "regret" else _unit(name))) for name, value in shown))
+    return scenario.expect.of(outcome._asdict()), outcome_json(outcome)
+
+
+def _judged_team(scenario: TeamScenario, rows: Sequence[TeamOutcome]) -> Judged:
+    return scenario.expect.verdicts(summary_of(rows)), [outcome_json(row) for row in rows]
 
 
 def _unit(column: str) -> str:
@@ -249,7 +218,7 @@ def _shown(value: Any, unit: str = "") -> str:  # noqa: ANN401 - any column
 
 @scenario.command(name="list")
 def list_all(
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON list with the expectations.")] = False,
+    as_json: arguments.Json = False,
 ) -> None:
     """List the bundled scenarios; `guidance scenario show NAME` explains one."""
     if as_json:
@@ -261,9 +230,9 @@ def list_all(
 
 @scenario.command()
 def show(
-    name: Name,
+    name: arguments.Scenario,
     out: Annotated[Path | None, typer.Option(help="Draw a picture into this file.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the facts as JSON.")] = False,
+    as_json: arguments.Json = False,
 ) -> None:
     """Explain a scenario: players, places and the game's value. `--out` draws how the mathematics plays it.
 

@@ -1,4 +1,7 @@
-"""`guidance solve`: who wins a game from one state, where, when and how; or from every row of a file."""
+"""`guidance solve`: who wins a game from one state, where, when and how; or from every row of a file.
+
+`guidance paper`: the published tables and figures, computed again.
+"""
 
 import json
 import math
@@ -9,25 +12,26 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from guidance.cli.arguments import refuse_others
+from guidance.cli.arguments import Json, refuse
 from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.game import Ball, Cylinder, Game, Reason, Solution, StandOff, Winner
 from guidance.game import solve as solve_game
-from guidance.screen import console, pairs
+from guidance.screen import console, pairs, sheet
 
 
 def solve(
+    ctx: typer.Context,
     pursuer: Annotated[str | None, typer.Option(help="Position x,y,z of the pursuer, m.")] = None,
     evader: Annotated[str | None, typer.Option(help="Position x,y of the evader, m.")] = None,
     target: Annotated[str | None, typer.Option(help="Position x,y of the evader's target, m: the TAD game.")] = None,
     speed_ratio: Annotated[float | None, typer.Option(help="δ = u/v, more than 1: the paper's speed set.")] = None,
     evader_speed: Annotated[float, typer.Option(help="Speed bound v of the evader, m/s.")] = 1.0,
     cylinder: Annotated[
-        str | None, typer.Option(help="Speeds horizontal,climb,descent, m/s, in place of the speed ratio.")
+        str | None, typer.Option(help="In place of the ratio: speeds level,climb,descent, m/s.")
     ] = None,
     standoff: Annotated[str, typer.Option(help="Radius and height R,h of the stand-off disc, m.")] = "0,0",
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: Json = False,
     states: Annotated[Path | None, typer.Option(help="CSV or Parquet file with a state in each row.")] = None,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the answers to --states.")] = None,
 ) -> None:
@@ -58,15 +62,14 @@ def solve(
         evader_speed,
         standoff=StandOff(radius, height),
     )
-    single = {"--pursuer": pursuer, "--evader": evader, "--target": target, "--json": as_json}
     if states is not None:
-        refuse_others("--states", single, dict.fromkeys(single, "for one state"))
+        refuse(ctx, "--states", "for one state", "--pursuer", "--evader", "--target", "--json")
         require("--states", "sim")
         from guidance.sweeps.states import solve_file  # noqa: PLC0415 - pyarrow is optional
 
         solve_file(game, states, out, ratio_given=speed_ratio is not None)
         return
-    refuse_others("one state", {"--out": out}, {"--out": "with --states"})
+    refuse(ctx, "one state", "with --states", "--out")
     if pursuer is None or evader is None:
         raise ConfigError("--pursuer, --evader: both must be given, or --states")
     given = [_numbers("--pursuer", pursuer, 3), (*_numbers("--evader", evader, 2), 0.0)]
@@ -118,3 +121,39 @@ def _grid(answer: Solution, *, with_target: bool) -> Table:
 
 def _vector(vector: Any) -> str:  # noqa: ANN401 - an array of any library
     return ", ".join(f"{float(part):.4f}" for part in vector)
+
+
+def paper(
+    out: Annotated[Path, typer.Option(help="Folder for the figures (PNG and PDF).")] = Path("paper"),
+    figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
+    as_json: Json = False,
+) -> None:
+    """Recompute the paper's tables and figures; the exit code is 1 if a published digit differs."""
+    from guidance.files import writing  # noqa: PLC0415
+    from guidance.paper import draw_figures, tables  # noqa: PLC0415
+
+    if figures:
+        require("the figures (--no-figures leaves them out)", "plot")
+        with writing(out):
+            out.mkdir(parents=True, exist_ok=True)
+    computed = tables()
+    cases = [case for table in computed for case in table.cases]
+    wrong = sum(not case.matches for case in cases)
+    there = console(stderr=as_json)
+    if as_json:
+        rows = [{"title": one.title, "quantity": one.quantity, **case.plain} for one in computed for case in one.cases]
+        typer.echo(json.dumps(rows, indent=2))
+    else:
+        headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
+        for table in computed:
+            cells = [
+                (*case.strategies, case.published, case.stepped, case.exact, "✓" if case.matches else "✗")
+                for case in table.cases
+            ]
+            there.print(sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}"))
+        there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
+    if figures:
+        for path in draw_figures(*computed, out):
+            there.print(f"drawn: {path}", soft_wrap=True)
+    if wrong:
+        raise typer.Exit(1)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from guidance.cli.arguments import CommandGroup
+from guidance.cli.arguments import CommandGroup, Json
 from guidance.extras import require
 
 
@@ -106,7 +106,7 @@ def report(
     folder: Annotated[Path, typer.Argument(help="The folder of a sweep; it may be incomplete.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the report.", show_default="FOLDER/report")] = None,
     worst: Annotated[int, typer.Option(min=0, help="Worst games of each pair of policies, as scenario files.")] = 3,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the content of report.json.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Report captures and regret for each pair of policies and each swept value.
 
@@ -130,7 +130,7 @@ def compare(
         str, typer.Option("--by", help="Sweeps: list the rows with the largest differences in this column.")
     ] = "game_time_s",
     rows: Annotated[int, typer.Option(min=0, help="Sweeps: number of rows to list.")] = 10,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Compare two outcomes or two sweeps; differences are B minus A.
 

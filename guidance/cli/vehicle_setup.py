@@ -1,23 +1,28 @@
-"""`guidance init`, `doctor`, `check` and `schema`: from a new vehicle file to an autopilot that may fly."""
+"""`guidance init`, `doctor`, `check`, `schema` and `zenoh`: from a new vehicle file to an autopilot that may fly."""
 
 import contextlib
+import datetime
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import signal
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.text import Text
 
-from guidance.cli.arguments import agree, refuse_others
-from guidance.config import find
+from guidance.cli import arguments
+from guidance.cli.arguments import CommandGroup, agree, refuse
+from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.screen import console, sheet, waiting
 
 if TYPE_CHECKING:
     from guidance.autopilots import Finding
-    from guidance.session.checkup import Applied, Checkup
+    from guidance.session.checkup import Checkup
 
 _STYLE: Final = {"refuse": "bold red", "warn": "yellow", "pass": "green"}
 _NEXT: Final = """next
@@ -33,9 +38,7 @@ def init(
     out: Annotated[Path, typer.Option(help="The file to write; existing files are not overwritten.")] = Path(
         "vehicle.toml"
     ),
-    autopilot: Annotated[
-        str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT. Needed without a URL.")
-    ] = None,
+    autopilot: arguments.Expected = None,
 ) -> None:
     """Write a commented vehicle file for the autopilot at a URL, and print the next steps.
 
@@ -48,8 +51,13 @@ def init(
     """
     from guidance.autopilots import autopilot_named  # noqa: PLC0415 - slow import
     from guidance.links.port import parse  # noqa: PLC0415
-    from guidance.session.discovery import FOUND_WITHIN_S  # noqa: PLC0415
-    from guidance.session.new_vehicle_file import READ_WITHIN_S, survey, vehicle_file, write_new  # noqa: PLC0415
+    from guidance.session.discovery import (  # noqa: PLC0415
+        FOUND_WITHIN_S,
+        READ_WITHIN_S,
+        survey,
+        vehicle_file,
+        write_new,
+    )
 
     if out.exists():
         raise ConfigError(f"--out {out}: exists and is not overwritten; choose another name")
@@ -71,8 +79,8 @@ def doctor(
     config: Annotated[
         str | None, typer.Argument(help="A vehicle file with ports and folders; default: the usual ones.")
     ] = None,
-    all_rows: Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    all_rows: arguments.AllRows = False,
+    as_json: arguments.Json = False,
 ) -> None:
     """Check this computer: clocks, timing, real-time scheduling, ports, serial rights, folders, disk and extras.
 
@@ -90,31 +98,18 @@ def doctor(
 
 
 def check(
+    ctx: typer.Context,
     name: Annotated[
-        str | None,
-        typer.Argument(
-            help="A vehicle file, or the name of a bundled one: px4, arducopter. With --vehicle: the scenario "
-            "to fly; default: pe."
-        ),
+        str | None, typer.Argument(help="A vehicle file or px4, arducopter; with --vehicle a scenario, default pe.")
     ] = None,
-    vehicle: Annotated[
-        str | None, typer.Option(help="URL of a running autopilot; no vehicle file is needed.", metavar="URL")
-    ] = None,
-    autopilot: Annotated[
-        str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT (with --vehicle).")
-    ] = None,
-    link: Annotated[
-        str | None, typer.Option(help="mavsdk or pymavlink (with --vehicle).", show_default="mavsdk")
-    ] = None,
-    apply: Annotated[
-        bool, typer.Option("--apply", help="Set refused parameters, after asking, and check again.")
-    ] = False,
-    advised: Annotated[
-        bool, typer.Option("--advised", help="With --apply: also set parameters with a warning.")
-    ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="With --apply: do not ask.")] = False,
-    all_rows: Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    vehicle: arguments.Url = None,
+    autopilot: arguments.Expected = None,
+    link: arguments.Link = "mavsdk",
+    apply: Annotated[bool, typer.Option("--apply", help="Set refused parameters, and check again.")] = False,
+    advised: Annotated[bool, typer.Option("--advised", help="With --apply: also those with a warning.")] = False,
+    yes: arguments.Yes = False,
+    all_rows: arguments.AllRows = False,
+    as_json: arguments.Json = False,
 ) -> None:
     """Check the autopilot's parameters, frames and stream rates. Sets nothing without `--apply`.
 
@@ -132,8 +127,7 @@ def check(
     if as_json and apply and not yes:
         raise typer.BadParameter("asks a question with --apply; add --yes", param_hint="--json")
     if vehicle is None:
-        given = {"--autopilot": autopilot, "--link": link}
-        refuse_others("a vehicle file, which has this key", given, dict.fromkeys(given, "with --vehicle"))
+        refuse(ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link")
     with _opened(name, vehicle, autopilot, link) as checkup:
         rows = _judged(checkup)
         if apply:
@@ -142,25 +136,22 @@ def check(
 
 
 @contextlib.contextmanager
-def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: str | None) -> "Iterator[Checkup]":
+def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: str) -> "Iterator[Checkup]":
     """Open the vehicle and show a waiting line."""
-    from guidance.links.port import parse  # noqa: PLC0415 - slow import
-    from guidance.session.checkup import checkup_of  # noqa: PLC0415
+    from guidance.session.checkup import checkup_of  # noqa: PLC0415 - slow imports
     from guidance.session.discovery import FOUND_WITHIN_S  # noqa: PLC0415
     from guidance.session.fly import Asked, checkup_at  # noqa: PLC0415
     from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
     if vehicle is not None:
-        parse(vehicle)  # report a wrong URL before waiting
         awaited, limit_s = f"a HEARTBEAT at {vehicle}", FOUND_WITHIN_S
-        opening = checkup_at(load_scenario(name or "pe")[1], Asked(vehicle, autopilot, link or "mavsdk"))
+        opening = checkup_at(load_scenario(name or "pe")[1], Asked(vehicle, autopilot, link))
     elif name is None:
         raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
     else:
-        own = load_vehicle(find(name, "vehicles")).vehicle
-        awaited = f"a HEARTBEAT of system {own.system_id}, component {own.component_id} at {own.url}"
-        limit_s, opening = own.connect_timeout_s, checkup_of(name)
+        own = load_vehicle(find(name, "vehicles"))
+        awaited, limit_s, opening = own.vehicle.awaited, own.vehicle.connect_timeout_s, checkup_of(own)
     with contextlib.ExitStack() as closing:
         with waiting(console(stderr=True), awaited, limit_s):
             checkup = closing.enter_context(opening)
@@ -194,9 +185,7 @@ def _apply(
         _print_table((str(one.verdict), one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted)
     if not yes:
         agree(f"Set these {len(wanted)} parameters?")
-    done: list[Applied] = []
-    checkup.apply(wanted, done.append)
-    for one in done:
+    for one in checkup.apply(wanted):
         read = "not read back" if one.read_back is None else f"reads {one.read_back:g}"
         say(f"{'set ' if one.done else 'NOT SET'} {one.name}: {read}")
     return _judged(checkup)
@@ -239,30 +228,82 @@ def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.
     """
     if kind not in KINDS:
         raise ConfigError(f"{kind}: allowed are {', '.join(KINDS)}")
-    typer.echo(json.dumps(KINDS[kind](), indent=2))
+    typer.echo(json.dumps(schema_of(kind), indent=2))
 
 
-def _vehicle() -> dict[str, Any]:
-    from guidance.session.vehicle_file import Config  # noqa: PLC0415 - slow import
-
-    return _titled("Vehicle", Config.model_json_schema())
+KINDS: Final = ("vehicle", "scenario", "sweep")
 
 
-def _scenario() -> dict[str, Any]:
-    from guidance.sim.scenario_file import json_schema  # noqa: PLC0415 - slow import
+def schema_of(kind: str) -> dict[str, Any]:
+    """Return the JSON Schema of a kind of file."""
+    if kind == "vehicle":
+        from guidance.session.vehicle_file import Config  # noqa: PLC0415 - slow import
 
-    return json_schema()
+        content = Config.model_json_schema()
+    elif kind == "scenario":
+        from guidance.sim.scenario_file import json_schema  # noqa: PLC0415 - slow import
+
+        content = json_schema()
+    else:
+        require("schema sweep", "sim")
+        from guidance.sweeps.plan import Sweep  # noqa: PLC0415 - pyarrow is optional
+
+        content = Sweep.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **content, "title": kind.capitalize()}
 
 
-def _sweep() -> dict[str, Any]:
-    require("schema sweep", "sim")
-    from guidance.sweeps.plan import Sweep  # noqa: PLC0415 - pyarrow is optional
+_VALID: Final = datetime.timedelta(days=365)
 
-    return _titled("Sweep", Sweep.model_json_schema())
+zenoh = typer.Typer(cls=CommandGroup, help="Certificates and a router for Zenoh between machines.")
 
 
-def _titled(title: str, content: dict[str, Any]) -> dict[str, Any]:
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **content, "title": title}
+@zenoh.command()
+def keys(
+    names: Annotated[list[str], typer.Argument(help="Names of the parties: uav1, uav1-guidance, evader1, operator.")],
+    out: Annotated[Path, typer.Option(help="Folder of the certificates.")] = Path("keys"),
+    host: Annotated[list[str] | None, typer.Option(help="A name or address of the router.")] = None,
+) -> None:
+    """Create a test authority, a certificate for the router and one for each name, for mutual TLS.
+
+    They are valid for a year. Run it again to add names to the same authority. NAME.toml holds the settings of a
+    party: pass it as `--zenoh keys/NAME.toml` to `guidance ctl`, `guidance view` and `sitl-mock run`, or copy it to the
+    section `[zenoh]` of a vehicle file. Only you can read the keys. Keep ca.key off the computers that fly: it can sign
+    any certificate.
+
+    - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
+    """
+    require("guidance zenoh keys", "keys")
+    from guidance.files import writing  # noqa: PLC0415
+    from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
+
+    begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
+    validity = Validity(begin - datetime.timedelta(hours=1), begin + _VALID)
+    with writing(out):
+        written = make_keys(out, names, ["localhost", "127.0.0.1", *(host or ())], validity)
+    for path in written:
+        typer.echo(path)
 
 
-KINDS: dict[str, Callable[[], dict[str, Any]]] = {"vehicle": _vehicle, "scenario": _scenario, "sweep": _sweep}
+@zenoh.command()
+def router(
+    config: Annotated[str, typer.Argument(help="zenohd's configuration.")] = "zenoh/router.json5",
+    keys: Annotated[Path | None, typer.Option(help="Folder of `guidance zenoh keys`.")] = None,
+    listen: Annotated[str | None, typer.Option(help="Endpoint that replaces the file's: tls/0.0.0.0:7447.")] = None,
+) -> None:
+    """Run a Zenoh router until Ctrl-C, for computers without zenohd.
+
+    The default configuration (`config/zenoh/router.json5`) admits parties with a certificate of our authority and
+    restricts each to its own keys. zenohd reads the same file.
+
+    - `guidance zenoh router --keys keys --listen tls/0.0.0.0:7447`
+    """
+    from guidance.links.zenoh_wire import open_router  # noqa: PLC0415 - zenoh takes a moment
+
+    path = Path(config)
+    path = path if path.is_file() else config_folder() / path
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    with open_router(path, keys, listen):
+        typer.echo(f"routing by {path}{'' if listen is None else f' at {listen}'}; Ctrl-C ends it")
+        ended.wait()

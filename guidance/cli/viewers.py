@@ -7,16 +7,14 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import typer
 
-from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
+from guidance.cli.arguments import Name, TokenFile, WithParent, ZenohFile, refuse
+from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.session.control_socket import ENDPOINT
-
-if TYPE_CHECKING:
-    from guidance.log.broadcast import LiveFlight
 
 STOP_LIMIT_S: Final = 5.0
 TILES: Final = "GUIDANCE_TILES"
@@ -24,21 +22,18 @@ TILES: Final = "GUIDANCE_TILES"
 
 
 def view(
-    file: Annotated[
-        Path | None, typer.Argument(help="A record.mcap, finished or still growing; not with --live.")
-    ] = None,
+    ctx: typer.Context,
+    file: Annotated[Path | None, typer.Argument(help="A record.mcap, finished or still growing.")] = None,
     live: Annotated[bool, typer.Option("--live", help="Show a daemon (`guidance run`) instead of a record.")] = False,
     follow: Annotated[bool, typer.Option("--follow", help="Follow a record that is still being written.")] = False,
     save: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun's viewer instead of serving.")] = None,
     endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = ENDPOINT,
-    name: Annotated[
-        str | None, typer.Option(help="With --live: the vehicle's name; not needed if there is only one.")
-    ] = None,
+    name: Name = None,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
     port: Annotated[int, typer.Option(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
     web_port: Annotated[int, typer.Option(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
-    with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
+    with_parent: WithParent = False,
 ) -> None:
     """Show a flight in Rerun: both vehicles, stand-off disc, isochron, meeting point, fence, plots and events.
 
@@ -49,16 +44,17 @@ def view(
     - `guidance view FILE --save flight.rrd`: a file for Rerun's viewer
     - `guidance view --live`: the daemon on this computer
     """
-    from guidance.errors import ConfigError  # noqa: PLC0415 - slow import
+    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
+    from guidance.log.broadcast import LiveFlight  # noqa: PLC0415
+    from guidance.session.control_bus import join_session  # noqa: PLC0415
     from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")
     if live:
-        refuse_others("--live", {"--follow": follow}, {"--follow": "with the FILE of a record"})
+        refuse(ctx, "--live", "with the FILE of a record", "--follow")
     else:
-        given = {"--name": name, "--token-file": token_file, "--zenoh": zenoh}
-        refuse_others("the FILE of a record", given, dict.fromkeys(given, "with --live"))
+        refuse(ctx, "the FILE of a record", "with --live", "--name", "--token-file", "--zenoh")
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
@@ -68,37 +64,27 @@ def view(
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
     from guidance.viz.view import view as show  # noqa: PLC0415
 
-    source = RecordFile(file, live=follow) if file is not None else _live(endpoint, name, token_file, zenoh)
+    if file is not None:
+        source: RecordFile | LiveFlight = RecordFile(file, live=follow)
+    else:
+        source = LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)
     count = show(source, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 
 
-def _live(endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None) -> "LiveFlight":
-    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415
-    from guidance.log.broadcast import LiveFlight  # noqa: PLC0415 - slow import
-    from guidance.session.control_bus import join_session  # noqa: PLC0415
-
-    return LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)
-
-
 def panel(
     endpoint: Annotated[
-        list[str] | None,
-        typer.Option(help="A daemon's control endpoint; may be repeated.", show_default=ENDPOINT),
+        list[str] | None, typer.Option(help="A daemon's control endpoint; may be repeated.", show_default=ENDPOINT)
     ] = None,
     port: Annotated[int, typer.Option(help="TCP port of the page; 0 picks a free one.")] = 8088,
-    host: Annotated[
-        str, typer.Option(help="Address of the page. Other addresses than loopback need TLS and a password.")
-    ] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="Its address; others than loopback need TLS and a password.")] = "127.0.0.1",
     look: Annotated[bool, typer.Option("--look", help="Show only; no orders.")] = False,
     records: Annotated[Path, typer.Option(help="Folder of finished flights, for replay.")] = Path("flights"),
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
     certificate: Annotated[Path | None, typer.Option(help="TLS certificate chain, PEM.")] = None,
     key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
-    password_file: Annotated[
-        Path | None, typer.Option(help="A file with the password in its first line, readable only by you.")
-    ] = None,
+    password_file: Annotated[Path | None, typer.Option(help="The password in one line, readable only by you.")] = None,
     tiles: Annotated[
         str,
         typer.Option(
@@ -106,7 +92,7 @@ def panel(
             help="Map under the plan view: a folder with Z/X/Y.png, or https://HOST/{z}/{x}/{y}.png on another host.",
         ),
     ] = "tiles",
-    with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
+    with_parent: WithParent = False,
 ) -> None:
     """Serve the operator's page: map, state, checks, reasons and orders.
 

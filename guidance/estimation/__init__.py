@@ -1,22 +1,173 @@
-"""The evader's track, a value: `observe` adds reports, `predict` returns the evader at any time with its uncertainty.
+"""The evader's track. An `Observer` is the memory of one evader: `observe` adds a report, `predict` returns the evader.
 
-Contents:
-    Observer: the memory of one evader. `TrackSettings` has its noise and limits.
-    observe: adds a report, with the answer to our TIMESYNC. `ReportOutcome` is what became of it.
-    predict: the evader at a time of our clock, an `EvaderEstimate`.
-    moved: the same memory in another local frame, after an estimator reset.
+A report passes clock (`measurement`), frame and track (`track`), and the detection of a second source (`rivals`). The
+prediction has position, velocity, speed bound, age and uncertainty at any time of our clock. If the origin of the local
+frame moves, all positions move with it (`moved`) and their uncertainty stays the same.
 """
 
-from guidance.estimation.measurement import TrackSettings
-from guidance.estimation.observer import EvaderEstimate, Observer, moved, observe, predict
-from guidance.estimation.track import ReportOutcome
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final, NamedTuple
 
-__all__ = [
-    "EvaderEstimate",
-    "Observer",
-    "ReportOutcome",
-    "TrackSettings",
-    "moved",
-    "observe",
-    "predict",
-]
+from guidance.estimation.filters import Modes, Normal, advance, blended
+from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise, true_at
+from guidance.estimation.rivals import Report, Rivals, listen
+from guidance.estimation.track import Accepted, ReportOutcome, Track, update
+from guidance.frames import LocalFrame, Vector
+from guidance.messages import EvaderReport, Timesync
+
+
+class EvaderEstimate(NamedTuple):
+    """The evader at a time of our clock, extrapolated from its last report.
+
+    Attributes:
+        position_ned_m: Position in the local frame.
+        velocity_ned_m_s: Velocity; zero while neither reports nor motion have determined it.
+        speed_bound_m_s: max(declared, estimate + kσ) over the ground.
+        age_s: Time since the last report was true: τ of the game's l − uτ.
+    """
+
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    speed_bound_m_s: float
+    age_s: float
+
+
+def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstimate | None:
+    """Return the evader at a time of our clock, not before its last report; None before the first report."""
+    last = track.estimate
+    if last is None:
+        return None
+    moved = advance(last, now_s, settings)
+    both = blended(*moved.modes)
+    north, east, north_rate, east_rate = both.mean
+    *_, one, _, _, shared, other = both.covariance
+    sd, worst_sd = _speed_sds(north_rate, east_rate, one, shared, other)
+    bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * sd
+    known = worst_sd <= settings.known_velocity_sd_m_s
+    return EvaderEstimate(
+        (north, east, moved.height.down_m),
+        (north_rate, east_rate, moved.height.rate_m_s) if known else (0.0, 0.0, 0.0),
+        max(settings.declared_speed_m_s, bound_m_s),
+        max(0.0, now_s - last.time_s),
+    )
+
+
+def _speed_sds(north_rate: float, east_rate: float, one: float, shared: float, other: float) -> tuple[float, float]:
+    """Return σ of the speed along the velocity, and in the worst direction; while the speed is below that, it twice.
+
+    The worst σ is the square root of the covariance's larger eigenvalue.
+    """
+    worst_sd = math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
+    speed = math.hypot(north_rate, east_rate)
+    if speed <= worst_sd:
+        return worst_sd, worst_sd
+    north, east = north_rate / speed, east_rate / speed
+    variance = north * north * one + 2.0 * north * east * shared + east * east * other
+    return math.sqrt(max(0.0, variance)), worst_sd
+
+
+_NOISE_SIGMAS: Final = 3.0
+
+_FITS: Final[Mapping[ReportOutcome, bool]] = {
+    **dict.fromkeys((ReportOutcome.STARTED, ReportOutcome.ACCEPTED, ReportOutcome.REORDERED), True),
+    **dict.fromkeys((ReportOutcome.OUTLIER, ReportOutcome.TOO_FAR, ReportOutcome.JUMPED), False),
+}
+
+
+class Observer(NamedTuple):
+    """The sender's clock, the track, and the detection of a second source. Empty at first."""
+
+    clock: ClockOffset | None = None
+    track: Track = Track()
+    rivals: Rivals = Rivals()
+
+
+def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
+    """Add one report, and the answer to our TIMESYNC if the report carries one.
+
+    Args:
+        observer: The memory so far.
+        report: Plausible, as sources deliver it.
+        frame: The vehicle's local frame, also the frame of the track.
+        settings: Noise and limits of the track.
+    """
+    if report.timesync is not None:
+        observer = compare_clocks(observer, report.timesync)
+    clock = hear(observer.clock, report.sent_s, report.received_s)
+    measurement = measure(report, frame, true_at(report, clock, settings), settings)
+    track = update(observer.track, measurement, settings)
+    if not measurement.is_usable():
+        return Observer(clock, track, observer.rivals)
+    apart_s = 0.0 if clock is None else report.received_s - clock.ours(report.sent_s)
+    one = Report(
+        report.received_s,
+        report.sent_s,
+        measurement.time_s,
+        measurement.position_ned_m[:2],
+        None if track.outcome is None else _FITS.get(track.outcome),
+        apart_s if math.isfinite(apart_s) else 0.0,
+        report.sequence,
+        report.peer,
+        report.impostors,
+    )
+    rivals = listen(
+        observer.rivals,
+        one,
+        speed_m_s=2.0 * settings.declared_speed_m_s,
+        margin_m=settings.reach_m,
+        noise_m=_NOISE_SIGMAS * math.hypot(settings.position_sd_m, settings.position_sd_m),
+    )
+    return Observer(clock, track, rivals)
+
+
+def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
+    """Add the evader's answer to our TIMESYNC."""
+    clock = synchronise(observer.clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
+    return observer._replace(clock=clock)
+
+
+def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
+    """Convert the memory to a new local frame.
+
+    Args:
+        observer: In the old frame.
+        into: Converts a position from the old frame to the new one, metres. Both have the same axes.
+    """
+    track = observer.track
+    if not track.history:
+        return observer
+    was = track.history[-1].measurement.position_ned_m
+    north, east, down = (now - before for before, now in zip(was, into(was), strict=True))
+    recent = tuple(
+        one._replace(place_m=(one.place_m[0] + north, one.place_m[1] + east)) for one in observer.rivals.recent
+    )
+    rivals = observer.rivals._replace(recent=recent)
+    return observer._replace(track=_moved_track(track, (north, east, down)), rivals=rivals)
+
+
+def _moved_track(track: Track, by_ned_m: Vector) -> Track:
+    history = tuple(_moved_report(one, by_ned_m) for one in track.history)
+    rival = None if track.rival is None else _moved_track(track.rival, by_ned_m)
+    north, east, _ = by_ned_m
+    anchors = tuple(one._replace(place_m=(one.place_m[0] + north, one.place_m[1] + east)) for one in track.anchors)
+    return replace(track, history=history, rival=rival, anchors=anchors)
+
+
+def _moved_report(one: Accepted, by_ned_m: Vector) -> Accepted:
+    measurement, estimate = one
+    north, east, down = (here + by for here, by in zip(measurement.position_ned_m, by_ned_m, strict=True))
+    steady, turning, share = estimate.modes
+    return Accepted(
+        measurement._replace(position_ned_m=(north, east, down)),
+        estimate._replace(
+            modes=Modes(_moved_state(steady, by_ned_m), _moved_state(turning, by_ned_m), share),
+            height=estimate.height._replace(down_m=estimate.height.down_m + by_ned_m[2]),
+        ),
+    )
+
+
+def _moved_state(state: Normal, by_ned_m: Vector) -> Normal:
+    north, east, *rates = state.mean
+    return Normal([north + by_ned_m[0], east + by_ned_m[1], *rates], state.covariance)

@@ -16,7 +16,9 @@ from typing import Final
 from guidance.autopilots import AutopilotProfile
 from guidance.control import Polygon
 from guidance.cycle import CycleSettings
-from guidance.estimation import EvaderEstimate, Observer, ReportOutcome, TrackSettings, moved, observe, predict
+from guidance.estimation import EvaderEstimate, Observer, moved, observe, predict
+from guidance.estimation.measurement import TrackSettings
+from guidance.estimation.track import ReportOutcome
 from guidance.frames import Amsl, GameFrame, LocalFrame, Projection, Vector
 from guidance.messages import EvaderReport, GlobalPosition, Home, LocalPosition, Message, Origin
 from guidance.vehicle import VehicleState, local_frame

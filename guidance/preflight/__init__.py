@@ -1,36 +1,351 @@
 """Preflight: is the autopilot set up for offboard flight? Judges parameters, frames and rates as rows.
 
-PreflightMemory: requests parameters (`parameter_names`) and collects `Facts`.
-rows: judges `Facts` against the wants of a flight; each row is a `guidance.autopilots.Finding`.
-another_autopilot: the row for a wrong autopilot.
-engage_names, engage_rows: the parameters that are read and judged again before every engagement.
-refusals: names of the refused rows. advice: their fixes in one line. changes: the `ParameterChange`s that fix them.
+`PreflightMemory` requests parameters (`parameter_names`) and collects `Facts`. `rows` judges them against the wants of
+a flight; each row is a `guidance.autopilots.Finding`. `changes` are the parameters to set so that no row is refused.
+Before every engagement some parameters are read and judged again (`engage_names`, `engage_rows`).
 """
 
-from guidance.preflight.judging import (
-    Facts,
-    ParameterChange,
-    PreflightMemory,
-    advice,
-    another_autopilot,
-    changes,
-    engage_names,
-    engage_rows,
-    parameter_names,
-    refusals,
-    rows,
+import math
+import struct
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from guidance import messages
+from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_of, description
+from guidance.autopilots.rules import UPLOADED, Judgement, judge
+from guidance.frames import Amsl, LocalFrame, Projection
+from guidance.messages import EvaderReport, Heartbeat, Home, Message, Parameter, ParameterRequest, ParameterSet, Request
+from guidance.preflight import fence
+from guidance.preflight.fence import Reading, Uploaded
+from guidance.vehicle import VehicleState, local_frame
+
+ASK_AGAIN_S: Final = 5.0
+"""Period of new requests. The link itself repeats each request four times within two seconds."""
+
+COUNTED_S: Final = 2.0
+"""Averaging time of rates."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """Facts about one vehicle.
+
+    Attributes:
+        parameters: Parameters that were read.
+        parameter_types: Their MAV_PARAM_TYPE.
+        vehicle: State from telemetry.
+        rates_hz: Rate of each kind of message.
+        evader_amsl_m: The evader's last altitude.
+        uploaded: The uploaded fence.
+    """
+
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameter_types: Mapping[str, int] = field(default_factory=dict)
+    vehicle: VehicleState = field(default_factory=VehicleState)
+    rates_hz: Mapping[type[Message], float] = field(default_factory=dict)
+    evader_amsl_m: float | None = None
+    uploaded: Uploaded = field(default_factory=Uploaded)
+
+
+class PreflightMemory:
+    """Collects the facts of one vehicle."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._parameters: dict[str, float] = {}
+        self._types: dict[str, int] = {}
+        self._arrivals: dict[type[Message], deque[float]] = {}
+        self._asked_s: float | None = None
+        self._evader_amsl_m: float | None = None
+        self._heard = False
+        self._fence = Reading()
+
+    def observe(self, messages: Iterable[Message], reports: Iterable[EvaderReport]) -> None:
+        """Handle the messages of one cycle. Autopilots announce changed parameters, so the facts stay current."""
+        for message in messages:
+            self._heard |= isinstance(message, Heartbeat)
+            self._arrivals.setdefault(type(message), deque(maxlen=512)).append(message.received_s)
+            self._fence.observe(message)
+            if isinstance(message, Parameter) and message.name in self._names:
+                self._parameters[message.name] = message.value
+                if message.param_type is not None:
+                    self._types[message.name] = message.param_type
+        for report in reports:
+            self._evader_amsl_m = report.altitude_amsl_m
+
+    def requests(self, now_s: float) -> tuple[Request, ...]:
+        """Request missing parameters every `ASK_AGAIN_S`, then the uploaded fence."""
+        if not self._heard:
+            return ()
+        if self.complete:
+            return self._fence.requests(now_s)
+        if self._asked_s is not None and now_s - self._asked_s < ASK_AGAIN_S:
+            return ()
+        self._asked_s = now_s
+        return tuple(ParameterRequest(name) for name in self._names if name not in self._parameters)
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Forget these parameters and request them again."""
+        for name in names:
+            self._parameters.pop(name, None)
+        self._asked_s = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether every parameter was read. The uploaded fence is optional."""
+        return self._parameters.keys() >= set(self._names)
+
+    @property
+    def read(self) -> tuple[int, int]:
+        """Number of parameters read, and of parameters requested."""
+        return len(self._parameters), len(set(self._names))
+
+    def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
+        """Return the facts at `now_s`."""
+        rates_hz = {
+            kind: sum(now_s - time_s <= COUNTED_S for time_s in times_s) / COUNTED_S
+            for kind, times_s in self._arrivals.items()
+        }
+        return Facts(
+            parameters=dict(self._parameters),
+            parameter_types=dict(self._types),
+            vehicle=vehicle,
+            rates_hz=rates_hz,
+            evader_amsl_m=self._evader_amsl_m,
+            uploaded=self._fence.found,
+        )
+
+
+_MOST_ROUNDS: Final = 4
+_REAL32: Final = 9
+_AGREEMENT_M: Final = 5.0
+_HOME_HEIGHT_M: Final = 3.0
+
+
+class ParameterChange(NamedTuple):
+    """A parameter to set: formatted values before and after, the reason, and the verdict on the present value."""
+
+    name: str
+    now: str
+    then: str
+    why: str
+    verdict: Verdict
+    request: ParameterSet
+
+
+def parameter_names(autopilot: Autopilot) -> tuple[str, ...]:
+    """Return the names of the judged parameters."""
+    return tuple(rule.name for rule in autopilot.rules)
+
+
+def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
+    """Judge everything. For a wrong autopilot, return that row only."""
+    other = another_autopilot(facts, autopilot)
+    if other is not None:
+        return (other,)
+    parameters, wants = _judged(facts), _about_home(facts, autopilot, wants)
+    return (
+        *judge(autopilot.rules, parameters, wants),
+        fence.uploaded_row(
+            facts.uploaded,
+            wants,
+            facts.vehicle.last(Home),
+            local_frame(facts.vehicle, autopilot.projection),
+            in_use=autopilot.uploaded_fence_counts(parameters),
+            any_inclusion=autopilot.one_inclusion_is_enough,
+        ),
+        *fence.home_row(wants),
+        *_position_rows(facts, autopilot.projection, wants),
+        *_stream_rows(facts, autopilot),
+    )
+
+
+def _about_home(facts: Facts, autopilot: Autopilot, wants: Wants) -> Wants:
+    return fence.about_home(wants, facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection))
+
+
+def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Finding]:
+    """Judge battery, origin, home, position and height datum.
+
+    An old estimator origin or a wrong height datum has flown vehicles into the ground. Comparing two messages about
+    the same place reveals both.
+    """
+    vehicle = facts.vehicle
+    if wants.battery_needed is not None:
+        yield _battery(vehicle.last(messages.SystemStatus), wants.battery_needed)
+    origin, home = vehicle.last(messages.Origin), vehicle.last(messages.Home)
+    if origin is None or home is None:
+        names = ("GPS_GLOBAL_ORIGIN", origin), ("HOME_POSITION", home)
+        missing = " and ".join(name for name, message in names if message is None)
+        yield Finding("local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for a position fix")
+        return
+    home_amsl_m = home.altitude_amsl_m
+    zero = origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), Amsl(home_amsl_m)
+    frame = LocalFrame(*zero, projection=projection)
+    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home_amsl_m))
+    away_m, limit_m = math.hypot(*home_ned_m[:2]), wants.preflight.origin_distance_limit_m
+    yield _within("frame origin", away_m, limit_m, "m from home", "restart the autopilot here: its origin is old")
+    apart_m = math.dist(home_ned_m, home.position_ned_m)
+    advice = "home was set in another frame: set it again"
+    yield _within("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
+    place, local = vehicle.last(messages.GlobalPosition), vehicle.last(messages.LocalPosition)
+    if place is None or local is None:
+        yield Finding("position", "unknown", "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard", Verdict.REFUSE)
+        return
+    reckoned_m = frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m))
+    apart_m = math.dist(reckoned_m, local.position_ned_m)
+    advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
+    yield _within("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
+    difference_m = abs(place.altitude_amsl_m - place.altitude_above_home_m - home_amsl_m)
+    advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
+    yield _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
+    limit_m, evader_amsl_m = wants.preflight.evader_height_limit_m, facts.evader_amsl_m
+    if evader_amsl_m is None:
+        wanted = f"within {limit_m:g} m of home"
+        yield Finding("evader's altitude", "not heard", wanted, Verdict.WARN, "is it sending?")
+        return
+    advice = "a different datum? The geoid is about 50 m above the ellipsoid: see evader.frame.undulation_m"
+    yield _within("evader's altitude", abs(evader_amsl_m - home_amsl_m), limit_m, "m from home's", advice)
+
+
+def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
+    wanted = f"at least {needed:.0%}, to fly home from the edge of the fence"
+    if status is None or math.isnan(status.battery_remaining):
+        return Finding("battery reserve", "unknown", wanted, Verdict.WARN, "the autopilot does not report the battery")
+    left, advice = status.battery_remaining, "charge the battery or make the fence smaller; see flight.reserve"
+    return Finding.of(left >= needed, "battery reserve", f"{left:.0%}", wanted, advice)
+
+
+def _within(name: str, found: float, limit: float, what: str, advice: str) -> Finding:
+    return Finding.of(found <= limit, name, f"{found:.1f} {what}", f"at most {limit:g} m", advice)
+
+
+class _Stream(NamedTuple):
+    name: str
+    kind: type[messages.Message]
+    least_hz: float
+    otherwise: Verdict
+    reader: str
+
+
+_STREAMS: Final = (
+    _Stream("LOCAL_POSITION_NED", messages.LocalPosition, 10.0, Verdict.REFUSE, "the game"),
+    _Stream("ATTITUDE", messages.Attitude, 4.0, Verdict.REFUSE, "the heading"),
+    _Stream("GLOBAL_POSITION_INT", messages.GlobalPosition, 1.0, Verdict.WARN, "the frame check"),
+    _Stream("ODOMETRY", messages.Odometry, 5.0, Verdict.WARN, "the detection of estimator resets"),
+    _Stream(
+        "POSITION_TARGET_LOCAL_NED", messages.PositionTarget, 1.0, Verdict.WARN, "the detection of foreign setpoints"
+    ),
 )
 
-__all__ = [
-    "Facts",
-    "ParameterChange",
-    "PreflightMemory",
-    "advice",
-    "another_autopilot",
-    "changes",
-    "engage_names",
-    "engage_rows",
-    "parameter_names",
-    "refusals",
-    "rows",
-]
+
+def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
+    """Judge the rate of every requested stream."""
+    for stream in _STREAMS:
+        asked_hz = autopilot.streams_hz.get(getattr(description, stream.name))
+        # ArduCopter reports its setpoint in GUIDED only.
+        if asked_hz is None or (stream.kind is messages.PositionTarget and not autopilot.tells_setpoint_always):
+            continue
+        rate_hz = facts.rates_hz.get(stream.kind, 0.0)
+        wanted = f"at least {stream.least_hz:g} Hz ({asked_hz:g} requested)"
+        advice = f"{stream.reader} needs it: is the link fast enough for {asked_hz:g} Hz?"
+        enough = rate_hz >= stream.least_hz
+        yield Finding.of(enough, stream.name, f"{rate_hz:.1f} Hz", wanted, advice, stream.otherwise)
+
+
+def engage_names(autopilot: Autopilot) -> tuple[str, ...]:
+    """Return the names of the needed parameters, which are read again before every engagement."""
+    return tuple(rule.name for rule in autopilot.rules if rule.needed)
+
+
+def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
+    """Judge the needed parameters; an unknown one has not been answered."""
+    needed = [rule for rule in autopilot.rules if rule.needed]
+    judged = judge(needed, _judged(facts), _about_home(facts, autopilot, wants))
+    return tuple(
+        row if row.name in facts.parameters else row._replace(value="not answered", advice="check the link")
+        for row in judged
+    )
+
+
+def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
+    """Return the row that refuses an autopilot other than the configured one, or None."""
+    heartbeat = facts.vehicle.last(Heartbeat)
+    if heartbeat is None or heartbeat.autopilot == autopilot.autopilot_id:
+        return None
+    found = next((one.name for one in autopilots_of(heartbeat.autopilot)), None)
+    advice = "another system's HEARTBEAT? check vehicle.url, vehicle.system_id and vehicle.component_id"
+    if found is not None:
+        advice = f'set vehicle.autopilot = "{found}", or check vehicle.url and vehicle.system_id'
+    was = f"{found or 'unknown'} (MAV_AUTOPILOT {heartbeat.autopilot})"
+    return Finding("autopilot", was, f"{autopilot.name} ({autopilot.autopilot_id})", Verdict.REFUSE, advice)
+
+
+def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool = False) -> tuple[ParameterChange, ...]:
+    """Return the parameters to set so that none is refused any more, where a rule has a value to set.
+
+    One change can require another (a return height below a fence that was off), so the rules are applied repeatedly.
+
+    Args:
+        facts: What was read.
+        autopilot: The vehicle's autopilot.
+        wants: What the configuration demands.
+        advised: Whether to change parameters with a warning, too.
+    """
+    rules, before, wants = autopilot.rules, _judged(facts), _about_home(facts, autopilot, wants)
+    after = dict(before)
+    wrong: dict[str, Judgement] = {}
+    for _ in range(_MOST_ROUNDS):
+        found = {
+            rule.name: judgement
+            for rule in rules
+            if rule.name in after and _to_mend(judgement := rule.judge(after[rule.name], wants, after), advised=advised)
+        }
+        if not found:
+            break
+        wrong = found | wrong
+        after |= {name: single(judgement.set_to) for name, judgement in found.items() if judgement.set_to is not None}
+    return tuple(
+        ParameterChange(
+            rule.name,
+            rule.read(before[rule.name]),
+            rule.read(after[rule.name]),
+            "; ".join(filter(None, (wrong[rule.name].wanted, wrong[rule.name].why))),
+            wrong[rule.name].verdict,
+            ParameterSet(rule.name, after[rule.name], facts.parameter_types.get(rule.name, _REAL32)),
+        )
+        for rule in rules
+        if rule.name in wrong and after[rule.name] != before[rule.name]
+    )
+
+
+def _judged(facts: Facts) -> dict[str, float]:
+    parameters = dict(facts.parameters)
+    if facts.uploaded.areas is not None:
+        parameters[UPLOADED] = float(facts.uploaded.holds_in)
+    return parameters
+
+
+def refusals(rows: Sequence[Finding]) -> tuple[str, ...]:
+    """Return the names of the refused rows."""
+    return tuple(row.name for row in rows if row.verdict is Verdict.REFUSE)
+
+
+def advice(rows: Sequence[Finding]) -> str:
+    """Return one line with every refused row and its fix."""
+    refused = (row for row in rows if row.verdict is Verdict.REFUSE)
+    return "; ".join(f"{row.name} is {row.value}, expected {row.wanted} ({row.advice})" for row in refused)
+
+
+def single(value: float) -> float:
+    """Round to single precision, as parameters have on the wire."""
+    (nearest,) = struct.unpack("<f", struct.pack("<f", value))
+    return float(nearest)
+
+
+def _to_mend(judgement: Judgement, *, advised: bool) -> bool:
+    if judgement.set_to is None:
+        return False
+    return judgement.verdict is Verdict.REFUSE or (advised and judgement.verdict is Verdict.WARN)

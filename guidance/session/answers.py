@@ -2,19 +2,16 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from guidance.autopilots import Finding, Verdict
-from guidance.clock import Clock
 from guidance.flight import BEFORE_FLIGHT, ORDERS, Event, Flight, Outputs, State, is_done
 from guidance.flight.table import state_words
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.preflight import advice, refusals
-from guidance.session.control_socket import STATUS, WORDS
-from guidance.session.orders import Answer
 from guidance.vehicle import VehicleState
 
 _WHY: Final[Mapping[State, str]] = {
@@ -262,27 +259,3 @@ def _rounded(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return plain values for JSON, their numbers with four decimals; NaN and infinities become null."""
     rounded: dict[str, Any] = json.loads(json.dumps(plain(values)), parse_float=lambda text: round(float(text), 4))
     return rounded
-
-
-def startup_answers(name: str, waiting_for: str, limit_s: float, clock: Clock) -> Callable[[str], Answer]:
-    """Return what answers every order before the loop runs: the status, or a refusal until the vehicle is there.
-
-    Args:
-        name: The vehicle's.
-        waiting_for: The awaited event, in words.
-        limit_s: Time limit of the wait.
-        clock: The process's.
-    """
-    since_s = clock.now_s()
-
-    def answer(order: str) -> Answer:
-        waited_s = round(clock.now_s() - since_s, 1)
-        shown: dict[str, Any] = {"order": order, "name": name, "state": "waiting", "waiting_for": waiting_for}
-        shown |= {"waited_s": waited_s, "connect_timeout_s": limit_s, "accepted": order == STATUS}
-        if order not in WORDS:
-            shown["reason"] = f"order = {order!r}: allowed are {', '.join(WORDS)}"
-        elif order != STATUS:
-            shown["reason"] = f"waiting for {waiting_for}, {waited_s:g} s so far"
-        return shown
-
-    return answer

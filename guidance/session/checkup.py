@@ -7,15 +7,12 @@ from typing import Final, NamedTuple
 from guidance import messages
 from guidance.autopilots import Finding, Verdict
 from guidance.clock import Clock, MonotonicClock
-from guidance.config import find
 from guidance.errors import FlightError
-from guidance.preflight import ParameterChange, another_autopilot, changes
-from guidance.preflight.judging import COUNTED_S, single
-from guidance.session.daemon import Daemon, Equipment
-from guidance.session.log import Log, Logger
+from guidance.preflight import COUNTED_S, ParameterChange, another_autopilot, changes, single
+from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.vehicle_file import load_vehicle
+from guidance.session.vehicle_file import Config
 from guidance.session.vehicle_world import VehicleWorld, open_all
 
 SURVEY_LIMIT_S: Final = 20.0
@@ -43,12 +40,12 @@ class Applied(NamedTuple):
 class Checkup:
     """Reads, judges and sets the parameters of one vehicle on the ground. It neither arms nor changes the mode."""
 
-    def __init__(self, name: str, plan: FlightPlan, world: VehicleWorld, clock: Clock, *, log: Logger) -> None:
+    def __init__(self, name: str, plan: FlightPlan, world: VehicleWorld, clock: Clock) -> None:
         self._plan = plan
         self._link = world.links[name]
         self._clock = clock
         self._due_s = clock.now_s()
-        self._daemon = Daemon(name, plan, self._link, world.evaders[name], Equipment(log=log))
+        self._daemon = Daemon(name, plan, self._link, world.evaders[name])
 
     def rows(self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None) -> Sequence[Finding]:
         """Wait for all inputs, and return preflight's rows and the flight's own checks.
@@ -89,8 +86,8 @@ class Checkup:
         facts = self._daemon.facts(self._clock.now_s())
         return changes(facts, plan.flight.autopilot, plan.wants, advised=advised)
 
-    def apply(self, wanted: Sequence[ParameterChange], told: Callable[[Applied], None]) -> None:
-        """Set parameters one after another, and read each back.
+    def apply(self, wanted: Sequence[ParameterChange]) -> Iterator[Applied]:
+        """Set parameters one after another, read each back, and yield what came of it.
 
         Raises:
             FlightError: If the vehicle is armed, in the air, or does not say that it is neither; what was set by then
@@ -102,7 +99,7 @@ class Checkup:
             self._read(change.name)  # the announcement after setting is not proof: read the value
             self._link.request(messages.ParameterRequest(change.name))
             value = self._read(change.name)
-            told(Applied(change.name, value, value is not None and single(value) == change.request.value))
+            yield Applied(change.name, value, value is not None and single(value) == change.request.value)
 
     def _read(self, name: str) -> float | None:
         until_s = self._clock.now_s() + SET_WITHIN_S
@@ -136,15 +133,12 @@ class Checkup:
 
 
 @contextlib.contextmanager
-def checkup_of(name: str) -> Iterator[Checkup]:
+def checkup_of(config: Config) -> Iterator[Checkup]:
     """Open the vehicle of a configuration.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    config = load_vehicle(find(name, "vehicles"))
     plan, clock = plan_of(config), MonotonicClock()
-    with contextlib.ExitStack() as closing:
-        log = closing.enter_context(contextlib.closing(Log("console", "error")))
-        world = closing.enter_context(contextlib.closing(open_all(config, clock, tapped=False)))
-        yield Checkup(config.name, plan, world, clock, log=log)
+    with contextlib.closing(open_all(config, clock, tapped=False)) as world:
+        yield Checkup(config.name, plan, world, clock)

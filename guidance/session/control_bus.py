@@ -17,9 +17,20 @@ from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_wire import open_session
-from guidance.session import control_token
-from guidance.session.control_socket import STATUS, TIMEOUT_S, ControlSocket, Exchanges, ask_here, name_in
-from guidance.session.control_token import ControlToken
+from guidance.session.control_socket import (
+    STATUS,
+    TIMEOUT_S,
+    ControlSocket,
+    ControlToken,
+    Exchanges,
+    ask_here,
+    discard_token,
+    draw_token,
+    name_in,
+    publish_token,
+    read_token,
+    token_path,
+)
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
 
 JOIN_LIMIT_S: Final = 3.0
@@ -166,17 +177,17 @@ def _quietly(close: Callable[[], None]) -> None:
 @contextlib.contextmanager
 def _hosted(endpoint: str, token_file: Path | None) -> Iterator[tuple["zenoh.Session", ControlToken]]:
     """Listen at an endpoint with a new token; publish the token once that works."""
-    path = token_file or control_token.default_path(endpoint)
-    token = control_token.draw(path)
+    path = token_file or token_path(endpoint)
+    token = draw_token(path)
     try:
         session = host_session(endpoint, token)
         try:
-            token = control_token.publish(token, path)
+            token = publish_token(token, path)
             yield session, token
         finally:
             _quietly(session.close)
     finally:
-        control_token.discard(token)
+        discard_token(token)
 
 
 @contextlib.contextmanager
@@ -241,8 +252,8 @@ def join_session(
     """
     if credentials.tls is not None:
         return open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
-    path = control_token.default_path(endpoint) if token_file is None else token_file
-    token = control_token.read(path)
+    path = token_path(endpoint) if token_file is None else token_file
+    token = read_token(path)
     try:
         shown = Credentials(auth=None if token is None else token.for_client())
         return open_session(endpoint, timeout_s=timeout_s, credentials=shown)

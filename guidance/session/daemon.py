@@ -45,7 +45,6 @@ class Equipment:
         record: On disk.
         broadcast: To views and panels.
         record_required: Whether nothing flies without the record.
-        live: Shows a line about the flight.
         team: Its part in a team; None if it flies alone.
     """
 
@@ -56,7 +55,6 @@ class Equipment:
     record: Record | None = None
     broadcast: Record | None = None
     record_required: bool = False
-    live: Callable[[str], None] = lambda _: None
     team: Member | None = None
 
 
@@ -80,7 +78,6 @@ class Daemon:
         self._log = used.log
         self.metrics = Metrics(name) if used.metrics is None else used.metrics
         self._notifier = used.notifier
-        self._live = used.live
         self.recording = Recording(name, used.record, used.broadcast, required=used.record_required)
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
@@ -376,4 +373,4 @@ class Daemon:
             counters["team"] = self.team.board.counts
         self.metrics.show(now_s, self.flight, outputs, counters)
         self._notifier.status(f"{shown_state(self.flight)}, mode {self.flight.mode_name}")
-        self._live(flight_line(self.flight, outputs, now_s))
+        self._log.show(flight_line(self.flight, outputs, now_s))

@@ -1,23 +1,34 @@
-"""Finds out which autopilot a running vehicle has and where it stands, before any order."""
+"""A running vehicle, before any order: which autopilot it has, where it stands, and a first vehicle file for it.
 
-import contextlib
+The vehicle file is the bundled one with the limits of the autopilot.
+"""
+
+import math
+import re
 import time
-from collections.abc import Callable, Iterator
-from typing import Final
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 from guidance.autopilots import AUTOPILOTS, Autopilot, AutopilotProfile, autopilot_named, autopilots_of
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
-from guidance.clock import Clock
-from guidance.errors import ConfigError, FlightError
+from guidance.clock import Clock, MonotonicClock
+from guidance.config import config_folder, parse
+from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.flight import State
 from guidance.frames import LocalFrame
-from guidance.links.opening import Found, find_autopilot, open_wire
+from guidance.links.opening import Found, find_autopilot, open_link, open_wire
 from guidance.links.port import VehicleLink, Wire
 from guidance.messages import Heartbeat, Home, LandedState, Message, Origin, StatusText
+from guidance.preflight import PreflightMemory
 from guidance.session.mission import Progress
+from guidance.session.vehicle_file import Config
 from guidance.vehicle import VehicleState, local_frame, observe
 
 FOUND_WITHIN_S: Final = 15.0
+READ_WITHIN_S: Final = 10.0
 _CONNECTED_WITHIN_S: Final = 5.0
 
 PLACED_WITHIN_S: Final = 120.0
@@ -25,6 +36,12 @@ PLACED_WITHIN_S: Final = 120.0
 
 _ASK_EVERY_S: Final = 1.0
 _LOOK_EVERY_S: Final = 0.05
+_BEHIND_M: Final = 5.0
+"""Distance of our fence from the autopilot's fence around it."""
+
+_LIMITS_ABOVE: Final = 1.1
+"""Default of the speed limits over the game's speeds."""
+
 _LANDED_STATE_WITHIN_S: Final = 3.0
 _NAMES: Final[dict[type[Message], str]] = {
     Heartbeat: "HEARTBEAT",
@@ -34,7 +51,7 @@ _NAMES: Final[dict[type[Message], str]] = {
 }
 
 
-@contextlib.contextmanager
+@contextmanager
 def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iterator[tuple[Wire, Found, Autopilot]]:
     """Find the autopilot at a URL; the wire is closed in the end.
 
@@ -51,7 +68,7 @@ def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iter
         ConfigError: If the URL is wrong, or `identify` refuses the autopilot.
         LinkError: If nothing answers.
     """
-    with contextlib.closing(open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)) as wire:
+    with closing(open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)) as wire:
         found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=who)
         yield wire, found, identify(found, url, asked)
 
@@ -101,31 +118,33 @@ def wait_until_placed(
     Raises:
         FlightError: If it is in the air, armed, or has no position in time. No order was given then.
     """
-    state, said = VehicleState(), ""
-    begun_s = now_s = clock.now_s()
-    asked_s = float("-inf")
+    state, said, asked_s, begun_s = VehicleState(), "", -math.inf, clock.now_s()
     asked = (*profile.stream_requests(), *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN)))
-    while True:
+    words = ""
+    for now_s, messages in _heard(link, clock, within_s):
         if now_s - asked_s >= _ASK_EVERY_S:
             asked_s = now_s
             link.send_heartbeat()
             for request in asked:
                 link.request(request)
-        messages = link.receive()
-        state = observe(state, messages)
+        state, waited_s = observe(state, messages), now_s - begun_s
         said = next((each.text for each in reversed(messages) if isinstance(each, StatusText)), said)
-        waited_s = now_s - begun_s
         _refuse_if_flown(state, waited_s)
         missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
         home, frame = state.last(Home), local_frame(state, profile.projection)
         if not missing and home is not None and frame is not None:
             return home, frame
         words = f"{', '.join(missing)} not received: no position fix yet?" + (f' It says "{said}"' if said else "")
-        if waited_s > within_s:
-            raise FlightError(f"not ready within {within_s:g} s: {words} Nothing was armed")
         show(Progress(now_s, State.CONNECTING, _mode(state, profile), None, "s", waiting=words))
+    raise FlightError(f"not ready within {within_s:g} s: {words} Nothing was armed")
+
+
+def _heard(link: VehicleLink, clock: Clock, within_s: float) -> Iterator[tuple[float, Sequence[Message]]]:
+    """Yield the time and the vehicle's new messages, again and again until the time is over."""
+    begun_s = clock.now_s()
+    while (now_s := clock.now_s()) - begun_s <= within_s:
+        yield now_s, link.receive()
         clock.sleep_until(now_s + _LOOK_EVERY_S)
-        now_s = clock.now_s()
 
 
 def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
@@ -139,3 +158,138 @@ def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
 def _mode(state: VehicleState, profile: AutopilotProfile) -> str:
     heartbeat = state.last(Heartbeat)
     return "unknown" if heartbeat is None else profile.mode_title(profile.mode_of(heartbeat.custom_mode))
+
+
+class Surveyed(NamedTuple):
+    """An autopilot that answered, with the parameters that bound a vehicle file."""
+
+    autopilot: str
+    found: Found
+    parameters: Mapping[str, float]
+
+
+def survey(url: str, asked: str | None = None) -> Surveyed:
+    """Find the autopilot at a URL and read its limits. Sets and orders nothing.
+
+    Args:
+        url: See `guidance.links.port`.
+        asked: Name of the expected autopilot.
+
+    Raises:
+        ConfigError: If the URL is wrong or the autopilot unknown.
+        LinkError: If nothing answers.
+    """
+    clock = MonotonicClock()
+    with autopilot_at(url, asked, clock, who=url) as (wire, found, profile):
+        memory, who = PreflightMemory([bound.parameter for bound in profile.bounds]), f"{url}: system {found.system_id}"
+        link = open_link(
+            wire,
+            "pymavlink",
+            clock=clock.now_s,
+            who=who,
+            system_id=found.system_id,
+            component_id=found.component_id,
+        )
+        with closing(link):
+            link.send_heartbeat()
+            for now_s, messages in _heard(link, clock, READ_WITHIN_S):  # an old firmware may lack a parameter
+                memory.observe(messages, ())
+                if memory.complete:
+                    break
+                for request in memory.requests(now_s):
+                    link.request(request)
+    return Surveyed(profile.name, found, memory.facts(VehicleState(), clock.now_s()).parameters)
+
+
+def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed: Surveyed | None = None) -> str:
+    """Return the text of a commented vehicle file, checked as in `guidance run`.
+
+    Args:
+        autopilot: Name of the autopilot.
+        name: Name of the vehicle in orders, metrics and records.
+        url: Its URL; None keeps the bundled one.
+        surveyed: The limits that were read, if any.
+
+    Raises:
+        ConfigError: If the name, the URL or the autopilot is wrong.
+    """
+    described = autopilot_named(autopilot)
+    templates = config_folder() / "vehicles"
+    template = next(one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file())
+    text = template.read_text(encoding="utf-8")
+    text = f"{_head(described, surveyed)}\n{text[text.index('name = ') :]}"
+    text = _changed(text, "", "name", _quoted(name), "in orders, metrics and records")
+    text = _changed(text, "vehicle", "autopilot", _quoted(autopilot))
+    if url is not None:
+        text = _changed(text, "vehicle", "url", _quoted(url))
+    if surveyed is not None:
+        text = _changed(text, "vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT")
+        for change in _bounded(tomllib.loads(text), surveyed):
+            text = _changed(text, *change)
+    parse(Config, tomllib.loads(text), source="the vehicle file")
+    return text
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a new file.
+
+    Raises:
+        ConfigError: If it exists.
+        OutputError: If it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise ConfigError(f"--out {path}: exists and is not overwritten; choose another name") from error
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
+
+
+def _head(autopilot: Autopilot, surveyed: Surveyed | None) -> str:
+    head = (
+        "# A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys.\n"
+    )
+    if surveyed is None:
+        return f"{head}# Written without a vehicle: the limits are the bundled ones for {autopilot.name}.\n"
+    head += f"# Read from system {surveyed.found.system_id}, {autopilot.name}:\n"
+    for limit in autopilot.bounds:
+        value = surveyed.parameters.get(limit.parameter)
+        head += f"#   {limit.parameter:<18} {'not read' if value is None else f'{value:g}'}\n"
+    return head
+
+
+def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
+    """Yield the keys whose bound was read, with the largest allowed value, at most the file's own."""
+    for section, key, parameter, scale in autopilot_named(surveyed.autopilot).bounds:
+        told = surveyed.parameters.get(parameter)
+        if told is None:
+            continue
+        bound, value = told * scale, own[section][key]
+        if section == "limits":
+            value = value if bound <= _BEHIND_M else min(value, math.floor(bound - _BEHIND_M))
+            said = f"{parameter} is {told:g}" + (", which is off: guidance check refuses it" if told == 0.0 else "")
+        else:
+            value = min(value, math.floor(10.0 * bound / _LIMITS_ABOVE) / 10.0)
+            said = f"{parameter} is {told:g}"
+        yield section, key, f"{value:.1f}", said
+        if key == "ceiling_m" and value < own["flight"]["takeoff_height_m"]:
+            yield "flight", "takeoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
+            yield "game", "standoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
+        if key == "speed_m_s" and value <= own["game"]["evader_speed_m_s"]:
+            yield "game", "evader_speed_m_s", f"{value / 2.0:.2f}", "must be slower than the pursuer"
+
+
+def _changed(text: str, section: str, key: str, value: str, why: str = "") -> str:
+    """Replace the value of a key, and give the reason in a comment."""
+    within = rf"^\[{section}\]\n(?:(?!\[).*\n)*?" if section else r"\A(?:(?!^\[).*\n)*?"
+    comment = f"  # {why}" if why else r"\g<3>"
+    line = rf"({within})^({key} = )[^#\n]*?( *#[^\n]*)?$"
+    return re.sub(line, rf"\g<1>\g<2>{value}{comment}", text, count=1, flags=re.MULTILINE)
+
+
+def _quoted(text: str) -> str:
+    if re.search(r'["\\\x00-\x1f]', text):
+        raise ConfigError(f"{text!r}: quotation marks, backslashes and control characters are not allowed")
+    return f'"{text}"'

@@ -1,9 +1,12 @@
-"""Scenarios flown from connecting to the end: by the mock, by the vehicle of a file, or by one that runs at a URL."""
+"""Scenarios flown from connecting to the end, in three ways: by the mock, by a vehicle file, or at a URL.
+
+Each way opens what its flight needs (`Opened`); `fly_recorded` flies all of them.
+"""
 
 import contextlib
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Final, NamedTuple, NoReturn
@@ -21,21 +24,17 @@ from guidance.links.wires import share
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.messages import Home
-from guidance.session.answers import startup_answers
 from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus, opened
 from guidance.session.daemon import Equipment
 from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
 from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording
-from guidance.session.log import Log
 from guidance.session.loop import Signals, World, run
-from guidance.session.mission import Mission, Progress, Show
-from guidance.session.orders import ORDER_OF, Mailbox
+from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
+from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import FlightPlan, config_of, plan_of
-from guidance.session.process import Notifier
 from guidance.session.result import FlightResult, MissionResult, closing_detail
-from guidance.session.sequencer import MOCKED, MissionPolicy
-from guidance.session.service import opened_vehicle
+from guidance.session.service import opened_equipment, opened_vehicle
 from guidance.session.vehicle_file import Config
 from guidance.session.vehicle_world import VehicleWorld, open_all
 from guidance.sim.live import OVER, ZENOH, LiveWorld
@@ -81,6 +80,38 @@ def fly(
     return mission.stop(time.perf_counter() - begun_s)
 
 
+class Onlooker(NamedTuple):
+    """Who watches a flight and gives it orders.
+
+    Attributes:
+        show: Called in every cycle.
+        on_record: Called with the record's path when it is open.
+        control: Endpoint for orders and broadcasts; a free one if that is in use. None opens none.
+        on_control: Called with the endpoint.
+    """
+
+    show: Show = lambda _: None
+    on_record: Callable[[Path], None] = lambda _: None
+    control: str | None = None
+    on_control: Callable[[str], None] = lambda _: None
+
+
+NOBODY: Final = Onlooker()
+
+
+class Opened(NamedTuple):
+    """Everything that a flight needs, open. `own` is the configuration of a vehicle that is not a mock."""
+
+    scenario: Scenario
+    world: World
+    clock: Clock
+    control: ControlBus | None
+    used: Equipment
+    own: Config | None = None
+    policy: MissionPolicy = MOCKED
+    signals: Signals | None = None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MockOptions:
     """How the mock flies.
@@ -111,10 +142,63 @@ class MockOptions:
         """The kind of run in an outcome row."""
         return "fast" if self.fast else "live"
 
+    @contextlib.contextmanager
+    def opened(self, scenario: Scenario, onlooker: Onlooker) -> Iterator[Opened]:
+        """Open the mock, and take orders."""
+        check_faults(scenario)
+        clock, mailbox = self.clock(), Mailbox()
+        with (
+            opened({PURSUER: mailbox}, onlooker.control, onlooker.on_control) as buses,
+            closing(self.world(scenario, clock)) as world,
+        ):
+            yield Opened(scenario, world, clock, buses.get(PURSUER), Equipment(mailbox=mailbox))
+
+    def clock(self) -> Clock:
+        """Return a clock of virtual or real time."""
+        return VirtualClock() if self.fast else MonotonicClock()
+
+    def world(self, flown: Flown, clock: Clock) -> SteppedWorld | LiveWorld:
+        """Start the mock of one or several pursuits."""
+        if self.fast:
+            return SteppedWorld(flown, clock)
+        return LiveWorld(flown, clock, link=self.link, port=self.port, over=self.over)
+
+
+@dataclass(frozen=True, slots=True)
+class ByFile:
+    """The vehicle of a configuration file; the evader is whatever its evader source reports.
+
+    Preflight must pass. Ctrl-C hands the vehicle over as the file says (flight.on_terminate).
+
+    Attributes:
+        config: The file's content.
+        engage: A person allowed to start and to engage; else one has to order `guidance ctl start` and
+            `guidance ctl engage`.
+    """
+
+    config: Config
+    engage: bool
+    way: ClassVar[str] = "vehicle"
+
+    @contextlib.contextmanager
+    def opened(self, scenario: Scenario, _: Onlooker) -> Iterator[Opened]:
+        """Open all that the file names, and wait for the vehicle.
+
+        Raises:
+            ConfigError: If file and scenario contradict each other.
+            LinkError: If vehicle or evader cannot be reached.
+        """
+        own, clock = self.config, MonotonicClock()
+        plan_of(own, scenario)  # refused before anything is opened
+        hand_over = ORDER_OF[own.flight.on_terminate]
+        signals, policy = Signals(hand_over, kept), MissionPolicy(self.engage, hand_over=hand_over)
+        with signals.installed(), opened_vehicle(own, clock, tapped=True) as (world, control, used):
+            yield Opened(scenario, world, clock, control, used, own, policy, signals)
+
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A running vehicle and how to talk to it; see `guidance fly --help`.
+    """A vehicle that runs at a URL; its evader is simulated here. See `guidance fly --help`. Ctrl-C lands it.
 
     Raises:
         ConfigError: If an option has an unknown value.
@@ -131,174 +215,83 @@ class Asked:
         _check("--end", self.end, ENDS)
         parse(self.url)
 
+    @contextlib.contextmanager
+    def opened(self, scenario: Scenario, onlooker: Onlooker) -> Iterator[Opened]:
+        """Find the vehicle, wait until it knows its place, and lay the scenario about its home.
+
+        Raises:
+            ConfigError: If another autopilot is there.
+            LinkError: If there is no vehicle.
+            FlightError: If it is in the air, armed or does not get ready.
+        """
+        for_whom, mailbox = f"a HEARTBEAT at {self.url}, {FOUND_WITHIN_S:g} s at most", Mailbox()
+        onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom))
+        mailbox.meanwhile(startup_answers(PURSUER, for_whom, FOUND_WITHIN_S, MonotonicClock()))
+        with (
+            opened({PURSUER: mailbox}, onlooker.control, onlooker.on_control) as buses,
+            reach(scenario, [self]) as reached,
+        ):
+            own, world, clock = reached.configs[PURSUER], reached.world, reached.clock
+            autopilot = autopilot_named(own.vehicle.autopilot)
+            home, frame = wait_until_placed(world.links[own.name], autopilot, clock, onlooker.show)
+            laid = laid_about(scenario, home, frame, own.vehicle.autopilot)
+            evader = EvaderHere(laid, clock, reached.radios[EVADER])
+            world.players[EVADER], world.on_engage = evader, evader.engage
+            hand_over = ORDER_OF[own.flight.on_terminate]
+            policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=hand_over)
+            signals = Signals(hand_over, kept)
+            with signals.installed(), opened_equipment(mailbox, own) as used:
+                yield Opened(laid, world, clock, buses.get(PURSUER), used, own, policy, signals)
+
 
 def _check(option: str, value: str, allowed: Sequence[str]) -> None:
     if value not in allowed:
         raise ConfigError(f"{option} {value}: allowed are {', '.join(allowed)}")
 
 
-class Onlooker(NamedTuple):
-    """Who watches a flight and gives it orders.
+def kept() -> NoReturn:
+    """Refuse to read the configuration again.
 
-    Attributes:
-        show: Called in every cycle.
-        on_record: Called with the record's path when it is open.
-        control: Endpoint for orders and broadcasts; a free one if that is in use. None opens none.
-        on_control: Called with the endpoint.
+    Raises:
+        ConfigError: Always.
     """
-
-    show: Show = lambda _: None
-    on_record: Callable[[Path], None] = lambda _: None
-    control: str | None = None
-    on_control: Callable[[str], None] = lambda _: None
+    raise ConfigError("a scenario is flown: end it and begin again to fly another configuration")
 
 
-NOBODY: Final = Onlooker()
+Way = MockOptions | ByFile | Asked
 
 
-def fly_mock(scenario: Scenario, folder: Path, options: MockOptions, onlooker: Onlooker = NOBODY) -> FlightResult:
-    """Fly a scenario against the mock, with the record in a folder.
+def fly_recorded(scenario: Scenario, folder: Path, how: Way, onlooker: Onlooker = NOBODY) -> FlightResult:
+    """Fly a scenario, with a record in the folder and a broadcast where orders are taken.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    check_faults(scenario)
-    clock: Clock = VirtualClock() if options.fast else MonotonicClock()
-    mailbox = Mailbox()
-    with opened({PURSUER: mailbox}, onlooker.control, onlooker.on_control) as buses:
-        mock, bus = _mock(scenario, clock, options), buses.get(PURSUER)
-        return _conducted(scenario, mock, clock, folder, bus, Equipment(mailbox=mailbox), onlooker)
-
-
-@contextlib.contextmanager
-def _mock(scenario: Scenario, clock: Clock, options: MockOptions) -> Iterator[World]:
-    world: SteppedWorld | LiveWorld
-    if options.fast:
-        world = SteppedWorld(scenario, clock)
-    else:
-        world = LiveWorld(scenario, clock, link=options.link, port=options.port, over=options.over)
-    with contextlib.closing(world):
-        yield world
-
-
-def fly_vehicle(
-    scenario: Scenario, own: Config, folder: Path, say: Callable[[str], None], *, engage: bool
-) -> FlightResult:
-    """Fly a scenario with the vehicle of a configuration file; the evader is whatever its evader source reports.
-
-    Preflight must pass. Without `engage` a person has to order `guidance ctl start` and `guidance ctl engage`. Ctrl-C
-    hands the vehicle over as the file says (flight.on_terminate).
-
-    Args:
-        scenario: The scenario.
-        own: The vehicle's file.
-        folder: For the record.
-        say: Prints a line for the person.
-        engage: A person allowed to start and to engage.
-
-    Raises:
-        ConfigError: If the two contradict each other.
-        FlightError: If preflight refuses, or the start is outside of the fence.
-        LinkError: If vehicle or evader cannot be reached.
-    """
-    plan_of(own, scenario)  # refused before anything is opened
-    if scenario.fault:
-        say("faults are a mock's: the vehicle flies without them")
-    clock, hand_over = MonotonicClock(), ORDER_OF[own.flight.on_terminate]
-    signals, policy = Signals(hand_over, kept), MissionPolicy(engage, hand_over=hand_over)
-    with signals.installed(), opened_vehicle(own, clock, tapped=True) as (world, control, used):
-        say(f"record   {folder / RECORD}")
-        if not engage:
-            say("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
-        used.mailbox.meanwhile(None)
-        real = contextlib.nullcontext(world)
-        return _conducted(scenario, real, clock, folder, control, used, own=own, policy=policy, signals=signals)
-
-
-def fly_url(scenario: Scenario, folder: Path, asked: Asked, onlooker: Onlooker = NOBODY) -> FlightResult:
-    """Fly a scenario with the vehicle that runs at a URL; its evader is simulated here.
-
-    Args:
-        scenario: Who plays what, where and within which limits.
-        folder: For the record.
-        asked: The URL, and how to fly there. Ctrl-C lands it.
-        onlooker: Who watches, and gives orders.
-
-    Raises:
-        ConfigError: If an argument is wrong, or another autopilot is there.
-        LinkError: If there is no vehicle.
-        FlightError: If it is in the air, armed or does not get ready, or preflight refuses.
-    """
-    for_whom = f"a HEARTBEAT at {asked.url}, {FOUND_WITHIN_S:g} s at most"
-    onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom))
-    mailbox = Mailbox()
-    mailbox.meanwhile(startup_answers(PURSUER, for_whom, FOUND_WITHIN_S, MonotonicClock()))
-    with (
-        opened({PURSUER: mailbox}, onlooker.control, onlooker.on_control) as buses,
-        reach(scenario, [asked]) as reached,
-    ):
-        own, world, clock = reached.configs[PURSUER], reached.world, reached.clock
-        began_s = time.perf_counter()
-        autopilot = autopilot_named(own.vehicle.autopilot)
-        home, frame = wait_until_placed(world.links[own.name], autopilot, clock, onlooker.show)
-        laid = laid_about(scenario, home, frame, own.vehicle.autopilot)
-        evader = EvaderHere(laid, clock, reached.radios[EVADER])
-        world.players[EVADER], world.on_engage = evader, evader.engage
-        hand_over = ORDER_OF[own.flight.on_terminate]
-        signals = Signals(hand_over, kept)
-        policy = MissionPolicy(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
-        notifier = Notifier.from_environment(os.environ, os.getpid())
-        with (
-            signals.installed(),
-            contextlib.closing(Log(own.log.format, own.log.level)) as log,
-            contextlib.closing(notifier),
-        ):
-            mailbox.meanwhile(None)
-            used, real = Equipment(mailbox=mailbox, log=log, notifier=notifier), contextlib.nullcontext(world)
-            result = _conducted(
-                laid, real, clock, folder, buses.get(PURSUER), used, onlooker, own=own, policy=policy, signals=signals
-            )
-        result.wall_s = time.perf_counter() - began_s
-    return result
-
-
-def _conducted(
-    scenario: Scenario,
-    opening: contextlib.AbstractContextManager[World],
-    clock: Clock,
-    folder: Path,
-    bus: ControlBus | None,
-    used: Equipment,
-    onlooker: Onlooker = NOBODY,
-    *,
-    own: Config | None = None,
-    policy: MissionPolicy = MOCKED,
-    signals: Signals | None = None,
-) -> FlightResult:
-    """Fly in a world, with a record in the folder and a broadcast on the bus; `own` is the file of a real vehicle."""
-    real_time = not isinstance(clock, VirtualClock)
-    metadata = flight_metadata(scenario, own, clock if real_time else None)
-    name, way = (PURSUER, "live" if real_time else "fast") if own is None else (own.name, "vehicle")
-    with contextlib.ExitStack() as closing:
-        record = closing.enter_context(recording(folder / RECORD, metadata, real_time=real_time))
+    with contextlib.ExitStack() as stack:
+        laid, world, clock, control, used, own, policy, signals = stack.enter_context(how.opened(scenario, onlooker))
+        name = PURSUER if own is None else own.name
+        metadata = flight_metadata(laid, own, clock if world.real_time else None)
+        record = stack.enter_context(recording(folder / RECORD, metadata, real_time=world.real_time))
         onlooker.on_record(folder / RECORD)
-        world = closing.enter_context(opening)
-        broadcast = None if bus is None else Broadcast(name, bus.session, metadata)
-        if broadcast is not None:
-            closing.callback(broadcast.close)
+        used = replace(used, record=record)
+        if control is not None:
+            broadcast = stack.enter_context(closing(Broadcast(name, control.session, metadata)))
+            used = replace(used, broadcast=broadcast)
+        used.mailbox.meanwhile(None)
+        plans, pursuits = {name: plan_of(own, laid)}, (Pursuit(laid, name),)
         flown = fly(
-            (Pursuit(scenario, name),),
+            pursuits,
             world,
             clock,
-            plans={name: plan_of(own, scenario)},
-            equipment={name: replace(used, record=record, broadcast=broadcast)},
+            plans=plans,
+            equipment={name: used},
             policy=policy,
             show=onlooker.show,
             signals=signals,
         )
         result = flown.vehicles[name]
-        if broadcast is not None:
-            broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, way, folder))
+        if used.broadcast is not None:
+            used.broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, how.way, folder))
     if record.failed is not None and result.record_stopped is None:
         result.record_stopped = Stopped(result.duration_s, record.failed)
     result.record_dropped = record.dropped
@@ -330,17 +323,17 @@ def reach(flown: Flown, asked: Sequence[Asked], separation: TeamSection | None =
     clock, pursuits = MonotonicClock(), pursuits_of(flown)
     ears, reached = dict[str, UdpWire](), Reached({}, VehicleWorld(), clock, {})
     speeds_m_s = {one.evader: one.scenario.evader.believed_speed_m_s for one in reversed(pursuits)}
-    with contextlib.ExitStack() as closing:
+    with contextlib.ExitStack() as stack:
         for name in speeds_m_s:
             ears[name] = UdpWire(clock.now_s, host="127.0.0.1", port=0, listen=True, systems=(EVADER_ID,))
-            closing.callback(ears[name].close)
+            stack.callback(ears[name].close)
             radio = UdpWire(clock.now_s, host="127.0.0.1", port=ears[name].port, listen=False)
             reached.radios[name] = radio
-            closing.callback(radio.close)
+            stack.callback(radio.close)
         heard = {name: iter(share(wire, len(pursuits))) for name, wire in ears.items()}
         for (scenario, vehicle, evader), one in zip(pursuits, asked, strict=True):
             at_url = autopilot_at(one.url, one.autopilot, clock, who=f"--vehicle {one.url}")
-            wire, found, autopilot = closing.enter_context(at_url)
+            wire, found, autopilot = stack.enter_context(at_url)
             urls = {name: f"udpin://127.0.0.1:{wire.port}" for name, wire in ears.items()}
             team = None
             if separation is not None:
@@ -363,7 +356,7 @@ def reach(flown: Flown, asked: Sequence[Asked], separation: TeamSection | None =
             )
             wires = {name: next(shares) for name, shares in heard.items()}
             reached.world.add(open_all(own, clock, tapped=True, wire=wire, evader_wires=wires))
-        closing.callback(reached.world.close)
+        stack.callback(reached.world.close)
         yield reached
 
 
@@ -374,15 +367,11 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    log = Log("console", "error")
-    try:
-        with reach(scenario, [asked]) as reached:
-            own = reached.configs[PURSUER]
-            pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
-            plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
-            yield Checkup(own.name, plan, reached.world, reached.clock, log=log)
-    finally:
-        log.close()
+    with reach(scenario, [asked]) as reached:
+        own = reached.configs[PURSUER]
+        pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
+        plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
+        yield Checkup(own.name, plan, reached.world, reached.clock)
 
 
 def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:
@@ -410,20 +399,13 @@ def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str
     )
 
 
-def left_out(scenario: Scenario) -> Sequence[str]:
+def left_out(scenario: Scenario, how: Way) -> Sequence[str]:
     """Name what of a scenario a vehicle that is not ours flies without."""
     words = []
-    if any(fault.vehicle != EVADER for fault in scenario.fault):
-        words.append("faults of the pursuer")
+    if isinstance(how, MockOptions):
+        return ()
+    if any(fault.vehicle != EVADER or isinstance(how, ByFile) for fault in scenario.fault):
+        words.append("faults")
     if any(scenario.wind.velocity_m_s):
         words.append("wind")
     return words
-
-
-def kept() -> NoReturn:
-    """Refuse to read the configuration again.
-
-    Raises:
-        ConfigError: Always.
-    """
-    raise ConfigError("a scenario is flown: end it and begin again to fly another configuration")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from guidance.autopilots import autopilot_named
-from guidance.clock import Clock, MonotonicClock, VirtualClock
+from guidance.clock import Clock
 from guidance.errors import ConfigError
 from guidance.flight import Event
 from guidance.flight.settings import TeamSection
@@ -27,14 +27,13 @@ from guidance.session.flight_files import RECORD, TEAM, flight_metadata, recordi
 from guidance.session.fly import NOBODY, Asked, MockOptions, Onlooker, fly, kept, laid_about, reach
 from guidance.session.log import Log
 from guidance.session.loop import Signals, World
+from guidance.session.mission import MOCKED, MissionPolicy
 from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.plan import plan_of
 from guidance.session.result import MissionResult
-from guidance.session.sequencer import MOCKED, MissionPolicy
 from guidance.session.vehicle_file import Config
-from guidance.sim.live import LiveWorld
 from guidance.sim.scenario import Pursuit
-from guidance.sim.stepped import EvaderHere, SteppedWorld
+from guidance.sim.stepped import EvaderHere
 from guidance.sim.team_flight import pursuits_of_team, rows_of
 from guidance.sim.teams import TeamOutcome, TeamScenario
 from guidance.team import Member, MemoryNetwork, Transport
@@ -162,13 +161,8 @@ def fly_team(
 
 
 def _mocks(scenario: TeamScenario, options: MockOptions, closing: contextlib.ExitStack) -> Opened:
-    pursuits = pursuits_of_team(scenario)
-    clock: Clock = VirtualClock() if options.fast else MonotonicClock()
-    world: SteppedWorld | LiveWorld
-    if options.fast:
-        world = SteppedWorld(pursuits, clock)
-    else:
-        world = LiveWorld(pursuits, clock, link=options.link, port=options.port, over=options.over)
+    pursuits, clock = pursuits_of_team(scenario), options.clock()
+    world = options.world(pursuits, clock)
     closing.callback(world.close)
     return Opened(pursuits, world, clock, {})
 

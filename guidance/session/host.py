@@ -20,7 +20,7 @@ from serial.tools import list_ports
 from guidance.autopilots import Finding, Verdict
 from guidance.extras import EXTRAS, how_to_add
 from guidance.links.port import parse
-from guidance.session.control_token import default_path
+from guidance.session.control_socket import token_path
 from guidance.session.loop import PERIOD_S
 from guidance.session.process import PRIORITY
 from guidance.session.vehicle_file import Config, Control
@@ -114,7 +114,7 @@ def _urls(config: Config | None) -> Iterator[Finding]:
 
 
 def _control(control: Control) -> Finding:
-    path = control.token_file or default_path(control.endpoint)
+    path = control.token_file or token_path(control.endpoint)
     folder = next(part for part in (path, *path.parents) if part.exists())
     if not os.access(folder, os.W_OK):
         advice = f"the token goes to {path}: set control.token_file, or run as who owns {folder}"

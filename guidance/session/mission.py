@@ -6,13 +6,13 @@ has for itself, is sent home or landed and watched until it is disarmed.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
 from guidance.clock import Clock
 from guidance.errors import FlightError
-from guidance.flight import Authority, Event, Outputs, State
+from guidance.flight import FINAL, Authority, Event, Outputs, State
 from guidance.frames import Vector
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
@@ -22,8 +22,7 @@ from guidance.session.flight_files import Stopped
 from guidance.session.loop import PERIOD_S, World
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.result import EvaderResult, FlightResult, MissionResult, conclude, note
-from guidance.session.sequencer import MOCKED, MissionPolicy, MissionSequencer
+from guidance.session.result import PLAYED, PLAYING, EvaderResult, FlightResult, MissionResult, note
 from guidance.sim.scenario import Flown, Pursuit, pursuits_of
 from guidance.sim.sensor import SensedEvader
 
@@ -72,9 +71,119 @@ class Progress(NamedTuple):
 
 Show = Callable[[Progress], None]
 
+LINGER_S: Final = 2.0
+"""Wait of a mission after the flight held or yielded by itself."""
 
-def _ignored(_: Progress) -> None:
-    """Show nothing."""
+CONTACT_PATIENCE_S: Final = 60.0
+"""Wait of a mission for a person's engage order after a telemetry gap."""
+
+PATIENCE_S: Final[Mapping[State, float]] = {
+    State.READY: 60.0,
+    State.RETURNING: 300.0,
+    State.LANDING: 300.0,
+    State.OUT_OF_CONTACT: 60.0,
+}
+"""Longest stay in states without a limit of their own; then the run ends."""
+
+
+class MissionPolicy(NamedTuple):
+    """Which orders a mission may give, and how the vehicle is handed over.
+
+    Attributes:
+        engage: The mission may start and engage as soon as that can be done; else both wait for `guidance ctl start`
+            and `guidance ctl engage`.
+        end_with: The order that ends the game, where the run has the vehicle for itself: one that is armed already is
+            refused then, and in the end it is watched until it is disarmed. None leaves it to `hand_over`.
+        hand_over: The order that hands the vehicle over in the end; None for a mock.
+    """
+
+    engage: bool
+    end_with: Event | None = None
+    hand_over: Event | None = None
+
+
+MOCKED: Final = MissionPolicy(engage=True, end_with=Event.LAND)
+
+
+class MissionSequencer:
+    """Start when everything is ready, engage when both stand by, end after the game or its time limit.
+
+    While an operator's order stands the mission orders nothing and does not end.
+
+    Args:
+        hold_s: How long to stay on station.
+        time_limit_s: Of the game.
+        policy: Whether states have time limits (not if a person gives the orders), and the order that ends the game.
+
+    Attributes:
+        engaged_s: When the game began; anew if an operator engages again after a hold. None before.
+        timed_out: Whether the game lasted too long.
+    """
+
+    def __init__(self, *, hold_s: float, time_limit_s: float, policy: MissionPolicy = MOCKED) -> None:
+        self._hold_s = hold_s
+        self._time_limit_s = time_limit_s
+        self._patience_s = PATIENCE_S if policy.engage else {}
+        self._end_with = policy.end_with or Event.LAND
+        self._state = State.CONNECTING
+        self._since_s = self._now_s = 0.0
+        self._lost_contact = False
+        self.by_operator = False
+        self.engaged_s: float | None = None
+        self.timed_out = False
+
+    @property
+    def playing(self) -> bool:
+        """From engagement until capture. The evader plays in this time, also while the pursuer pauses."""
+        return self.engaged_s is not None and self._state in PLAYING
+
+    @property
+    def finished(self) -> bool:
+        """True if the flight is over, or stays too long in a state."""
+        waited_s = self._now_s - self._since_s
+        if self._state is State.YIELDED:
+            return waited_s >= LINGER_S  # the record then shows the silence
+        if self._state in FINAL:
+            return True
+        return not self.by_operator and waited_s > self._patience_s.get(self._state, math.inf)
+
+    def follow(self, now_s: float, outputs: Outputs) -> None:
+        """Take note of what a cycle did."""
+        self._now_s = now_s
+        cause = outputs.cause
+        self.by_operator = cause is not None and cause.by is Authority.OPERATOR
+        self._lost_contact = cause is not None and cause.event is Event.CONTACT
+        before = self._state
+        if outputs.state is before:
+            return
+        self._state, self._since_s = outputs.state, now_s
+        if self._state is State.ENGAGED and before not in PLAYED:
+            self.engaged_s = now_s
+
+    def orders(self, now_s: float, *, evader_ready: bool, evader_fresh: bool) -> Sequence[Event]:
+        """Give the orders for this cycle."""
+        if self.by_operator:
+            return ()
+        first = self.engaged_s is None and not self._lost_contact
+        if self._state is State.READY and evader_ready:
+            return (Event.START,)
+        if self._state is State.STANDING_BY and first and evader_ready and evader_fresh:
+            return (Event.ENGAGE,)
+        if self._state in PLAYING and self._overtime(now_s):
+            self.timed_out = True
+            return (self._end_with,)
+        return (self._end_with,) if now_s - self._since_s >= self._lingers_s() else ()
+
+    def _lingers_s(self) -> float:
+        """Longest stay in the present state; then the mission ends the flight."""
+        if self._state is State.ON_STATION:
+            return self._hold_s
+        if self._state is State.STANDING_BY and self._lost_contact:
+            return CONTACT_PATIENCE_S
+        return LINGER_S if self._state in {State.HOLDING, State.STANDING_BY} else math.inf
+
+    def _overtime(self, now_s: float) -> bool:
+        return self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s
 
 
 class Mission:
@@ -107,22 +216,19 @@ class Mission:
         plans: Mapping[str, FlightPlan] | None = None,
         equipment: Mapping[str, Equipment] | None = None,
         policy: MissionPolicy = MOCKED,
-        show: Show = _ignored,
+        show: Show = lambda _: None,
         ready_within_s: float = READY_WITHIN_S,
     ) -> None:
-        self._world = world
+        self.world, self.clock, self.policy, self.show, self.ready_within_s = world, clock, policy, show, ready_within_s
+        plans, equipment = plans or {}, equipment or {}
         self._vehicles = [
             VehicleMission(
-                pursuit,
-                world,
-                clock,
-                (plans or {}).get(pursuit.vehicle) or plan_of(scenario=pursuit.scenario),
-                (equipment or {}).get(pursuit.vehicle),
-                policy,
-                show,
-                ready_within_s,
+                self,
+                one,
+                plans.get(one.vehicle) or plan_of(scenario=one.scenario),
+                equipment.get(one.vehicle, Equipment()),
             )
-            for pursuit in pursuits_of(flown)
+            for one in pursuits_of(flown)
         ]
         self.daemons = [one.daemon for one in self._vehicles]
         self._team = any(daemon.team is not None for daemon in self.daemons)
@@ -140,7 +246,7 @@ class Mission:
         """Move the evaders to the present, and give the orders that are due."""
         for one in self._vehicles:
             one.locate(now_s)
-        for name, player in self._world.players.items():
+        for name, player in self.world.players.items():
             pursuers = [one for one in self._vehicles if self._team or one.pursuit.evader == name]
             places = [one.position_game_m for one in pursuers if one.position_game_m is not None]
             playing = any(one.sequencer.playing for one in pursuers) and not self._is_over(name)
@@ -170,7 +276,7 @@ class Mission:
 
     def stop(self, wall_s: float) -> MissionResult:
         """Stop the evaders that this process plays, and return the result of the run, which took `wall_s`."""
-        for player in self._world.players.values():
+        for player in self.world.players.values():
             player.stop()
         for one in self._vehicles:
             one.result.interrupted, one.result.wall_s = not one.left, wall_s
@@ -186,35 +292,23 @@ _WAITS_FOR: Final[Mapping[State, frozenset[State]]] = {
 
 
 class VehicleMission:
-    """One vehicle's part of a mission, with its daemon; arguments as of `Mission`."""
+    """One vehicle's part of a mission, with its daemon."""
 
-    def __init__(
-        self,
-        pursuit: Pursuit,
-        world: World,
-        clock: Clock,
-        plan: FlightPlan,
-        equipment: Equipment | None,
-        policy: MissionPolicy,
-        show: Show,
-        ready_within_s: float,
-    ) -> None:
-        scenario, name, evader = self.pursuit = pursuit
+    def __init__(self, mission: Mission, pursuit: Pursuit, plan: FlightPlan, equipment: Equipment) -> None:
+        scenario, vehicle, evader = self.pursuit = pursuit
         self.result = FlightResult(scenario, State.CONNECTING)
         self.over = False
         self.position_game_m: Vector | None = None
-        team = None if equipment is None else equipment.team
+        self._mission, self._policy, world = mission, mission.policy, mission.world
         self._heard = {
-            name: SensedEvader(source, scenario.sensor, scenario.seed, clock.now_s)
-            for name, source in world.evaders[name].items()
-            if team is not None or name == evader
+            name: SensedEvader(source, scenario.sensor, scenario.seed, mission.clock.now_s)
+            for name, source in world.evaders[vehicle].items()
+            if equipment.team is not None or name == evader
         }
-        self.daemon = Daemon(name, plan, world.links[name], self._heard, equipment)
-        self._world = world
-        self._policy = policy
-        self._show = show
-        self._ready_within_s = ready_within_s
-        self.sequencer = MissionSequencer(hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s, policy=policy)
+        self.daemon = Daemon(vehicle, plan, world.links[vehicle], self._heard, equipment)
+        self.sequencer = MissionSequencer(
+            hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s, policy=mission.policy
+        )
         self._engaged_once = False
         self._begun_s: float | None = None
         self._limit_from_s = 0.0
@@ -246,11 +340,11 @@ class VehicleMission:
 
     def before(self, now_s: float, *, waiting: bool = False) -> None:
         """Give the orders that are due, unless the vehicle waits for its team."""
-        flight = self.daemon.flight
         if waiting:
             return
+        flight = self.daemon.flight
         fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
-        player = self._world.players.get(self.evader)
+        player = self._mission.world.players.get(self.evader)
         ready = player is None or player.ready
         for order in self.sequencer.orders(now_s, evader_ready=ready, evader_fresh=fresh):
             if order in {Event.START, Event.ENGAGE}:
@@ -279,7 +373,7 @@ class VehicleMission:
         result.late_cycles += late_s > PERIOD_S
         result.record_stopped = self.daemon.recording.stopped
         note(result, now_s, outputs, self.position_game_m, evader_game_m)
-        conclude(result, self.sequencer, now_s - self._begun_s)
+        result.duration_s, result.timed_out = now_s - self._begun_s, self.sequencer.timed_out
         waiting = ""
         if self.daemon.judged:
             self._listen()
@@ -289,15 +383,14 @@ class VehicleMission:
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
         if self.sequencer.finished or given_up:
             self._leave(now_s)
-        if self._show is not _ignored:
-            self._show(self._progress(now_s, outputs, waiting))
+        self._mission.show(self._progress(now_s, outputs, waiting))
 
     def _engage(self, now_s: float) -> None:
         """Start the sensor and the faults, whose times count from the first engagement."""
         self._engaged_once = True
         for heard in self._heard.values():
             heard.engage(now_s)
-        self._world.engage(self.pursuit.vehicle)
+        self._mission.world.engage(self.pursuit.vehicle)
 
     def _progress(self, now_s: float, outputs: Outputs, waiting: str) -> Progress:
         flight = self.daemon.flight
@@ -331,7 +424,7 @@ class VehicleMission:
 
     def evader_game_m(self, now_s: float) -> Vector | None:
         """Return the evader's position in the game frame: the true one, or as the vehicle estimates it."""
-        player = self._world.players.get(self.evader)
+        player = self._mission.world.players.get(self.evader)
         if player is not None:
             return player.position_game_m()
         tracking = self.daemon.flight.tracking
@@ -369,9 +462,9 @@ class VehicleMission:
         self._refused_s = min(self._refused_s, now_s) if refused else math.inf
         if now_s - self._refused_s >= JUDGED_FOR_S:
             raise FlightError(f"preflight refuses: {advice(daemon.rows)}; see `guidance check`")
-        if daemon.flight.state is not State.READY and waited_s > self._ready_within_s:
+        if daemon.flight.state is not State.READY and waited_s > self._mission.ready_within_s:
             raise FlightError(
-                f"not ready to fly within {self._ready_within_s:g} s: "
+                f"not ready to fly within {self._mission.ready_within_s:g} s: "
                 f"{missing(daemon.flight, now_s, daemon.rows)}{self._said('the autopilot says')}; nothing was armed"
             )
 

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from guidance.autopilots import Finding, Mode, Wants
+from guidance.clock import Clock
 from guidance.flight import FINAL, Authority, EngageOn, Event, Flight, State
 from guidance.preflight import PreflightMemory, engage_names, engage_rows, refusals
-from guidance.session.control_socket import ALIVE, STATUS
+from guidance.session.control_socket import ALIVE, STATUS, WORDS
 
 MOST_ORDERS: Final = 64
 MOST_QUERIES: Final = 256
@@ -108,6 +109,30 @@ class Mailbox:
             self._orders.clear()
             self._queries.clear()
         return taken
+
+
+def startup_answers(name: str, waiting_for: str, limit_s: float, clock: Clock) -> Callable[[str], Answer]:
+    """Return what answers every order before the loop runs: the status, or a refusal until the vehicle is there.
+
+    Args:
+        name: The vehicle's.
+        waiting_for: The awaited event, in words.
+        limit_s: Time limit of the wait.
+        clock: The process's.
+    """
+    since_s = clock.now_s()
+
+    def answer(order: str) -> Answer:
+        waited_s = round(clock.now_s() - since_s, 1)
+        shown: dict[str, Any] = {"order": order, "name": name, "state": "waiting", "waiting_for": waiting_for}
+        shown |= {"waited_s": waited_s, "connect_timeout_s": limit_s, "accepted": order == STATUS}
+        if order not in WORDS:
+            shown["reason"] = f"order = {order!r}: allowed are {', '.join(WORDS)}"
+        elif order != STATUS:
+            shown["reason"] = f"waiting for {waiting_for}, {waited_s:g} s so far"
+        return shown
+
+    return answer
 
 
 class ShutdownHandover:

@@ -19,14 +19,13 @@ from guidance.frames import Vector
 from guidance.game import solve
 from guidance.monitor import Alarm
 from guidance.session.flight_files import RECORD, Stopped
-from guidance.session.sequencer import MissionSequencer
 from guidance.sim.batch import stack
 from guidance.sim.maths import game_of
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind
 
 PLAYING = frozenset({State.ENGAGED, State.PAUSED})
-_PLAYED = PLAYING | {State.ON_STATION}
+PLAYED = PLAYING | {State.ON_STATION}
 
 _ENDS: Mapping[Event, str] = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived", Event.PILOT: "yielded"}
 
@@ -44,15 +43,12 @@ class FlightSample(NamedTuple):
 class FlightResult:
     """Result of a flight.
 
-    `engaged` is the first certificate, and `achieved` the value as flown, NaN without a capture.
-    Its `Outcome` is compared with other runs. `said` is the autopilot's last warning before it flew;
-    `interrupted` whether a person ended the run.
+    `engaged` is the first certificate, `said` the autopilot's last warning before it flew, and `interrupted` whether a
+    person ended the run.
     """
 
     scenario: Scenario
     ended: State
-    achieved: float = math.nan
-    capture_time_s: float = math.nan
     reachable_speed_m_s: float = math.nan
     engaged: Certificate | None = None
     captured: bool = False
@@ -128,7 +124,6 @@ def note(
     result.ended = outputs.state
     result.happenings.extend(outputs.happenings)
     if any(map(_begins_game, outputs.happenings)):
-        result.achieved = result.capture_time_s = math.nan
         result.engaged, result.captured = None, False
     if outputs.alarm is not None:
         result.alarms.append((now_s, outputs.alarm))
@@ -142,20 +137,7 @@ def note(
     result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
     if math.isnan(result.predicted):
         result.engaged = certificate
-    if certificate.captured and not result.captured:
-        result.captured = True
-        result.achieved = evader_to_target_m(result.scenario, certificate.evader_game_m)
-
-
-def conclude(result: FlightResult, director: MissionSequencer, duration_s: float) -> None:
-    """Complete a result when the flight is over."""
-    result.duration_s = duration_s
-    result.timed_out = director.timed_out
-    if director.engaged_s is None or director.captured_s is None:
-        return
-    result.capture_time_s = director.captured_s - director.engaged_s
-    if result.scenario.target is None:
-        result.achieved = result.capture_time_s
+    result.captured |= certificate.captured
 
 
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
@@ -205,7 +187,7 @@ def ending_words(outcome: Outcome) -> str:
 
 def _begins_game(happening: Happening) -> bool:
     """True if a game began; an operator may engage another one after a hold."""
-    return happening.after is State.ENGAGED and happening.before not in _PLAYED
+    return happening.after is State.ENGAGED and happening.before not in PLAYED
 
 
 def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:

@@ -1,11 +1,11 @@
 """`guidance run`: open everything, run, and close everything again."""
 
-import contextlib
 import json
 import logging
 import os
 import secrets
 from collections.abc import Iterator
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -15,14 +15,13 @@ from guidance.errors import ConfigError
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
-from guidance.session.answers import startup_answers
 from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import daemon_recording, flight_metadata
 from guidance.session.log import Log
 from guidance.session.loop import Signals, run
 from guidance.session.metrics import Metrics, MetricsServer
-from guidance.session.orders import ORDER_OF, Mailbox
+from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.process import Notifier, claim
 from guidance.session.vehicle_file import Config, load_vehicle
@@ -33,7 +32,17 @@ _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metric
 """Sections that are opened at the start: a change of these needs a restart."""
 
 
-@contextlib.contextmanager
+@contextmanager
+def opened_equipment(mailbox: Mailbox, config: Config) -> Iterator[Equipment]:
+    """Open the log that a vehicle file asks for, and signs of life to systemd."""
+    with (
+        closing(Log(config.log.format, config.log.level)) as log,
+        closing(Notifier.from_environment(os.environ, os.getpid())) as notifier,
+    ):
+        yield Equipment(mailbox=mailbox, log=log, notifier=notifier)
+
+
+@contextmanager
 def opened_vehicle(
     config: Config, clock: Clock, *, tapped: bool
 ) -> Iterator[tuple[VehicleWorld, ControlBus, Equipment]]:
@@ -51,16 +60,13 @@ def opened_vehicle(
         GuidanceError: For everything that the user can mend.
     """
     mailbox, wanted = Mailbox(), config.vehicle
-    with contextlib.ExitStack() as closing:
-        log = closing.enter_context(contextlib.closing(Log(config.log.format, config.log.level)))
-        notifier = closing.enter_context(contextlib.closing(Notifier.from_environment(os.environ, os.getpid())))
-        waiting_for = f"a HEARTBEAT of system {wanted.system_id}, component {wanted.component_id} at {wanted.url}"
-        mailbox.meanwhile(startup_answers(config.name, waiting_for, wanted.connect_timeout_s, clock))
-        control = closing.enter_context(contextlib.closing(open_control(config, mailbox)))
+    mailbox.meanwhile(startup_answers(config.name, wanted.awaited, wanted.connect_timeout_s, clock))
+    with opened_equipment(mailbox, config) as used, closing(open_control(config, mailbox)) as control:
         fields = {"url": wanted.url, "system": wanted.system_id, "component": wanted.component_id}
-        log.say(logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=wanted.connect_timeout_s)
-        world = closing.enter_context(contextlib.closing(open_all(config, clock, tapped=tapped)))
-        yield world, control, Equipment(mailbox=mailbox, log=log, notifier=notifier)
+        limit_s = wanted.connect_timeout_s
+        used.log.say(logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s)
+        with closing(open_all(config, clock, tapped=tapped)) as world:
+            yield world, control, used
 
 
 def run_vehicle(path: Path, config: Config) -> None:
@@ -73,19 +79,18 @@ def run_vehicle(path: Path, config: Config) -> None:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    plan = plan_of(config)
-    clock, metrics = MonotonicClock(), Metrics(config.name)
+    plan, clock, metrics = plan_of(config), MonotonicClock(), Metrics(config.name)
     signals = Signals(ORDER_OF[config.flight.on_terminate], lambda: reload(path, config))
-    with signals.installed(), contextlib.ExitStack() as closing:
-        if config.metrics.port is not None:
-            closing.enter_context(contextlib.closing(MetricsServer(metrics, config.metrics.port)))
-        tapped = config.record.folder is not None
-        world, control, used = closing.enter_context(opened_vehicle(config, clock, tapped=tapped))
-        metadata = flight_metadata(None, config, clock)
-        record = closing.enter_context(daemon_recording(config, metadata, used.log))
-        broadcast = closing.enter_context(contextlib.closing(Broadcast(config.name, control.session, metadata)))
-        used = replace(used, metrics=metrics, record=record, broadcast=broadcast, live=used.log.show)
-        used = replace(used, record_required=config.record.required, team=_member(config, control, clock, closing))
+    with (
+        signals.installed(),
+        nullcontext() if config.metrics.port is None else closing(MetricsServer(metrics, config.metrics.port)),
+        opened_vehicle(config, clock, tapped=config.record.folder is not None) as (world, control, opened),
+        daemon_recording(config, flight_metadata(None, config, clock), opened.log) as record,
+        closing(Broadcast(config.name, control.session, flight_metadata(None, config, clock))) as broadcast,
+        _member(config, control, clock) as team,
+    ):
+        required = config.record.required
+        used = replace(opened, metrics=metrics, record=record, broadcast=broadcast, record_required=required, team=team)
         daemon = Daemon(config.name, plan, world.links[config.name], world.evaders[config.name], used)
         used.notifier.ready()
         started = {"name": config.name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
@@ -96,21 +101,22 @@ def run_vehicle(path: Path, config: Config) -> None:
         used.log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 
 
-def _member(config: Config, control: ControlBus, clock: Clock, closing: contextlib.ExitStack) -> Member | None:
+@contextmanager
+def _member(config: Config, control: ControlBus, clock: Clock) -> Iterator[Member | None]:
     """Join the team of a vehicle file, if it has one."""
     if config.team is None:
-        return None
+        yield None
+        return
     team, mates = config.team, config.team.mates
-    transport = ZenohTeam(clock.now_s, control.session, team.name, config.name, mates)
-    closing.callback(transport.close)
-    return Member(
-        config.name,
-        mates,
-        list(config.evaders),
-        transport,
-        epoch=secrets.randbits(48),
-        separation_height_m=team.separation_height_m,
-    )
+    with closing(ZenohTeam(clock.now_s, control.session, team.name, config.name, mates)) as transport:
+        yield Member(
+            config.name,
+            mates,
+            list(config.evaders),
+            transport,
+            epoch=secrets.randbits(48),
+            separation_height_m=team.separation_height_m,
+        )
 
 
 def reload(path: Path, before: Config) -> FlightPlan:

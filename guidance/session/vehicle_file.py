@@ -272,6 +272,11 @@ class Vehicle(Section):
     connect_timeout_s: float = Field(60.0, gt=0.0, le=3600.0, description="longest wait for the first HEARTBEAT")
     signing_key_file: Path | None = Field(None, description="64 hexadecimal digits; only the owner may read the file")
 
+    @property
+    def awaited(self) -> str:
+        """The event that shows that it is there, in words."""
+        return f"a HEARTBEAT of system {self.system_id}, component {self.component_id} at {self.url}"
+
     @model_validator(mode="after")
     def _check_signing(self) -> Self:
         if self.signing_key_file is not None and self.link == "mavsdk":

@@ -34,14 +34,19 @@ def load_scenario(name: str) -> tuple[Path, Scenario]:
     return path, scenario
 
 
-def load_any(name: str) -> tuple[Path, Scenario | TeamScenario]:
+def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamScenario]:
     """Read a scenario of two players, or one of teams, which has tables [[pursuer]] or [[evader]].
+
+    Args:
+        name: A path, or the name of one that comes with the package.
+        seed: In place of the file's.
 
     Raises:
         ConfigError: If there is none, or a key is wrong.
     """
     path = find(name, FOLDER)
     text, document = read_text(path), load_document(path)
+    document |= {} if seed is None else {"seed": seed}
     if has_teams(document):
         return path, parse(TeamScenario, document, source=str(path), text=text)
     return path, parse(Scenario, document, source=str(path), text=text)

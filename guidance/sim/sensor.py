@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from guidance.estimation import TrackSettings
+from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame
 from guidance.game.arrays import Real
 from guidance.links.port import EvaderSource

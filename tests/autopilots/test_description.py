@@ -13,9 +13,8 @@ from guidance.errors import ConfigError
 from guidance.game import StandOff
 from guidance.links.opening import Found
 from guidance.preflight import Facts, changes, parameter_names, rows
-from guidance.session.discovery import identify
-from guidance.session.fly import MockOptions, fly_mock
-from guidance.session.new_vehicle_file import vehicle_file
+from guidance.session.discovery import identify, vehicle_file
+from guidance.session.fly import MockOptions, fly_recorded
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
 from guidance.sim.scenario import Scenario
@@ -107,7 +106,7 @@ def test_a_registered_autopilot_flies_the_mock(vtol, tmp_path):
     _, scenario = load_scenario("hover_chase")
     pursuer = scenario.pursuer.model_copy(update={"autopilot": "px4_vtol"})
     flown = scenario.model_copy(update={"pursuer": pursuer})
-    result = fly_mock(flown, tmp_path, MockOptions(fast=True))
+    result = fly_recorded(flown, tmp_path, MockOptions(fast=True))
     assert result.captured
 
 

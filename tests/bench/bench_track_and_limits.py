@@ -15,8 +15,8 @@ from rich.table import Table
 
 from guidance.control import Envelope, Polygon, Situation, limit
 from guidance.control.limits import StandOffLimit
-from guidance.estimation import TrackSettings, predict
-from guidance.estimation.measurement import Measurement
+from guidance.estimation import predict
+from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update
 from guidance.messages import Setpoint
 

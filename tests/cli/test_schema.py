@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.cli.vehicle_setup import KINDS
+from guidance.cli.vehicle_setup import KINDS, schema_of
 from guidance.config import config_folder
 from guidance.errors import ConfigError
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
@@ -30,7 +30,7 @@ def test_a_schema_accepts_every_file_that_comes_along_and_no_other_key(kind, fol
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_key_has_a_meaning(kind):
-    schema = KINDS[kind]()
+    schema = schema_of(kind)
     sections = {schema["title"]: schema, **schema["$defs"]}
     silent = [
         f"{name}.{key}"
@@ -42,7 +42,7 @@ def test_every_key_has_a_meaning(kind):
 
 
 def test_policies_are_enumerated_wherever_they_are_named():
-    scenario, vehicle, sweep = (KINDS[kind]()["$defs"] for kind in ("scenario", "vehicle", "sweep"))
+    scenario, vehicle, sweep = (schema_of(kind)["$defs"] for kind in ("scenario", "vehicle", "sweep"))
     assert scenario["Pursuer"]["properties"]["policy"]["enum"] == list(PURSUER_STRATEGIES)
     assert scenario["Evader"]["properties"]["policy"]["enum"] == list(EVADER_STRATEGIES)
     assert "waypoints" not in vehicle["GameSection"]["properties"]["policy"]["enum"]

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance import estimation
-from guidance.estimation import TrackSettings
 from guidance.estimation.filters import advance, blended
-from guidance.estimation.measurement import Measurement
+from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimation import TrackSettings, filters
+from guidance.estimation import filters
 from guidance.estimation.filters import Normal, steady_after, turning_after
+from guidance.estimation.measurement import TrackSettings
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0, turning_noise_m2_s3=0.7, turn_rate_sd_rad_s=0.5)
 STEPS_S = [0.02, 0.3, 1.0]

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimation import Observer, ReportOutcome, TrackSettings, observe
-from guidance.estimation.measurement import ClockOffset, hear, synchronise
-from guidance.estimation.observer import compare_clocks
+from guidance.estimation import Observer, compare_clocks, observe
+from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, synchronise
+from guidance.estimation.track import ReportOutcome
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport, Timesync
 from tests.estimation.scenes import predict

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from guidance.errors import ConfigError
-from guidance.estimation import ReportOutcome
-from guidance.estimation.track import Track, update
+from guidance.estimation.track import ReportOutcome, Track, update
 from tests.estimation.scenes import SETTINGS, measured, predict, straight, tracked
 
 

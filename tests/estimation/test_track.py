@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import chdtrc
 
-from guidance.estimation import ReportOutcome
 from guidance.estimation.measurement import Measurement
-from guidance.estimation.track import TAKEN, Track, update
+from guidance.estimation.track import TAKEN, ReportOutcome, Track, update
 from tests.estimation.scenes import SETTINGS, measured, predict, straight, tracked
 from tests.harness.examples import drawn
 

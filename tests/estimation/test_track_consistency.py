@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from guidance.estimation import ReportOutcome, TrackSettings
-from guidance.estimation.measurement import Measurement
-from guidance.estimation.track import Track, update
+from guidance.estimation.measurement import Measurement, TrackSettings
+from guidance.estimation.track import ReportOutcome, Track, update
 from tests.estimation.scenes import predict
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)

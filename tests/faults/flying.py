@@ -21,9 +21,8 @@ from guidance.log.writer import NullRecorder, Recorder
 from guidance.session.daemon import Equipment
 from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import PERIOD_S, run
-from guidance.session.mission import Mission
+from guidance.session.mission import Mission, MissionPolicy
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.sequencer import MissionPolicy
 from guidance.sim.mock_files import faults_after
 from guidance.sim.scenario import EVADER_ID, PURSUER
 from guidance.sim.stepped import SteppedWorld

@@ -8,10 +8,9 @@ from guidance.flight import Event, Outputs
 from guidance.session.daemon import Equipment
 from guidance.session.log import Log
 from guidance.session.loop import World
-from guidance.session.mission import Mission
+from guidance.session.mission import Mission, MissionPolicy
 from guidance.session.orders import Mailbox
 from guidance.session.plan import FlightPlan
-from guidance.session.sequencer import MissionPolicy
 from guidance.sim.scenario import PURSUER, Scenario
 from tests.harness.sortie import Sortie
 

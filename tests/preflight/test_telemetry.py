@@ -21,8 +21,7 @@ from guidance.messages import (
     PositionTarget,
     SystemStatus,
 )
-from guidance.preflight import Facts, PreflightMemory, rows
-from guidance.preflight.judging import ASK_AGAIN_S
+from guidance.preflight import ASK_AGAIN_S, Facts, PreflightMemory, rows
 from guidance.vehicle import VehicleState, observe
 from tests.preflight.wants import wants_of
 

@@ -17,6 +17,7 @@ from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire
 from guidance.session.daemon import Daemon, Equipment
+from guidance.session.log import Logger
 from guidance.session.metrics import Metrics
 from guidance.session.orders import Mailbox
 from guidance.session.plan import plan_of
@@ -37,10 +38,8 @@ def vehicle_document():
     return document
 
 
-class KeptLog:
+class KeptLog(Logger):
     """A log that stores its lines for tests."""
-
-    dropped = 0
 
     def __init__(self):
         self.lines = []

@@ -8,7 +8,7 @@ import tomli_w
 
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.session.fly import MockOptions, fly_mock
+from guidance.session.fly import MockOptions, fly_recorded
 from guidance.session.result import outcome_of_flight
 from guidance.sim.maths import play
 from guidance.sim.mock_files import faulted_fleet, fleet, script
@@ -119,5 +119,5 @@ def test_a_wrong_fault_is_refused_by_its_place_key_and_value_before_anything_sta
 
 def test_a_flight_with_a_wrong_fault_leaves_nothing_behind(tmp_path):
     with pytest.raises(ConfigError, match="gremlins"):
-        fly_mock(scenario(fault=[{"kind": "gremlins"}]), tmp_path / "out", MockOptions(fast=True))
+        fly_recorded(scenario(fault=[{"kind": "gremlins"}]), tmp_path / "out", MockOptions(fast=True))
     assert list(tmp_path.iterdir()) == []

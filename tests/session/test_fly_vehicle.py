@@ -24,9 +24,9 @@ from guidance.links.port import parse
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.fly import laid_about
+from guidance.session.mission import MissionPolicy
 from guidance.session.plan import config_of, plan_of
 from guidance.session.result import outcome_of_flight
-from guidance.session.sequencer import MissionPolicy
 from guidance.session.vehicle_world import VehicleWorld
 from guidance.sim.scenario import EVADER_ID, Scenario
 from guidance.sim.stepped import EvaderHere, SteppedMock

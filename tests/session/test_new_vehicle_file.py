@@ -10,7 +10,7 @@ from guidance.cli import app
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.links.opening import Found
-from guidance.session.new_vehicle_file import Surveyed, survey, vehicle_file, write_new
+from guidance.session.discovery import Surveyed, survey, vehicle_file, write_new
 from guidance.session.vehicle_file import Config, load_vehicle
 
 QUADROTOR = 2

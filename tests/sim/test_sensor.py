@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.config import parse
-from guidance.estimation import Observer, TrackSettings, observe, predict
+from guidance.estimation import Observer, observe, predict
+from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import compare
 from guidance.messages import EvaderReport

@@ -16,7 +16,7 @@ from guidance.log import cycles_of
 from guidance.log.reader import Item
 from guidance.session.control_bus import free_endpoint
 from guidance.session.flight_files import RECORD, recorded_settings
-from guidance.session.fly import MockOptions, Onlooker, fly_mock
+from guidance.session.fly import MockOptions, Onlooker, fly_recorded
 from guidance.viz.panel import playback, records
 from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder
@@ -140,7 +140,7 @@ def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path)
             threading.Event().wait(0.01)  # the panel connects in real time, and the flight is faster
 
     try:
-        fly_mock(NEAR, tmp_path / "flown", MockOptions(fast=True), Onlooker(look, control=endpoint))
+        fly_recorded(NEAR, tmp_path / "flown", MockOptions(fast=True), Onlooker(look, control=endpoint))
     finally:
         hub.close()
     assert heard.cycles > 100

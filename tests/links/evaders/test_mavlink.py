@@ -10,7 +10,8 @@ import pytest
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
-from guidance.estimation import Observer, TrackSettings, observe, predict
+from guidance.estimation import Observer, observe, predict
+from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.carriers import (
