@@ -114,6 +114,7 @@ class Sortie(Supervised):
         found = Found(1, 1, world.profile.autopilot_id, 2, armed=False)
         self.own = config_of(
             scenario,
+            name="pursuer",
             url="udpin://127.0.0.1:14540",
             link="pymavlink",
             autopilot=name,
