@@ -6,7 +6,7 @@ state, a frozen record with the age of every message.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -109,45 +109,46 @@ class VehicleState(NamedTuple):
         return landed is not None and landed.landed_state == LANDED_ON_GROUND
 
 
-def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
+def observe(state: VehicleState, messages: Sequence[Message]) -> VehicleState:
     """Fold messages, oldest first, into the state.
 
     The messages must be plausible, as links deliver them. Local positions that are not newer than the last one are
     ignored. So is a home reported in flight: PX4 moves it by up to 2 m every two seconds, and heights and fences refer
     to home at arming.
     """
-    latest: dict[type, Message] = {}
+    if not messages:
+        return state
+    latest = dict(state.latest)  # states that the caller holds do not change
+    state = state._replace(latest=latest)
     for message in messages:
-        changed = _changed_by(message, state)
-        if changed is None:
-            continue
-        if not latest:  # copied once: states that the caller holds do not change
-            latest = dict(state.latest)
-            changed["latest"] = latest
+        change = _CHANGES.get(type(message))
+        if change is not None:
+            changed = change(message, state)
+            if changed is None:
+                continue
+            if changed:
+                state = state._replace(**changed)
         latest[type(message)] = message
-        if changed:
-            state = state._replace(**changed)
     return state
 
 
-def _changed_by(message: Message, state: VehicleState) -> dict[str, Any] | None:
-    """Return the fields that a message changes, besides `latest`; None if it is ignored."""
-    changed: dict[str, Any] | None = {}
-    match message:
-        case LocalPosition():
-            changed = _changed_by_position(message, state)
-        case Home():
-            changed = None if state.home_taken and state.armed else {"home_taken": state.armed}
-        case Odometry(received_s, counter):
-            held = state.last(Odometry)
-            if held is not None and held.reset_counter != counter:
-                changed = {"resets": state.resets + 1, "reset_s": received_s}
-        case Heartbeat():
-            taken = message.armed and (state.home_taken or _home_is_here(state, message))
-            changed = {"home_taken": taken}
-        case CommandAck() | StatusText():
-            changed = None
-    return changed
+Change = dict[str, Any] | None
+"""The fields that a message changes, besides `latest`; None if it is ignored."""
+
+
+def _changed_by_home(_: Home, state: VehicleState) -> Change:
+    return None if state.home_taken and state.armed else {"home_taken": state.armed}
+
+
+def _changed_by_odometry(now: Odometry, state: VehicleState) -> Change:
+    held = state.last(Odometry)
+    if held is None or held.reset_counter == now.reset_counter:
+        return {}
+    return {"resets": state.resets + 1, "reset_s": now.received_s}
+
+
+def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> Change:
+    return {"home_taken": now.armed and (state.home_taken or _home_is_here(state, now))}
 
 
 def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
@@ -160,8 +161,8 @@ def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
     return math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
 
 
-def _changed_by_position(now: LocalPosition, state: VehicleState) -> dict[str, Any] | None:
-    """Return the fields that a position changes: a jump or a reboot; None if it is not new."""
+def _changed_by_position(now: LocalPosition, state: VehicleState) -> Change:
+    """A position shows a jump or a reboot; it is ignored if it is not new."""
     held = state.last(LocalPosition)
     if held is None:
         return {}
@@ -188,17 +189,36 @@ def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step
     if step_s > _GAP_S:
         return (0.0, 0.0, 0.0)
     share = min(1.0, step_s / _SMOOTHED_S)
-    rows = zip(before_m_s2, held.velocity_ned_m_s, now.velocity_ned_m_s, strict=True)
-    north, east, down = (before + share * ((to - was) / step_s - before) for before, was, to in rows)
-    return (north, east, down)
+    (a_n, a_e, a_d), (was_n, was_e, was_d), (v_n, v_e, v_d) = before_m_s2, held.velocity_ned_m_s, now.velocity_ned_m_s
+    return (
+        a_n + share * ((v_n - was_n) / step_s - a_n),
+        a_e + share * ((v_e - was_e) / step_s - a_e),
+        a_d + share * ((v_d - was_d) / step_s - a_d),
+    )
 
 
 def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vector | None:
     """Return the movement that the velocities do not explain; None if a manoeuvre explains it."""
-    rows = zip(before.position_ned_m, now.position_ned_m, before.velocity_ned_m_s, now.velocity_ned_m_s, strict=True)
-    north, east, down = (to - origin - 0.5 * step_s * (was + rate) for origin, to, was, rate in rows)
-    allowed_m = _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s
-    return (north, east, down) if math.hypot(north, east, down) > allowed_m else None
+    (to_n, to_e, to_d), (from_n, from_e, from_d) = now.position_ned_m, before.position_ned_m
+    (v_n, v_e, v_d), (was_n, was_e, was_d) = now.velocity_ned_m_s, before.velocity_ned_m_s
+    half_s = 0.5 * step_s
+    jump = (
+        to_n - from_n - half_s * (was_n + v_n),
+        to_e - from_e - half_s * (was_e + v_e),
+        to_d - from_d - half_s * (was_d + v_d),
+    )
+    return jump if math.hypot(*jump) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s else None
+
+
+_CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], Change]]] = {
+    LocalPosition: _changed_by_position,
+    Home: _changed_by_home,
+    Odometry: _changed_by_odometry,
+    Heartbeat: _changed_by_heartbeat,
+    CommandAck: lambda _message, _state: None,
+    StatusText: lambda _message, _state: None,
+}
+"""Messages that change more than the last message of their kind, or nothing."""
 
 
 def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | None:

@@ -5,10 +5,8 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from pymavlink.dialects.v20 import common
-
 from guidance import messages
-from guidance.links.frames import MAGIC_V1, Fields, Frame, Outgoing
+from guidance.links.frames import MAGIC_V1, Fields, Frame, outgoing
 from guidance.vehicle import is_plausible
 
 MAV_AUTOPILOT_PX4: Final = 12
@@ -140,7 +138,7 @@ def is_bytewise(param_type: int, *, autopilot: int) -> bool:
     return autopilot == MAV_AUTOPILOT_PX4 and param_type == MAV_PARAM_TYPE_INT32
 
 
-def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, component_id: int) -> Outgoing:
+def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, component_id: int) -> Fields:
     """Return a SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero.
 
     Its type mask is 3527 for velocity alone, 2503 with yaw, 3079 with acceleration and 2055 with both. PX4 and
@@ -163,12 +161,12 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, compo
     mask |= IGNORE_ACCELERATION if acceleration is None else 0
     mask |= IGNORE_YAW if yaw_rad is None else 0
     target = int(now_s * 1e3) % 2**32, system_id, component_id, MAV_FRAME_LOCAL_NED, mask
-    return common.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
+    return outgoing("SET_POSITION_TARGET_LOCAL_NED", *target, *_ZERO, *numbers, 0.0)
 
 
 def request(
     request: messages.Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0
-) -> Outgoing:
+) -> Fields:
     """Return a COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_* message.
 
     Args:
@@ -184,34 +182,34 @@ def request(
     to = system_id, component_id
     match request:
         case messages.ParameterRequest():
-            return common.MAVLink_param_request_read_message(*to, _parameter_name(request.name), -1)
+            return outgoing("PARAM_REQUEST_READ", *to, _parameter_name(request.name), -1)
         case messages.ParameterSet():
             value = _parameter_value(request, autopilot)
-            return common.MAVLink_param_set_message(*to, _parameter_name(request.name), value, request.param_type)
+            return outgoing("PARAM_SET", *to, _parameter_name(request.name), value, request.param_type)
         case messages.FenceRequest(None):
-            return common.MAVLink_mission_request_list_message(*to, MAV_MISSION_TYPE_FENCE)
+            return outgoing("MISSION_REQUEST_LIST", *to, MAV_MISSION_TYPE_FENCE)
         case messages.FenceRequest(sequence):
-            return common.MAVLink_mission_request_int_message(*to, sequence, MAV_MISSION_TYPE_FENCE)
+            return outgoing("MISSION_REQUEST_INT", *to, sequence, MAV_MISSION_TYPE_FENCE)
         case messages.FenceReceived():
-            return common.MAVLink_mission_ack_message(*to, 0, MAV_MISSION_TYPE_FENCE)
+            return outgoing("MISSION_ACK", *to, 0, MAV_MISSION_TYPE_FENCE)
         case messages.Command():
             return _command(request, to, attempt)
 
 
-def _command(request: messages.Command, to: tuple[int, int], attempt: int) -> Outgoing:
+def _command(request: messages.Command, to: tuple[int, int], attempt: int) -> Fields:
     if any(math.isinf(value) for value in request.params):
         raise ValueError(f"command {request.command}: params = {request.params}: infinite values are not allowed")
     if request.frame is None:
-        return common.MAVLink_command_long_message(*to, request.command, attempt, *request.params)
+        return outgoing("COMMAND_LONG", *to, request.command, attempt, *request.params)
     *numbers, latitude_deg, longitude_deg, z = request.params
     place = _e7(latitude_deg), _e7(longitude_deg), z
-    return common.MAVLink_command_int_message(*to, request.frame, request.command, 0, 0, *numbers, *place)
+    return outgoing("COMMAND_INT", *to, request.frame, request.command, 0, 0, *numbers, *place)
 
 
-def _parameter_name(name: str) -> bytes:
+def _parameter_name(name: str) -> str:
     if not 0 < len(name.encode()) <= 16:
         raise ValueError(f"parameter {name!r}: a name has 1 to 16 bytes")
-    return name.encode()
+    return name
 
 
 def _parameter_value(wanted: messages.ParameterSet, autopilot: int) -> float:

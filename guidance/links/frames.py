@@ -1,9 +1,9 @@
 """MAVLink frames: found in bytes, decoded, numbered, signed and checked.
 
-pymavlink defines, packs and signs messages. The search for frames, their decoding and the check of signatures are our
-own. pymavlink's stream parser takes twice as long, and after a false start mark it drops as many bytes as that mark
-announces, together with the valid frames among them. The search here is linear in the number of bytes for any input.
-Its decoder takes three times as long as ours.
+pymavlink defines the messages. The search for frames, their decoding, packing and signatures are our own. pymavlink's
+stream parser takes twice as long, and after a false start mark it drops as many bytes as that mark announces, together
+with the valid frames among them. The search here is linear in the number of bytes for any input. Its decoder and its
+packing take three times as long as ours.
 Sources: MAVLink 2 serialisation (mavlink.io/en/guide/serialization.html) and signing
 (mavlink.io/en/guide/message_signing.html).
 """
@@ -12,8 +12,9 @@ import hashlib
 import hmac
 import itertools
 import re
+import struct
 from collections import namedtuple
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from operator import itemgetter
@@ -26,11 +27,8 @@ from pymavlink.dialects.v20 import common
 from guidance.errors import ConfigError
 from guidance.links.port import Clock
 
-Outgoing = Any
-"""A MAVLink_message of pymavlink."""
-
 Fields = Any
-"""A named tuple of a message's fields, by MAVLink's names; text as str, arrays as tuples."""
+"""A named tuple of a message's fields, by MAVLink's names; text as str, arrays as tuples. Its type has the name."""
 
 KNOWN: Final = frozenset(common.mavlink_map)
 """Ids of the messages in MAVLink's common dialect."""
@@ -41,6 +39,9 @@ SIGNED: Final = 0x01
 _SIGNATURE_BYTES: Final = 13
 _SHORTEST: Final = 8
 _BUFFER_BYTES: Final = 8192
+_HEAD: Final = struct.Struct("<BBxBBB3s")
+"""Behind the magic: payload length, incompatibility flags, compatibility flags, sequence, system, component, id."""
+
 _START: Final = re.compile(b"[\xfd\xfe]")
 _MAX_BROKEN: Final = 128
 """The rest of a piece is skipped after this many frames with a wrong checksum."""
@@ -140,7 +141,7 @@ class FrameReader:
                 self.unknown += 1
                 self._unknown_left = len(data)
             return None
-        name, crc_extra, unpack, size, fields_of = _layout(message)
+        _, _, crc_extra, wire, fields_of, _ = _layout(message)
         if crc16.mcrf4xx(data[1:end] + crc_extra) != data[end] | data[end + 1] << 8:
             return None
         if number in self._unused:
@@ -148,8 +149,9 @@ class FrameReader:
             return _UNUSED
         sequence, system_id, component_id = sender
         # Zeros at the end of a payload may be left out, and extensions that we do not know may follow it.
+        size = wire.size
         payload = data[begin:end] if end - begin == size else data[begin : min(end, begin + size)].ljust(size, b"\0")
-        return Frame(name, system_id, component_id, sequence, fields_of(unpack(payload)), data)
+        return Frame(message.msgname, system_id, component_id, sequence, fields_of(wire.unpack(payload)), data)
 
     def _count(self, skipped: int) -> None:
         unknown = min(skipped, self._unknown_left)
@@ -158,35 +160,71 @@ class FrameReader:
 
 
 class _Layout(NamedTuple):
-    """How a message's payload becomes its fields."""
+    """How a message's payload becomes its fields, and the reverse."""
 
-    name: str
+    kind: Any
+    number: bytes
     crc_extra: bytes
-    unpack: Callable[[bytes], tuple[Any, ...]]
-    size: int
+    wire: struct.Struct
     fields_of: Callable[[tuple[Any, ...]], Fields]
+    numbers_of: Callable[[Fields], Iterable[Any]]
 
 
 @cache
 def _layout(message: Any) -> _Layout:  # noqa: ANN401 - a class of pymavlink
     """Return a message's layout. The numbers of an array stand side by side in its unpacked payload, a text is one."""
-    kind: Any = namedtuple(message.msgname, message.fieldnames)  # type: ignore[misc]
+    names = message.fieldnames
+    kind: Any = namedtuple(message.msgname, names, defaults=(0,) * len(names))  # type: ignore[misc]
     ends = list(itertools.accumulate(message.lengths))
-    fields: list[Callable[[tuple[Any, ...]], Any]] = []
+    places: list[int | slice] = []
     for index in message.orders:
-        end, length, array_length = ends[index], message.lengths[index], message.array_lengths[index]
-        field = itemgetter(end - 1 if length == 1 else slice(end - length, end))
-        fields.append(field if array_length <= length else partial(_text, field))
+        end, length = ends[index], message.lengths[index]
+        places.append(end - 1 if length == 1 else slice(end - length, end))
+    texts = [
+        field for field, index in enumerate(message.orders) if message.array_lengths[index] > message.lengths[index]
+    ]
+    arrays = any(length > 1 for length in message.lengths)
+    by_declaration, by_wire = _picking(places), _picking([names.index(name) for name in message.ordered_fieldnames])
+    make = partial(tuple.__new__, kind)
 
-    def fields_of(values: tuple[Any, ...]) -> Fields:
-        return kind._make([field(values) for field in fields])
+    def plain_fields(numbers: tuple[Any, ...]) -> Fields:
+        return make(by_declaration(numbers))
 
-    unpacker = message.unpacker
-    return _Layout(message.msgname, bytes((message.crc_extra,)), unpacker.unpack, unpacker.size, fields_of)
+    def fields_with_texts(numbers: tuple[Any, ...]) -> Fields:
+        fields = list(by_declaration(numbers))
+        for field in texts:
+            fields[field] = fields[field].split(b"\0", 1)[0].decode("ascii", errors="replace")
+        return make(fields)
+
+    def flat_numbers(fields: Fields) -> Iterable[Any]:
+        for value in by_wire(fields):
+            if isinstance(value, tuple):
+                yield from value
+            else:
+                yield value.encode() if isinstance(value, str) else value
+
+    return _Layout(
+        kind,
+        message.id.to_bytes(3, "little"),
+        bytes((message.crc_extra,)),
+        message.unpacker,
+        fields_with_texts if texts else plain_fields,
+        flat_numbers if texts or arrays else by_wire,
+    )
 
 
-def _text(field: Callable[[tuple[Any, ...]], bytes], values: tuple[Any, ...]) -> str:
-    return field(values).split(b"\0", 1)[0].decode("ascii", errors="replace")
+def _picking(places: Sequence[int | slice]) -> Callable[[Sequence[Any]], tuple[Any, ...]]:
+    if len(places) > 1:
+        return itemgetter(*places)
+    return lambda values: (values[places[0]],)
+
+
+_CLASSES: Final = {message.msgname: message for message in common.mavlink_map.values()}
+
+
+def outgoing(name: str, *values: float | str) -> Fields:
+    """Return a message to send, with its fields in MAVLink's order; extension fields default to 0."""
+    return _layout(_CLASSES[name]).kind(*values)
 
 
 def frame_length(data: bytes | bytearray, start: int = 0) -> int:
@@ -300,28 +338,33 @@ class Station:
         unix_s: float = 0.0,
     ) -> None:
         """Start at sequence number 0. `clock` and `unix_s`, the Unix time now, are needed for signing only."""
-        self._mavlink = common.MAVLink(None, system_id, component_id)
+        self._sender = system_id, component_id
+        self._sequence = 0
         self._clock = clock
         self._unix_offset_s = unix_s - clock()
-        self._check: SignatureCheck | None = None
-        if signing_key is not None:
-            self._check = SignatureCheck(signing_key, ticks(unix_s))
-            signing = self._mavlink.signing
-            signing.secret_key, signing.link_id, signing.sign_outgoing = signing_key.secret, signing_key.link_id, True
+        self._key = signing_key
+        self._check = None if signing_key is None else SignatureCheck(signing_key, ticks(unix_s))
+        self._signed_at = 0
 
-    def pack(self, message: Outgoing) -> bytes:
+    def pack(self, message: Fields) -> bytes:
         """Return a message as our next frame.
 
         Raises:
             struct.error: If a field does not fit.
         """
-        if self._check is not None:
-            signing = self._mavlink.signing
-            now = ticks(self._unix_offset_s + self._clock())
-            signing.timestamp = max(signing.timestamp, self._check.latest, now)
-        frame = bytes(message.pack(self._mavlink))
-        self._mavlink.seq = (self._mavlink.seq + 1) % 256
-        return frame
+        _, number, crc_extra, wire, _, numbers_of = _layout(_CLASSES[type(message).__name__])
+        payload = wire.pack(*numbers_of(message)).rstrip(b"\0") or b"\0"  # zeros at the end are left out
+        flags = 0 if self._key is None else SIGNED
+        body = _HEAD.pack(len(payload), flags, self._sequence, *self._sender, number) + payload
+        frame = b"\xfd" + body + crc16.mcrf4xx(body + crc_extra).to_bytes(2, "little")
+        self._sequence = (self._sequence + 1) % 256
+        return frame if self._key is None or self._check is None else self._signed(frame, self._key, self._check)
+
+    def _signed(self, frame: bytes, key: SigningKey, check: SignatureCheck) -> bytes:
+        now = ticks(self._unix_offset_s + self._clock())
+        self._signed_at = max(self._signed_at + 1, check.latest, now)
+        frame += bytes((key.link_id,)) + self._signed_at.to_bytes(6, "little")
+        return frame + hashlib.sha256(key.secret + frame).digest()[:6]
 
     def problem(self, frame: Frame) -> str | None:
         """Return "unsigned" or "refused" if there is a key and the frame's signature fails, else None."""

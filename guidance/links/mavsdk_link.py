@@ -24,10 +24,9 @@ from mavsdk import Configuration, ConnectionResult, Mavsdk
 from mavsdk.cmavsdk_loader import _cmavsdk_lib
 from mavsdk.logging import LogCallback
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
-from pymavlink.dialects.v20 import common
 
 from guidance.errors import LinkError
-from guidance.links.frames import Frame, Outgoing
+from guidance.links.frames import Fields, Frame, FrameReader
 from guidance.links.pymavlink_link import USED, PymavlinkLink
 
 _ANSWERS: Final = frozenset({"COMMAND_ACK", "PARAM_VALUE", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"})
@@ -73,7 +72,7 @@ class MavsdkLink(PymavlinkLink):
         route_to_logging()
         self._numbering = threading.Lock()
         self._direct: MavlinkDirect | None = None
-        self._own_frames = common.MAVLink(None)
+        self._own_frames = FrameReader()
         configuration = Configuration.create_manual(*self._own, True)
         self._mavsdk = Mavsdk(configuration)
         configuration.destroy()
@@ -86,8 +85,10 @@ class MavsdkLink(PymavlinkLink):
 
     def _pass_on(self, data: bytes) -> None:
         """Send one frame of MAVSDK's, numbered as our next; called on MAVSDK's thread."""
-        with contextlib.suppress(common.MAVError), self._numbering:
-            self._wire.send(self._station.pack(self._own_frames.decode(bytearray(data))))
+        frame = self._own_frames.first(data)
+        if frame is not None:
+            with self._numbering:
+                self._wire.send(self._station.pack(frame.fields))
 
     def hear(self, frame: Frame, received_s: float) -> None:
         """Take one message of the vehicle, and pass it on to MAVSDK if needed; raises as the other link's."""
@@ -115,16 +116,16 @@ class MavsdkLink(PymavlinkLink):
                 self._direct = MavlinkDirect(system)
                 return
 
-    def _send(self, message: Outgoing) -> None:
-        if message.get_type() in _DIRECT:
+    def _send(self, message: Fields) -> None:
+        name = type(message).__name__
+        if name in _DIRECT:
             with self._numbering:
                 super()._send(message)
             return
         if self._direct is None:
             return
-        fields = message.to_dict()
+        fields = message._asdict()
         plain = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in fields.items()}
-        name = plain.pop("mavpackettype")
         try:
             self._direct.send_message(MavlinkMessage(name, fields_json=json.dumps(plain)))
         except MavlinkDirectError:

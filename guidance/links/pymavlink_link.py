@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from guidance.links import codec
 from guidance.links.codec import DECODERS, decode, parameter
-from guidance.links.frames import Fields, Frame, FrameReader, Outgoing, SigningKey, Station
+from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station, outgoing
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import (
@@ -37,6 +37,9 @@ ADDRESSED: Final = frozenset(
 )
 """Names of the messages that are addressed to one station."""
 
+_NOTED: Final = frozenset({"HEARTBEAT", "COMMAND_ACK", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"})
+"""Messages that tell the link about its requests and its vehicle."""
+
 QUEUE_LENGTH: Final = 2048
 _TEXT_CHUNK_BYTES: Final = 50
 _TEXT_TIMEOUT_S: Final = 1.0
@@ -52,9 +55,9 @@ class Address(NamedTuple):
     component_id: int
 
 
-def own_heartbeat() -> Outgoing:
+def own_heartbeat() -> Fields:
     """Return the HEARTBEAT of an onboard controller (MAV_TYPE 18) that is no autopilot (8) and active (4)."""
-    return common.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+    return outgoing("HEARTBEAT", 18, 8, 0, 0, 4, 3)
 
 
 @dataclass(slots=True)
@@ -208,7 +211,8 @@ class PymavlinkLink:
         else:
             value = decode(frame, received_s)
             self._inbox.append(value)
-            self._note(value)
+            if name in _NOTED:
+                self._note(value)
 
     def _is_for_us(self, message: Fields) -> bool:
         """Return whether the message is addressed to us or to all (0)."""
@@ -267,7 +271,7 @@ class PymavlinkLink:
         if not self._closed:
             self._send(own_heartbeat())
 
-    def _send(self, message: Outgoing) -> None:
+    def _send(self, message: Fields) -> None:
         self._wire.send(self._station.pack(message))
 
     def counters(self) -> Mapping[str, int]:

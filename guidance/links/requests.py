@@ -14,9 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from pymavlink.dialects.v20 import common
-
-from guidance.links.frames import Fields, Outgoing
+from guidance.links.frames import Fields, outgoing
 from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Timesync
 
 REPEAT_S: Final = 0.5
@@ -131,20 +129,20 @@ class TimesyncPeer:
     asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=8))
     next_ask_s: float = float("-inf")
 
-    def hear(self, message: Fields, received_s: float) -> tuple[Timesync | None, Outgoing | None]:
+    def hear(self, message: Fields, received_s: float) -> tuple[Timesync | None, Fields | None]:
         """Return an answer to our question or None, and the reply to theirs or None."""
         if message.tc1 == 0:
-            return None, common.MAVLink_timesync_message(_nanoseconds(received_s), message.ts1)
+            return None, outgoing("TIMESYNC", _nanoseconds(received_s), message.ts1)
         if message.ts1 in self.asked_ns:
             self.asked_ns.remove(message.ts1)
             return Timesync(received_s, remote_ns=message.tc1, local_ns=message.ts1), None
         return None, None
 
-    def ask(self, now_s: float) -> Outgoing:
+    def ask(self, now_s: float) -> Fields:
         """Return a question; the next is due at `next_ask_s`. Its time is never 0, which would mark an answer."""
         self.next_ask_s = now_s + TIMESYNC_EVERY_S
         self.asked_ns.append(_nanoseconds(now_s) or 1)
-        return common.MAVLink_timesync_message(0, self.asked_ns[-1])
+        return outgoing("TIMESYNC", 0, self.asked_ns[-1])
 
 
 def _nanoseconds(now_s: float) -> int:

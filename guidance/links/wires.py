@@ -222,13 +222,18 @@ class CapturedFrame(NamedTuple):
     frame: bytes
 
 
+def raw_keys(namespace: str) -> tuple[str, str]:
+    """Return the keys of the raw frames to and from a vehicle."""
+    return f"{namespace}/mavlink_raw/in", f"{namespace}/mavlink_raw/out"
+
+
 class TappedWire:
     """A `Wire` around another that captures both directions, under the Zenoh keys of the vehicle's namespace."""
 
     def __init__(self, wire: Wire, clock: Clock, namespace: str) -> None:
         self._wire = wire
         self._clock = clock
-        self._to, self._from = f"{namespace}/mavlink_raw/in", f"{namespace}/mavlink_raw/out"
+        self._to, self._from = raw_keys(namespace)
         self._captured: deque[CapturedFrame] = deque(maxlen=_MAX_CAPTURED)
         self.stream = wire.stream
         self.impostors, self.wait, self.counters, self.close = wire.impostors, wire.wait, wire.counters, wire.close

@@ -1,15 +1,15 @@
 """The mock stepped in this process, by the clock of the flight: whole MAVLink frames are handed to and fro."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from guidance.clock import Clock
 from guidance.frames import Vector
-from guidance.links import MemoryWire, Wire
+from guidance.links import Wire
 from guidance.links.carriers import GlobalPositionInt
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import CapturedFrame, TappedWire
+from guidance.links.wires import CapturedFrame, raw_keys
 from guidance.sim.mock_files import faulted_fleet, faults_after, system_ids
 from guidance.sim.players import EvaderPilot
 from guidance.sim.scenario import EVADER, Flown, Scenario, pursuits_of
@@ -19,32 +19,96 @@ if TYPE_CHECKING:
     from guidance.links.port import EvaderSource, VehicleLink
 
 
+class SteppedWire:
+    """Our end of a wire to a stepped vehicle, without queues and locks: everything happens in one thread."""
+
+    stream: Final = False
+
+    def __init__(self, send: Callable[[bytes], None]) -> None:
+        self._send = send
+        self._arrived: list[tuple[float, bytes]] = []
+        self._sent = 0
+        self._closed = False
+
+    def arrive(self, packets: Sequence[tuple[float, bytes]]) -> None:
+        """Take frames of the vehicle, with their time."""
+        if not self._closed:
+            self._arrived += packets
+
+    def receive(self) -> Sequence[tuple[float, bytes]]:
+        """Return the frames since the last call."""
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    def impostors(self) -> Sequence[bytes]:
+        """Return none: this wire has no addresses."""
+        return ()
+
+    def wait(self, timeout_s: float) -> None:
+        """Return at once: nothing arrives before the vehicle is stepped."""
+
+    def send(self, frame: bytes) -> None:
+        """Send one frame."""
+        if not self._closed:
+            self._sent += 1
+            self._send(frame)
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many frames were sent."""
+        return {"wire_sent": self._sent, "wire_unsent": 0, "wire_dropped": 0}
+
+    def close(self) -> None:
+        """Send and receive no more."""
+        self._closed = True
+
+
 class SteppedMock:
     """One vehicle. `wire` commands and hears it; who only listens may be given a wire of their own."""
 
     def __init__(self, name: str, vehicle: Faulted, clock: Clock) -> None:
         self._vehicle = vehicle
         self._clock = clock
-        ours, end = MemoryWire.pair(clock.now_s)
-        self.wire = TappedWire(ours, clock.now_s, name)
-        self._ends: list[Wire] = [end]
+        self._to, self._from = raw_keys(name)
+        self._sent: list[bytes] = []
+        self._captured: list[CapturedFrame] = []
+        self._wires: list[SteppedWire] = []
+        self._ends: list[Wire] = []
+        self.wire = self.listener()
 
-    def listener(self) -> MemoryWire:
+    def listener(self) -> SteppedWire:
         """Return one more wire that hears the vehicle."""
-        ours, end = MemoryWire.pair(self._clock.now_s)
-        self.join(end)
-        return ours
+        wire = SteppedWire(self._send)
+        self._wires.append(wire)
+        return wire
 
     def join(self, end: Wire) -> None:
-        """Connect another wire to the vehicle."""
+        """Connect the far end of any other wire to the vehicle; its frames are not captured."""
         self._ends.append(end)
 
     def advance(self, now_s: float) -> None:
         """Step the vehicle with the frames sent to it, and send its frames to all wires."""
-        heard = [frame for end in self._ends for _, frame in end.receive()]
-        for frame in self._vehicle.step(now_s, heard):
-            for end in self._ends:
+        heard, self._sent = self._sent, []
+        for end in self._ends:
+            heard += [frame for _, frame in end.receive()]
+        frames = self._vehicle.step(now_s, heard)
+        if not frames:
+            return
+        packets = [(now_s, frame) for frame in frames]
+        for wire in self._wires:
+            wire.arrive(packets)
+        for end in self._ends:
+            for frame in frames:
                 end.send(frame)
+        self._captured += [CapturedFrame(now_s, self._from, frame) for frame in frames]
+
+    def drain(self) -> Sequence[CapturedFrame]:
+        """Return the frames in both directions since the last call, for the record."""
+        captured, self._captured = self._captured, []
+        return captured
+
+    def _send(self, frame: bytes) -> None:
+        self._sent.append(frame)
+        self._captured.append(CapturedFrame(self._clock.now_s(), self._to, frame))
 
 
 class SteppedWorld:
@@ -95,7 +159,7 @@ class SteppedWorld:
 
     def drain(self) -> Sequence[CapturedFrame]:
         """All frames that passed since the last call, of one vehicle after the other."""
-        return [passed for mock in self._mocks.values() for passed in mock.wire.drain()]
+        return [passed for mock in self._mocks.values() for passed in mock.drain()]
 
     def close(self) -> None:
         """Close the wires."""
@@ -136,7 +200,7 @@ class EvaderHere:
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Step the rover and its pilot."""
         self._mock.advance(now_s)
-        self._mock.wire.drain()  # the rover's own link is not recorded
+        self._mock.drain()  # the rover's own link is not recorded
         self._pilot.step(now_s, pursuers_game_m, playing=playing)
 
     def engage(self) -> None:

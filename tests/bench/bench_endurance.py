@@ -96,7 +96,7 @@ class VirtualWorld:
         """Do nothing: this world has no faults that begin then."""
 
     def drain(self) -> Sequence[tuple[float, str, bytes]]:
-        return self._mock.wire.drain()
+        return self._mock.drain()
 
     def close(self) -> None:
         self.links["bench"].close()
@@ -132,7 +132,7 @@ class Page:
         self._hub = Hub([self], recorded_settings, clock)
         self._cycles = self.messages = self.sent_mb = 0
 
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+    def frames(self, passed: Sequence[tuple[float, str, bytes]]) -> None:
         """Raw frames are not broadcast."""
 
     def cycle(self, entry: CycleEntry) -> None:

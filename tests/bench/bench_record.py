@@ -42,8 +42,8 @@ class Kept:
     def __init__(self) -> None:
         self.cycles: list[list[tuple[str, tuple[Any, ...]]]] = [[]]
 
-    def frame(self, *call: Any) -> None:
-        self.cycles[-1].append(("frame", call))
+    def frames(self, *call: Any) -> None:
+        self.cycles[-1].append(("frames", call))
 
     def event(self, *call: Any) -> None:
         self.cycles[-1].append(("event", call))

@@ -351,7 +351,7 @@ class CountingRecord:
     def __init__(self):
         self.rows = 0
 
-    def frame(self, *_):
+    def frames(self, *_):
         self.rows += 1
 
     def cycle(self, *_):

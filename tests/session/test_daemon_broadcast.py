@@ -164,10 +164,10 @@ def test_a_record_that_stops_is_an_event_on_the_bus(base, bus):
     class Full:
         failed = "No space left on device"
 
-        def frame(self, *_):
+        def frames(self, *_):
             pass
 
-        cycle = event = report = frame
+        cycle = event = report = frames
 
     broadcast, endpoint = bus
     heard = []

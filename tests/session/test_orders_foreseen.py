@@ -20,10 +20,10 @@ class KeptRecord:
     def event(self, now_s, event, detail=""):
         self.events.append((event, detail))
 
-    def frame(self, *_):
+    def frames(self, *_):
         pass
 
-    report = cycle = frame
+    report = cycle = frames
 
 
 def refused_are_refused_for_that_reason(base):
