@@ -7,6 +7,7 @@ game, and the progress of the phase.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final, NamedTuple
 
 from guidance.autopilots import AutopilotProfile, Mode
@@ -168,6 +169,15 @@ class Stage:
         return max(0.0, now_s - self.operator_s)
 
 
+class NoCertificate(NamedTuple):
+    """What holds while there is no certificate."""
+
+    no_game: bool = False
+    evader_arrived: bool = False
+    captured: bool = False
+    strayed: bool = False
+
+
 class Moment(NamedTuple):
     """Inputs of event detection in one cycle."""
 
@@ -176,7 +186,7 @@ class Moment(NamedTuple):
     settings: FlightSettings
     heard: Heard
     stage: Stage
-    certificate: Certificate | None
+    certified: Certificate | NoCertificate
     refusals: Sequence[str]
     rival: str
     battery_needed: float
@@ -260,9 +270,8 @@ def _beyond(allowed_m: float, *limiters: Limiter) -> "Condition":
     """Return whether a wall of these kinds has been crossed by more than the allowed distance."""
 
     def crossed(now: Moment) -> bool:
-        view = now.heard.view(now.now_s)
-        walls = () if view is None else view.walls
-        return any(wall.limiter in limiters and wall.gap_m + wall.margin_m < -allowed_m for wall in walls)
+        beyond_m = now.heard.crossed_m(now.now_s)
+        return bool(beyond_m) and any(beyond_m.get(one, 0.0) > allowed_m for one in limiters)
 
     return crossed
 
@@ -284,11 +293,6 @@ def battery_low(status: SystemStatus | None, needed: float) -> bool:
 
 def _evader_lost(now: Moment) -> bool:
     return now.heard.tracking.silence_s(now.now_s) > now.settings.cycle.evader_timeout_s
-
-
-def _certified(field: str) -> "Condition":
-    """Return what the last certificate says, if there is one."""
-    return lambda now: now.certificate is not None and getattr(now.certificate, field)
 
 
 def _invited(now: Moment) -> bool:
@@ -348,7 +352,7 @@ _CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
     (Event.TELEMETRY_LOST, _telemetry_lost),
     (Event.DISARMED, lambda now: not now.heard.vehicle.armed and now.heard_since_entry),
     (Event.LOOP_STOPPED, lambda now: now.dt_s >= now.settings.autopilot.setpoint_timeout_s),
-    (Event.FOREIGN, lambda now: now.heard.foreign),
+    (Event.FOREIGN, attrgetter("heard.foreign")),
     # Its position.
     (Event.FENCE, _beyond(0.0, Limiter.FENCE_RADIUS, Limiter.FENCE_POLYGON)),
     (Event.FLOOR, _beyond(BREACH_M, Limiter.FLOOR)),
@@ -364,15 +368,15 @@ _CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
     (Event.LOOP_LATE, lambda now: now.dt_s > LATE_LOOP_S),
     (Event.EVADER_LOST, _evader_lost),
     # The team.
-    (Event.MATE_SILENT, lambda now: bool(now.heard.silent_mate(now.now_s))),
-    (Event.ASSIGNED, lambda now: now.heard.switched),
+    (Event.MATE_SILENT, lambda now: bool(now.heard.mates and now.heard.silent_mate(now.now_s))),
+    (Event.ASSIGNED, attrgetter("heard.switched")),
     # The game.
-    (Event.NO_GAME, _certified("no_game")),
-    (Event.ESCAPED, _certified("evader_arrived")),
-    (Event.CAPTURED, _certified("captured")),
+    (Event.NO_GAME, attrgetter("certified.no_game")),
+    (Event.ESCAPED, attrgetter("certified.evader_arrived")),
+    (Event.CAPTURED, attrgetter("certified.captured")),
     (Event.INVITED, _invited),
     (Event.DONE, lambda now: now.settings.after_capture is AfterCapture.RETURN),
-    (Event.STRAYED, _certified("strayed")),
+    (Event.STRAYED, attrgetter("certified.strayed")),
     # The end of the phase, and its time limit.
     (Event.HEARD, lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S),
     (Event.FIT, fit),

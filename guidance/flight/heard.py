@@ -5,12 +5,12 @@ It is updated once per cycle, before any decision.
 
 import math
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Mode
-from guidance.control import Envelope, Situation, Wall, measure_walls
+from guidance.control import Envelope, Limiter, Situation, Wall, measure_walls
 from guidance.control.walls import Separation
 from guidance.estimation import EvaderEstimate
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
@@ -59,11 +59,12 @@ _SWERVE_M_S2: Final = 5.0
 
 
 class View(NamedTuple):
-    """The evader, the situation and the walls of one cycle."""
+    """The evader, the situation and the walls of one cycle, and how far beyond a wall of each kind the vehicle is."""
 
     evader: EvaderEstimate | None
     situation: Situation
     walls: tuple[Wall, ...]
+    crossed_m: Mapping[Limiter, float]
 
 
 class Heard:
@@ -83,6 +84,7 @@ class Heard:
         cycle: Settings of the guidance cycle, with heights and fences about home.
         start_ned_m: Stand-by position, if configured.
         role: In the team; None without one.
+        mates: Last state of every other vehicle of the team, by name.
         switched: Whether this cycle began to play against another evader.
     """
 
@@ -105,7 +107,7 @@ class Heard:
         self.cycle = settings.cycle
         self._view: View | None = None
         self.start_ned_m: Vector | None = None
-        self._mates: dict[str, MateState] = {}
+        self.mates: dict[str, MateState] = {}
         self.role: Role | None = None
         self.switched = False
 
@@ -125,8 +127,11 @@ class Heard:
             in_flight: Whether jumps of the evader are bounded by the distance it can have covered.
         """
         self._view = None
-        self._mates.update((mate.name, mate) for mate in inputs.mates or ())
-        self._play(inputs.role)
+        if inputs.mates:
+            self.mates.update((mate.name, mate) for mate in inputs.mates)
+        self.switched = inputs.role is not None and inputs.role.evader != self.tracking.playing
+        if inputs.role is not None:
+            self._play(inputs.role)
         self.vehicle_says(inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         strange = bool(self.beats) and self.echo.foreign
@@ -135,11 +140,8 @@ class Heard:
         self.foreign = strange and self.echo.foreign
         self._place()
 
-    def _play(self, role: Role | None) -> None:
+    def _play(self, role: Role) -> None:
         """Take a new role: another evader, or another height above the game's disc."""
-        self.switched = role is not None and role.evader != self.tracking.playing
-        if role is None:
-            return
         self.role, self.tracking.playing = role, role.evader
         before, disc = self._settings.cycle, self._settings.cycle.standoff
         self.cycle = replace(
@@ -185,9 +187,15 @@ class Heard:
                 self.vehicle.acceleration_ned_m_s2,
                 0.0 if estimator is None else estimator.height_sd_m,
             )
-            mates = [self._around(mate, now_s) for mate in self._near(now_s)]
-            self._view = View(evader, here, measure_walls(here, self.cycle.envelope, mates))
+            mates = [self._around(mate, now_s) for mate in self._near(now_s)] if self.mates else ()
+            walls = measure_walls(here, self.cycle.envelope, mates)
+            self._view = View(evader, here, walls, _crossed_m(walls))
         return self._view
+
+    def crossed_m(self, now_s: float) -> Mapping[Limiter, float]:
+        """Return how far beyond walls the vehicle is, by their kind; empty if it is beyond none."""
+        view = self._view or self.view(now_s)
+        return {} if view is None else view.crossed_m
 
     def silent_mate(self, now_s: float) -> str:
         """Return the name of a mate nearby that is silent for longer than `HOLD_S`; empty if there is none."""
@@ -202,9 +210,9 @@ class Heard:
 
     def _near(self, now_s: float) -> list[MateState]:
         """Return the mates to stay away from."""
-        if not self._mates or self.tracking.local_frame is None:
+        if self.tracking.local_frame is None:
             return []
-        return [mate for mate in self._mates.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S]
+        return [mate for mate in self.mates.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S]
 
     def _around(self, mate: MateState, now_s: float) -> Separation:
         """Return the cylinder that contains a mate with its separation, wherever it went since its last state."""
@@ -224,6 +232,15 @@ class Heard:
         if corners_deg is not None:
             envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
         return replace(envelope, home_ned_m=home_ned_m)
+
+
+def _crossed_m(walls: Sequence[Wall]) -> Mapping[Limiter, float]:
+    crossed: dict[Limiter, float] = {}
+    for wall in walls:
+        beyond_m = -(wall.gap_m + wall.margin_m)
+        if beyond_m > 0.0:
+            crossed[wall.limiter] = max(beyond_m, crossed.get(wall.limiter, 0.0))
+    return crossed
 
 
 class Echo:

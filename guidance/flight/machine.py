@@ -10,7 +10,17 @@ from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Mode
 from guidance.flight import detection
-from guidance.flight.detection import TELEMETRY_LIMIT_S, Check, Moment, Stage, battery_low, detail_of, events, fit
+from guidance.flight.detection import (
+    TELEMETRY_LIMIT_S,
+    Check,
+    Moment,
+    NoCertificate,
+    Stage,
+    battery_low,
+    detail_of,
+    events,
+    fit,
+)
 from guidance.flight.heard import Heard
 from guidance.flight.sending import Asking, HoldHandover, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
@@ -272,9 +282,9 @@ class Flight:
         self._stage.mode_left = mode if known and after in HANDING_OVER else None
 
     def _moment(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Moment:
-        heard, stage, certificate = self._heard, self._stage, self._playing.certificate
+        heard, stage, certified = self._heard, self._stage, self._playing.certificate or NoCertificate()
         rival, needed = heard.tracking.rival(now_s), self.battery_needed
-        return Moment(now_s, dt_s, self.settings, heard, stage, certificate, refusals, rival, needed)
+        return Moment(now_s, dt_s, self.settings, heard, stage, certified, refusals, rival, needed)
 
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
         """Return a setpoint: to command, to hover until the guided mode is left, or to invite a pilot.

@@ -188,7 +188,7 @@ def request(
             return outgoing("PARAM_SET", *to, _parameter_name(request.name), value, request.param_type)
         case messages.FenceRequest(None):
             return outgoing("MISSION_REQUEST_LIST", *to, MAV_MISSION_TYPE_FENCE)
-        case messages.FenceRequest(sequence):
+        case messages.FenceRequest(int(sequence)):
             return outgoing("MISSION_REQUEST_INT", *to, sequence, MAV_MISSION_TYPE_FENCE)
         case messages.FenceReceived():
             return outgoing("MISSION_ACK", *to, 0, MAV_MISSION_TYPE_FENCE)

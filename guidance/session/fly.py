@@ -54,7 +54,7 @@ def fly(
     plans: Mapping[str, FlightPlan] | None = None,
     equipment: Mapping[str, Equipment] | None = None,
     policy: MissionPolicy = MOCKED,
-    show: Show = lambda _: None,
+    show: Show | None = None,
     signals: Signals | None = None,
 ) -> MissionResult:
     """Fly a scenario, or several pursuits at the same time, to the end. The caller closes the world.
@@ -66,7 +66,7 @@ def fly(
         plans: Flight plans by vehicle; by default the scenario's own.
         equipment: Of the daemons, by vehicle.
         policy: Which orders the mission may give, and how vehicles are handed over.
-        show: Called for each vehicle in every cycle.
+        show: Called for each vehicle in every cycle; None shows nothing.
         signals: Of the operating system; None leaves them to the process.
 
     Raises:

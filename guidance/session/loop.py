@@ -219,9 +219,8 @@ def run(
 
 def _count(daemons: Sequence[Daemon], worked_s: float, missed: int) -> None:
     for daemon in daemons:
-        daemon.metrics.work.observe(worked_s)
-        if missed:
-            daemon.metrics.late.inc(missed)
+        daemon.metrics.loop.work.observe(worked_s)
+        daemon.metrics.loop.late += missed
 
 
 def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:

@@ -196,7 +196,7 @@ class Mission:
         plans: Flight plans by vehicle; by default the scenario's own.
         equipment: Of the daemons, by vehicle.
         policy: Which orders the mission may give.
-        show: Called for each vehicle in every cycle.
+        show: Called for each vehicle in every cycle; None shows nothing.
         ready_within_s: Longest wait for a vehicle that is fit to fly.
 
     Attributes:
@@ -216,7 +216,7 @@ class Mission:
         plans: Mapping[str, FlightPlan] | None = None,
         equipment: Mapping[str, Equipment] | None = None,
         policy: MissionPolicy = MOCKED,
-        show: Show = lambda _: None,
+        show: Show | None = None,
         ready_within_s: float = READY_WITHIN_S,
     ) -> None:
         self.world, self.clock, self.policy, self.show, self.ready_within_s = world, clock, policy, show, ready_within_s
@@ -383,7 +383,8 @@ class VehicleMission:
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
         if self.sequencer.finished or given_up:
             self._leave(now_s)
-        self._mission.show(self._progress(now_s, outputs, waiting))
+        if self._mission.show is not None:
+            self._mission.show(self._progress(now_s, outputs, waiting))
 
     def _engage(self, now_s: float) -> None:
         """Start the sensor and the faults, whose times count from the first engagement."""

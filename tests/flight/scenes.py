@@ -8,7 +8,7 @@ from guidance.control import Acceleration, Envelope
 from guidance.cycle import CycleSettings
 from guidance.estimation import EvaderEstimate
 from guidance.flight import FlightSettings
-from guidance.flight.detection import Moment, Stage
+from guidance.flight.detection import Moment, NoCertificate, Stage
 from guidance.flight.heard import Heard
 from guidance.game import Ball, StandOff
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
@@ -143,7 +143,7 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
         settings=settings,
         heard=heard,
         stage=Stage(state, **stage),
-        certificate=changes.pop("certificate", QUIET),
+        certified=changes.pop("certificate", QUIET) or NoCertificate(),
         battery_needed=changes.pop("battery_needed", settings.battery_minimum),
         refusals=changes.pop("refusals", ()),
         rival=heard.tracking.rival(NOW_S),
