@@ -5,16 +5,18 @@ The game's value and winner are theorems about players that change their velocit
 shown into account; see `guidance.control.capability`.
 
 In TAD the vehicle's verdict is "pursuer" if the game is won even from as far back as accelerating costs, with enough
-time left to react and to brake to the evader's velocity. The verdict is "evader" if even the game's pursuer loses, and
-"undecided" in between.
+time left to react and to brake to the evader's velocity. If the evader can pass below the vehicle before it is at the
+disc's height, the game must also be won if the vehicle turns round now. The verdict is "evader" if even the game's
+pursuer loses, and "undecided" in between.
 """
 
 import math
 from typing import Final, NamedTuple
 
 from guidance.control import Acceleration, Envelope, Gaps, late_start
+from guidance.control.braking_law import approach_speed
 from guidance.frames import Vector, difference
-from guidance.game import Game, StateSolution, Winner, solve_state
+from guidance.game import Ball, Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
 from guidance.game.pe import escape, take_apart
 
@@ -159,9 +161,15 @@ def certify(
     if T is None:
         time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late, E, None))
         return here, certificate._replace(time_needed_s=time_s, allowance=time_s - here.value)
-    there = solve_state(_demonstrated(game, vehicle.shown_m_s), late, E, T, evader_velocity_m_s=seen)
+    shown = _demonstrated(game, vehicle.shown_m_s)
+    there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
     margin_s = there.margin_s - _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
+    if margin_s > 0.0 and _height_s(game, gaps.height_m, tolerance_m, vehicle.envelope) > _meeting_s(game, gaps):
+        x, y, z = optimal_m_s
+        turned = late_start(P, (-x, -y, z), players.pursuer_m_s, vehicle.acceleration)
+        passed = solve_state(shown, turned, E, T, evader_velocity_m_s=seen)
+        margin_s = min(margin_s, passed.margin_s - vehicle.envelope.reaction_s)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     return here, certificate._replace(
@@ -205,6 +213,27 @@ def _demonstrated(game: Game, shown_m_s: float) -> Game:
     if trusted_m_s >= full_m_s:
         return game
     return game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
+
+
+def _meeting_s(game: Game, gaps: Gaps) -> float:
+    """Return the least time until vehicle and evader can meet, s."""
+    return max(0.0, gaps.ground_m) / (game.pursuer.horizontal_m_s + game.evader_speed_m_s)
+
+
+def _height_s(game: Game, height_m: float, tolerance_m: float, envelope: Envelope) -> float:
+    """Return how long the vehicle needs to the disc's height, s.
+
+    It brakes as `approach_speed` allows until it is within the tolerance. From v0 to v1 that takes
+    (v0 - v1)/a + s ln(v0/v1).
+    """
+    away_m, speeds = abs(height_m), game.pursuer
+    if away_m <= tolerance_m or isinstance(speeds, Ball):
+        return 0.0
+    most_m_s = speeds.descent_m_s if height_m > 0.0 else speeds.climb_m_s
+    a, s = envelope.vertical_braking_m_s2, envelope.reaction_s
+    begin_m_s, end_m_s = (min(most_m_s, approach_speed(gap_m, a, s)) for gap_m in (away_m, tolerance_m))
+    braking_m = max(tolerance_m, most_m_s * (s + most_m_s / (2.0 * a)))
+    return max(0.0, away_m - braking_m) / most_m_s + (begin_m_s - end_m_s) / a + s * math.log(begin_m_s / end_m_s)
 
 
 def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:

@@ -59,6 +59,19 @@ def test_a_vehicle_in_hover_may_lose_what_the_ideal_pursuer_wins():
     assert (says.winner, says.vehicle_winner) == (Winner.PURSUER, Winner.UNDECIDED)
 
 
+@pytest.mark.parametrize(
+    ("height_m", "target_m", "winner"),
+    [
+        (5.0, (6.0, 0.0, 0.0), Winner.PURSUER),  # at the disc's height, it captures an evader that comes
+        (6.5, (6.0, 0.0, 0.0), Winner.UNDECIDED),  # too high for that, it flies past and has to turn round
+        (6.5, (-90.0, 0.0, 0.0), Winner.PURSUER),  # and has enough time to
+    ],
+)
+def test_an_evader_may_pass_below_a_vehicle_that_is_too_high(height_m, target_m, winner):
+    says = certified((11.0, 0.0, height_m), (6.0, 0.0, 0.0), (18.0, 0.0, 0.0), target_m=target_m)
+    assert (says.winner, says.vehicle_winner) == (Winner.PURSUER, winner)
+
+
 def test_a_captured_evader_has_lost_and_has_not_arrived():
     says = certified((3.0, 0.0, 5.0), (0.0, 0.0, 0.0), (0.2, 0.0, 0.0))
     assert (says.captured, says.evader_arrived, says.vehicle_winner) == (True, False, Winner.PURSUER)

@@ -7,12 +7,14 @@ import pytest
 from tests.harness.guarded import draw_game, fly
 
 pytestmark = pytest.mark.flight
-FLIGHTS = [number if number < 4 else pytest.param(number, marks=pytest.mark.long) for number in range(12)]
+FLIGHTS = [(1, number) if number < 4 else pytest.param(1, number, marks=pytest.mark.long) for number in range(12)]
+PASSED_BELOW = (3, 179)
+"""The evader turns 5 m before the rim and passes below the vehicle, which is 1 m too high."""
 
 
-@pytest.mark.parametrize("number", FLIGHTS)
-def test_an_evader_that_cannot_reach_its_target_does_not_arrive(number):
-    game = fly(draw_game(1, number))
+@pytest.mark.parametrize(("seed", "number"), [*FLIGHTS, PASSED_BELOW])
+def test_an_evader_that_cannot_reach_its_target_does_not_arrive(seed, number):
+    game = fly(draw_game(seed, number))
     assert game.end in {"captured", "arrived"}
     if game.end == "arrived":
         assert math.isnan(game.claimed_s)
