@@ -56,7 +56,7 @@ def run(
         typer.Option(
             min=1,
             help="Rows in one file.",
-            show_default="about 10 s of work, at least four chunks per worker; one flight with --as fast",
+            show_default="4,096 games (512 of teams, one flight), or fewer so that each worker has four chunks",
         ),
     ] = None,
 ) -> None:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -40,35 +40,23 @@ _FIXED = {
 _RANGE = {"from", "to", "count"}
 
 
-class Key(NamedTuple):
-    """A key of a scenario: its text, and its path of names and places."""
-
-    text: str
-    path: tuple[str | int, ...]
-
-    def at(self, place: int) -> "Key":
-        """Return the key of one element of a vector."""
-        return Key(f"{self.text}[{place}]", (*self.path, place))
-
-
-def key_of(text: str) -> Key:
-    """Parse a key.
+def path_of(key: str) -> tuple[str | int, ...]:
+    """Return the names and places of a key.
 
     Raises:
         ConfigError: If it is not a key, or cannot be swept.
     """
     path: list[str | int] = []
-    for part in text.split("."):
+    for part in key.split("."):
         found = _PART.fullmatch(part)
         if found is None:
-            raise ConfigError(f"{text!r}: must be a scenario's key, as pursuer.speed_m_s or evader.position_m[0]")
-        path.append(found["name"])
-        path.extend(int(place) for place in re.findall(r"\d+", found["places"]))
+            raise ConfigError(f"{key!r}: must be a scenario's key, as pursuer.speed_m_s or evader.position_m[0]")
+        path += [found["name"], *(int(place) for place in re.findall(r"\d+", found["places"]))]
     names = [part for part in path if isinstance(part, str)]
     for name in (names[0], names[-1]):
         if name in _FIXED:
-            raise ConfigError(f"{text}: cannot be swept; {_FIXED[name]}")
-    return Key(text, tuple(path))
+            raise ConfigError(f"{key}: cannot be swept; {_FIXED[name]}")
+    return tuple(path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,30 +127,32 @@ class Axis:
 
     Attributes:
         key: Of the scenario.
+        path: Its names and places.
         values: On a grid; empty for a random axis.
         distribution: Of a random axis; None on a grid.
     """
 
-    key: Key
+    key: str
+    path: tuple[str | int, ...]
     values: tuple[Any, ...] = ()
     distribution: Distribution | None = None
 
     @property
     def stream(self) -> int:
         """Number of the key's own stream of random numbers."""
-        return int.from_bytes(blake2b(self.key.text.encode(), digest_size=7).digest(), "big")
+        return int.from_bytes(blake2b(self.key.encode(), digest_size=7).digest(), "big")
 
     def extremes(self) -> list[Any]:
         """Return the values to check before anything runs."""
         return list(self.values) if self.distribution is None else self.distribution.extremes()
 
-    def settings(self, value: Any) -> Iterator[tuple[Key, Any]]:  # noqa: ANN401 - any value of a scenario's key
-        """Yield the keys that a value sets; an annulus sets x and y and keeps the height."""
+    def settings(self, value: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:  # noqa: ANN401 - any value of a key
+        """Yield the paths that a value sets; an annulus sets x and y and keeps the height."""
         if isinstance(self.distribution, Annulus):
-            yield self.key.at(0), value[0]
-            yield self.key.at(1), value[1]
+            yield (*self.path, 0), value[0]
+            yield (*self.path, 1), value[1]
         else:
-            yield self.key, value
+            yield self.path, value
 
     @property
     def width(self) -> int:
@@ -173,8 +163,8 @@ class Axis:
     def columns(self) -> dict[str, pa.DataType]:
         """Return names and types of the columns that hold the values."""
         if self.width:
-            return {self.key.at(place).text: pa.float64() for place in range(self.width)}
-        return {self.key.text: _type_of(self.extremes())}
+            return {f"{self.key}[{place}]": pa.float64() for place in range(self.width)}
+        return {self.key: _type_of(self.extremes())}
 
     def cells(self, values: Sequence[Any]) -> Iterator[pa.Array]:
         """Yield values as columns, in the order of `columns`."""
@@ -188,38 +178,38 @@ class Axis:
         yield pa.array(cells, kind)
 
 
-def grid_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
+def grid_axis(key: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
     """Parse an axis of the grid: a list of values, or `{ from = 1, to = 5, count = 9 }`.
 
     Raises:
         ConfigError: If it is neither, or the key cannot be swept.
     """
-    key = key_of(text)
+    path = path_of(key)
     if isinstance(spec, Mapping):
-        return Axis(key, _spaced(text, spec))
+        return Axis(key, path, _spaced(key, spec))
     if not isinstance(spec, list) or not spec:
-        raise ConfigError(f"grid.{text} = {spec!r}: must be a list of values or {{ from = …, to = …, count = … }}")
+        raise ConfigError(f"grid.{key} = {spec!r}: must be a list of values or {{ from = …, to = …, count = … }}")
     if any(isinstance(value, Mapping) for value in spec):
-        raise ConfigError(f"grid.{text}: a value must be a number, a text or a vector; sweep a section key by key")
+        raise ConfigError(f"grid.{key}: a value must be a number, a text or a vector; sweep a section key by key")
     if any(value in spec[:place] for place, value in enumerate(spec)):
-        raise ConfigError(f"grid.{text} = {spec!r}: a value is given twice")
-    return Axis(key, tuple(spec))
+        raise ConfigError(f"grid.{key} = {spec!r}: a value is given twice")
+    return Axis(key, path, tuple(spec))
 
 
-def random_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
+def random_axis(key: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
     """Parse a random axis: `{ uniform = [1, 5] }`, `{ disc = 40, about_m = [0, 10] }`.
 
     Raises:
         ConfigError: If the distribution is unknown or its numbers are wrong, or the key cannot be swept.
     """
-    key = key_of(text)
-    distribution = _distribution(text, spec if isinstance(spec, Mapping) else {str(spec): None})
-    if isinstance(distribution, Annulus) and not str(key.path[-1]).endswith("position_m"):
+    path = path_of(key)
+    distribution = _distribution(key, spec if isinstance(spec, Mapping) else {str(spec): None})
+    if isinstance(distribution, Annulus) and not str(path[-1]).endswith("position_m"):
         raise ConfigError(
-            f"random.{text} = {as_toml(spec)}: a disc or an annulus is a position: use it for pursuer.position_m or "
+            f"random.{key} = {as_toml(spec)}: a disc or an annulus is a position: use it for pursuer.position_m or "
             "evader.position_m as a whole; give each number of another key its own distribution"
         )
-    return Axis(key, distribution=distribution)
+    return Axis(key, path, distribution=distribution)
 
 
 def flat(table: Mapping[str, Any], prefix: str = "", *, tables: bool = False) -> dict[str, Any]:
@@ -240,73 +230,64 @@ def flat(table: Mapping[str, Any], prefix: str = "", *, tables: bool = False) ->
     return found
 
 
-def _distribution(name: str, table: Mapping[str, Any]) -> Distribution:
-    kinds = [kind for kind in table if kind in _KINDS]
-    if len(kinds) != 1 or set(table) - {kinds[0], "about_m"}:
-        allowed = "; ".join(form for _, form in _KINDS.values())
-        raise ConfigError(f"random.{name} = {as_toml(table)}: must be one of {allowed}")
-    read, form = _KINDS[kinds[0]]
-    if "about_m" in table and kinds[0] not in {"disc", "annulus"}:
-        raise ConfigError(f"random.{name}.about_m: only with disc or annulus")
+def _distribution(key: str, table: Mapping[str, Any]) -> Distribution:
+    kind, *more = [name for name in table if name in _KINDS] or [""]
+    if kind not in _KINDS or more or set(table) - {kind, "about_m"}:
+        allowed = "; ".join(form for form, *_ in _KINDS.values())
+        raise ConfigError(f"random.{key} = {as_toml(table)}: must be one of {allowed}")
+    if "about_m" in table and kind not in {"disc", "annulus"}:
+        raise ConfigError(f"random.{key}.about_m: only with disc or annulus")
+    form, allowed_pair, made = _KINDS[kind]
+    value = table[kind]
     try:
-        return read(table[kinds[0]], table.get("about_m", (0.0, 0.0)))
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"random.{name} = {as_toml(table)}: must be {form}") from error
+        if kind == "choice" and isinstance(value, list) and value:
+            return Choice(tuple(value))
+        first, second = map(_number, (0.0, value) if kind == "disc" else value)
+        x, y = map(_number, table.get("about_m", (0.0, 0.0)))
+        if math.isfinite(first + second + x + y) and allowed_pair(first, second):
+            return made(first, second, (x, y))
+    except (TypeError, ValueError):
+        pass
+    raise ConfigError(f"random.{key} = {as_toml(table)}: must be {form}")
 
 
-def _pair(value: Any, allowed: Callable[[float, float], bool]) -> tuple[float, float]:  # noqa: ANN401 - from a file
-    low, high = map(_number, value)
-    if not (math.isfinite(low + high) and allowed(low, high)):
-        raise ValueError
-    return low, high
+def _inside(inner: float, outer: float) -> bool:
+    return 0.0 <= inner < outer
 
 
-def _uniform(value: Any, _: Any) -> Distribution:  # noqa: ANN401
-    low, high = _pair(value, operator.lt)
-    return Number(stats.uniform(low, high - low))
-
-
-def _log_uniform(value: Any, _: Any) -> Distribution:  # noqa: ANN401
-    return Number(stats.loguniform(*_pair(value, lambda low, high: 0.0 < low < high)))
-
-
-def _normal(value: Any, _: Any) -> Distribution:  # noqa: ANN401
-    return Number(stats.norm(*_pair(value, lambda _, deviation: deviation > 0.0)))
-
-
-def _choice(value: Any, _: Any) -> Distribution:  # noqa: ANN401
-    if not isinstance(value, list) or not value:
-        raise ValueError
-    return Choice(tuple(value))
-
-
-def _annulus(value: Any, about_m: Any) -> Distribution:  # noqa: ANN401
-    inner, outer = _pair(value, lambda inner, outer: 0.0 <= inner < outer)
-    return Annulus(inner, outer, _pair(about_m, lambda _x, _y: True))
-
-
-_KINDS: Final[Mapping[str, tuple[Callable[[Any, Any], Distribution], str]]] = {
-    "uniform": (_uniform, "{ uniform = [low, high] } with low < high"),
-    "log_uniform": (_log_uniform, "{ log_uniform = [low, high] } with 0 < low < high"),
-    "normal": (_normal, "{ normal = [mean, deviation] } with a deviation above 0"),
-    "choice": (_choice, "{ choice = [value, …] }"),
-    "disc": (
-        lambda radius, about_m: _annulus((0.0, radius), about_m),
-        "{ disc = radius } in m, with about_m = [x, y] if its centre is not zero",
+_KINDS: Final[Mapping[str, tuple[str, Callable[..., bool], Callable[..., Distribution]]]] = {
+    "uniform": (
+        "{ uniform = [low, high] } with low < high",
+        operator.lt,
+        lambda low, high, _: Number(stats.uniform(low, high - low)),
     ),
+    "log_uniform": (
+        "{ log_uniform = [low, high] } with 0 < low < high",
+        lambda low, high: 0.0 < low < high,
+        lambda low, high, _: Number(stats.loguniform(low, high)),
+    ),
+    "normal": (
+        "{ normal = [mean, deviation] } with a deviation above 0",
+        lambda _, deviation: deviation > 0.0,
+        lambda mean, deviation, _: Number(stats.norm(mean, deviation)),
+    ),
+    "choice": ("{ choice = [value, …] }", lambda *_: False, Annulus),
+    "disc": ("{ disc = radius } in m, with about_m = [x, y] if its centre is not zero", _inside, Annulus),
     "annulus": (
-        _annulus,
         "{ annulus = [inner, outer] } in m, 0 <= inner < outer, with about_m = [x, y] if its centre is not zero",
+        _inside,
+        Annulus,
     ),
 }
+"""Form of each distribution, which pairs of numbers it takes, and the distribution of two numbers and a centre."""
 
 
-def _spaced(text: str, spec: Mapping[str, Any]) -> tuple[float, ...]:
+def _spaced(key: str, spec: Mapping[str, Any]) -> tuple[float, ...]:
     begin, end = (_number(spec.get(name)) for name in ("from", "to"))
     count = spec.get("count")
     if set(spec) != _RANGE or not math.isfinite(begin - end) or not isinstance(count, int) or count < 2 or begin == end:
         raise ConfigError(
-            f"grid.{text} = {as_toml(spec)}: must be {{ from = …, to = …, count = … }}: two different numbers, and the "
+            f"grid.{key} = {as_toml(spec)}: must be {{ from = …, to = …, count = … }}: two different numbers, and the "
             "number of evenly spaced values, at least 2"
         )
     return tuple(np.linspace(begin, end, count).tolist())

@@ -35,6 +35,10 @@ PAIR, POINT, SEED = "pair", "point", "case_seed"
 _FORMAT: Final = 1
 _PARTIAL: Final = ".partial"
 
+_CHUNKS_A_WORKER: Final = 4
+_LARGEST_CHUNK: Final = {"maths": 4096, "teams": 512, "fast": 1}
+"""Rows of a chunk at most: 2 to 20 s of work. Larger batches of games are slower, because they leave the cache."""
+
 Write = Callable[[Path, bytes], None]
 
 
@@ -124,14 +128,14 @@ class Folder:
         return table
 
 
-def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callable[[], int]) -> Folder:
+def opened(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:
     """Begin a sweep in a folder, or continue the one in it.
 
     Args:
         path: The folder.
         plan: Of the sweep.
         chunk_rows: Rows of a chunk; None takes those of the folder, or the default.
-        default_rows: Returns the rows of a chunk for a new folder.
+        workers: Number of processes; a new folder has four chunks or more for each of several.
 
     Raises:
         ConfigError: If the folder holds another sweep, or other files.
@@ -144,7 +148,8 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callabl
         if any(child for child in path.iterdir() if not child.name.startswith(".") and child.name != ROWS):
             raise ConfigError(f"--out {path}: has files but no sweep ({MANIFEST}); choose a new folder")
         private_folder(path / ROWS)
-        rows = chunk_rows or default_rows()
+        fair = plan.rows if workers == 1 else math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers))
+        rows = chunk_rows or min(fair, _LARGEST_CHUNK["teams" if plan.teams else plan.way])
         manifest = {"format": _FORMAT, "digest": plan.digest, "rows": plan.rows, "chunk_rows": rows}
         manifest |= {"versions": _versions(), "commit": commit(), **plan.document}
         write_whole(path / MANIFEST, json.dumps(manifest, indent=1).encode())

@@ -104,7 +104,7 @@ def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
         places = table[POINT].to_numpy() // after % len(axis.values)
         numbers = all(isinstance(value, (int, float)) for value in axis.values)
         labels = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values]
-        yield _key(axis.key.text, labels, axis.values if numbers else range(len(labels)), places, grid=True)
+        yield _key(axis.key, labels, axis.values if numbers else range(len(labels)), places, grid=True)
     for column in axis.columns() if axis.distribution is not None else ():
         if not pa.types.is_floating(table[column].type):
             cells = [str(value) for value in table[column].to_pylist()]

@@ -1,14 +1,12 @@
 """Rows of a plan: their scenarios, played or flown, as the bytes of a Parquet file."""
 
 import gc
-import math
-import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from io import BytesIO
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -29,14 +27,6 @@ from guidance.sweeps.plan import Cases, Pair, Plan, policy_in
 
 _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 _SAMPLE: Final = 1000
-_LARGEST_CHUNK: Final = 8192
-"""The games solve this many rows at once; more are slower, as they leave the cache."""
-_CHUNK_S: Final = 10.0
-"""Computing time of a chunk: rows are written, and progress is shown, that often."""
-_CHUNKS_A_WORKER: Final = 4
-_TRIED: Final = (8, 64, 512, 4096)
-_LEAST_SHARE: Final = 1.0 / 8.0
-
 Model = type[Scenario] | type[TeamScenario]
 
 
@@ -48,32 +38,21 @@ class Scenarios:
     """
 
     def __init__(self, plan: Plan) -> None:
-        self._model = _model_of(plan)
-        swept = {str(axis.key.path[0]) for axis in plan.axes}
-        self._shared: list[dict[str, Any]] = []
-        self._varied: list[dict[str, Any]] = []
+        self._model, self._axes = _model_of(plan), plan.axes
+        swept = {str(axis.path[0]) for axis in plan.axes}
+        self._bases: list[dict[str, Any]] = []
         for pair in plan.pairs:
             document = _with_policies(plan.scenario, pair)
-            base = parse(self._model, document, source=f"policies {pair.pursuer} and {pair.evader}")
-            self._shared.append({name: getattr(base, name) for name in self._model.model_fields if name not in swept})
-            # Some value for each axis, so that optional sections exist; every row sets its own.
-            some = [axis.extremes()[0] for axis in plan.axes]
-            self._varied.append(_with_values({name: document[name] for name in swept}, plan.axes, some))
-        self._paths = [[key.path for key, _ in axis.settings(axis.extremes()[0])] for axis in plan.axes]
-        inner = {path[:depth] for paths in self._paths for path in paths for depth in range(1, len(path))}
-        self._copied = sorted(inner, key=len)
+            checked = parse(self._model, document, source=f"policies {pair.pursuer} and {pair.evader}")
+            own = {name: getattr(checked, name) for name in self._model.model_fields if name not in swept}
+            self._bases.append(own | {name: document[name] for name in swept})
 
     def of(self, cases: Cases) -> Iterator[Scenario | TeamScenario | str]:
         """Yield the scenario of every row, or the reason why it is invalid."""
         drawn = list(zip(*cases.values, strict=True)) if cases.values else [()] * len(cases.row)
         for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
-            document = {**self._shared[pair], **self._varied[pair], "seed": seed}
-            for path in self._copied:
-                node = _at(document, path[:-1])
-                node[path[-1]] = node[path[-1]].copy()
-            for paths, value in zip(self._paths, values, strict=True):
-                for path, part in zip(paths, [value] if len(paths) == 1 else value, strict=True):
-                    _at(document, path[:-1])[path[-1]] = part
+            document = _with_values(self._bases[pair], self._axes, values)
+            document["seed"] = seed
             try:
                 yield self._model.model_validate(document)
             except ValidationError as error:
@@ -87,12 +66,6 @@ def scenario_of(plan: Plan, row: int) -> Scenario | TeamScenario | str:
 
 def _model_of(plan: Plan) -> Model:
     return TeamScenario if plan.teams else Scenario
-
-
-def _at(node: Any, path: Sequence[str | int]) -> Any:  # noqa: ANN401 - any part of a document
-    for part in path:
-        node = node[part]
-    return node
 
 
 def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
@@ -113,22 +86,22 @@ def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
 
 def _with_values(document: dict[str, Any], axes: Sequence[Axis], values: Sequence[Any]) -> dict[str, Any]:
     """Return a copy of a document with one value of every axis."""
+    document = document.copy()
     for axis, value in zip(axes, values, strict=True):
-        for key, part in axis.settings(value):
-            document = _placed(document, key.path, part)
+        for (name, *path), part in axis.settings(value):
+            document[name] = _placed(document.get(name), path, part)
     return document
 
 
-def _placed(node: Any, path: tuple[str | int, ...], value: Any) -> Any:  # noqa: ANN401 - any part of a document
+def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: ANN401 - any part of a document
+    """Return a copy of a part of a document with a value at a path."""
     if not path:
         return value
     head, rest = path[0], path[1:]
     if isinstance(head, int):
         if not isinstance(node, (list, tuple)) or head >= len(node):
             raise LookupError(head)
-        elements = list(node)
-        elements[head] = _placed(elements[head], rest, value)
-        return elements
+        return [*node[:head], _placed(node[head], rest, value), *node[head + 1 :]]
     section = node or {}
     return {**section, head: _placed(section.get(head), rest, value)}
 
@@ -162,10 +135,10 @@ def _faults(model: Model, base: dict[str, Any], axis: Axis, value: Any) -> Itera
     try:
         model.model_validate(_with_values(base, (axis,), (value,)))
     except LookupError as error:
-        yield f"{axis.key.text}: the scenario has no element {error.args[0]} there"
+        yield f"{axis.key}: the scenario has no element {error.args[0]} there"
     except ValidationError as error:
         for fault in error.errors():
-            if fault["loc"][: len(axis.key.path)] == axis.key.path:
+            if fault["loc"][: len(axis.path)] == axis.path:
                 yield explain(model, dict(fault))
 
 
@@ -181,50 +154,6 @@ def refuse_without_games(plan: Plan) -> None:
     if reasons.total() == len(found):
         reason, count = reasons.most_common(1)[0]
         raise ConfigError(f"all {len(found)} rows of a sample are invalid; reason of {count} of them:\n  {reason}")
-
-
-class ChunkSize(NamedTuple):
-    """Rows of a chunk, and how long it should take, s; NaN if it was not measured."""
-
-    rows: int
-    lasts_s: float
-
-
-def chunk_size(plan: Plan, workers: int, clock: Callable[[], float] = time.process_time) -> ChunkSize:
-    """Play some rows to choose the size of a chunk: about 10 s of work, and several chunks for each of several workers.
-
-    Args:
-        plan: Of the sweep.
-        workers: Number of processes.
-        clock: Processor time, s: wall time depends on what else the machine does.
-    """
-    if plan.way == "fast":
-        return ChunkSize(1, math.nan)  # a flight takes a thousand times as long as a game
-    fair = plan.rows if workers == 1 else math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers))
-    if fair <= _TRIED[0]:
-        return ChunkSize(fair, math.nan)
-    tried = [_timed(plan, _TRIED[0], clock)]
-    for count in _TRIED[1:]:
-        if tried[-1][1] > _CHUNK_S / 2:
-            break
-        tried.append(_timed(plan, min(count, fair), clock))
-    if len(tried) == 1:
-        tried.append(_timed(plan, 2 * _TRIED[0], clock))
-    (few, few_s), (many, many_s) = tried[-2:]
-    # A chunk costs its steps, which all games share, and something for each game. The lower bound is for measurements
-    # that differ by chance.
-    each_s = max((many_s - few_s) / max(1, many - few), many_s / many * _LEAST_SHARE)
-    shared_s = max(0.0, many_s - many * each_s)
-    # If the steps alone take longer than a chunk should, the games cost as much again.
-    rows = max(1, min(int(max(_CHUNK_S - shared_s, shared_s) / each_s), fair, _LARGEST_CHUNK))
-    return ChunkSize(rows, shared_s + rows * each_s)
-
-
-def _timed(plan: Plan, count: int, clock: Callable[[], float]) -> tuple[int, float]:
-    begin = (plan.rows - count) // 2  # neighbours, as in a chunk: they share their steps
-    began_s = clock()
-    _outcomes(plan, plan.cases(np.arange(begin, begin + count)))
-    return count, max(clock() - began_s, 1e-6)
 
 
 def computed(plan: Plan, rows: range) -> bytes:

@@ -3,7 +3,6 @@
 This process, processes on this machine and a Dask cluster are `concurrent.futures` executors, used in the same way.
 """
 
-import math
 import multiprocessing
 import os
 import signal
@@ -22,9 +21,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.extras import require
 from guidance.screen import console, redraws
-from guidance.sweeps.folder import MANIFEST, Folder, alone, opened
+from guidance.sweeps.folder import Folder, alone, opened
 from guidance.sweeps.plan import Plan, Way, laid_out, load_sweep
-from guidance.sweeps.rows import ChunkSize, check, chunk_size, computed, refuse_without_games, uncollected
+from guidance.sweeps.rows import check, computed, refuse_without_games, uncollected
 
 CONNECT_S = 10.0
 _SHOW_S: Final = 0.5
@@ -40,12 +39,11 @@ _LINE_S: Final = 10.0
 
 
 class Work(NamedTuple):
-    """Work in a folder: the missing chunks, the number of rows already there, and the time of a chunk, s."""
+    """Work in a folder: the missing chunks, and the number of rows already there."""
 
     folder: Folder
     missing: list[int]
     rows_there: int
-    chunk_s: float = math.nan
 
 
 class Shown:
@@ -54,37 +52,27 @@ class Shown:
     Args:
         work: The folder and its missing chunks.
         unit: "games" or "flights".
-        expected_s: How long it should take; NaN if unknown.
     """
 
-    def __init__(self, work: Work, unit: str, expected_s: float) -> None:
+    def __init__(self, work: Work, unit: str) -> None:
         self.kept = self._before = work.rows_there
-        self._rows = work.folder.plan.rows
-        self._unit, self._expected_s = unit, expected_s
+        self._rows, self._unit = work.folder.plan.rows, unit
         self._there = console(stderr=True)
-        columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
+        columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.description}"))
         self.bar = Progress(*columns, console=self._there, transient=True, disable=not redraws(self._there))
-        self._task = self.bar.add_task("", total=self._rows, completed=self.kept, text="")
+        self._task = self.bar.add_task("", total=self._rows, completed=self.kept)
         self._begun_s = self._shown_s = time.monotonic()
 
     def __call__(self, rows: int) -> None:
         """Count rows, and show them if it is time."""
         self.kept += rows
-        now_s = time.monotonic()
-        text = self._text(now_s - self._begun_s)
-        if not self.bar.disable:
-            self.bar.update(self._task, completed=self.kept, text=text)
-        elif now_s - self._shown_s >= _LINE_S:
+        now_s, done = time.monotonic(), self.kept - self._before
+        rate = done / max(1e-9, now_s - self._begun_s)
+        text = f"{rate:.3g} {self._unit}/s, {clock((self._rows - self.kept) / rate)} left" if done else ""
+        self.bar.update(self._task, completed=self.kept, description=text)
+        if self.bar.disable and now_s - self._shown_s >= _LINE_S:
             self._shown_s = now_s
             self._there.print(f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}")
-
-    def _text(self, passed_s: float) -> str:
-        done = self.kept - self._before
-        if not done:
-            left_s = self._expected_s - passed_s
-            return f"about {clock(left_s)} left" if left_s > 0.0 else ""
-        rate = done / max(1e-9, passed_s)
-        return f"{rate:.3g} {self._unit}/s, {clock((self._rows - self.kept) / rate)} left"
 
 
 def clock(seconds: float) -> str:
@@ -204,7 +192,7 @@ def begun(plan: Plan, out: Path, chunk_rows: int | None, workers: int = 1) -> Wo
     Args:
         plan: Of the sweep.
         out: The folder.
-        chunk_rows: Rows of a chunk; None chooses by playing some.
+        chunk_rows: Rows of a chunk; None chooses.
         workers: Number of processes.
 
     Raises:
@@ -212,16 +200,9 @@ def begun(plan: Plan, out: Path, chunk_rows: int | None, workers: int = 1) -> Wo
         OutputError: If it cannot be written.
     """
     refuse_without_games(plan)
-    tried: list[ChunkSize] = []
-
-    def default() -> int:
-        tried.append(chunk_size(plan, workers))
-        return tried[0].rows
-
-    folder = opened(out, plan, chunk_rows, default)
+    folder = opened(out, plan, chunk_rows, workers)
     missing = [chunk for chunk in range(folder.chunks) if not folder.has(chunk)]
-    there = plan.rows - sum(len(folder.rows(chunk)) for chunk in missing)
-    return Work(folder, missing, there, tried[0].lasts_s if tried else math.nan)
+    return Work(folder, missing, plan.rows - sum(len(folder.rows(chunk)) for chunk in missing))
 
 
 def finish(work: Work, workers: Workers, on_kept: OnKept) -> None:
@@ -305,7 +286,7 @@ def run_sweep(
         workers: Number of processes; default: number of processors.
         scheduler: Address of a Dask scheduler, used instead of processes.
         out: The folder; default: named after the sweep.
-        chunk: Rows in one file; default: chosen by playing some.
+        chunk: Rows in one file; None chooses.
 
     Raises:
         GuidanceError: For everything that the user can correct.
@@ -317,8 +298,6 @@ def run_sweep(
     size = workers if workers is not None else os.cpu_count() or 1
     with alone(path):
         there.print(f"[bold]{plan.sweep.title or Path(name).stem}[/bold]: {plan.rows} {unit}")
-        if chunk is None and plan.way == "maths" and not (path / MANIFEST).is_file():
-            there.print("playing some first, to measure how long they take")
         work = begun(plan, path, chunk, size)
         count = len(work.missing)
         if work.rows_there:
@@ -326,11 +305,9 @@ def run_sweep(
         if not count:
             return path
         size = min(size, count)
-        expected_s = work.chunk_s * math.ceil(count / size) if scheduler is None else math.nan
-        takes = "" if math.isnan(expected_s) else f"; about {clock(expected_s)}"
-        there.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}{takes}")
+        there.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}")
         begun_s = time.monotonic()
-        progress = Shown(work, unit, expected_s)
+        progress = Shown(work, unit)
         with progress.bar, workers_of(size, scheduler) as working:
             try:
                 finish(work, working, progress)

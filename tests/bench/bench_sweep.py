@@ -153,7 +153,7 @@ def bench_flights(folder, flights):
     print(f"a fast sweep of {flights} flights of {flown / flights:.0f} s on average")
     print(f"  {flights / cpu:8.3f} flights/s of processor time on one core, {flown / cpu:.1f} × real time")
     began = time.perf_counter()
-    work = Work(opened(folder / "flights", plan, 1, lambda: 1), list(range(flights)), 0)
+    work = Work(opened(folder / "flights", plan, 1), list(range(flights)), 0)
     with workers_of(2, None) as working:
         finish(work, working, lambda _: None)
     two = (time.perf_counter() - began) / flights

@@ -16,11 +16,10 @@ from typer.testing import CliRunner
 
 from guidance.cli.sweep import sweep as app
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
-from guidance.sweeps import rows as chunks
 from guidance.sweeps import running
 from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_whole
-from guidance.sweeps.rows import chunk_size
 from guidance.sweeps.running import SERIAL, Interrupted, Shown, ThisProcess, Workers, begun, finish, planned, workers_of
+from tests.sweeps.conftest import SWEEP
 
 COMMAND = [sys.executable, "-c", "from guidance.cli import main; main()", "sweep"]
 
@@ -172,7 +171,7 @@ def test_a_folder_with_other_files_is_refused(plan_from, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "letters.txt").write_text("dear")
     with pytest.raises(ConfigError, match="has files but no sweep"):
-        opened(tmp_path / "out", plan_from(), None, lambda: 5)
+        opened(tmp_path / "out", plan_from(), None)
     with pytest.raises(ConfigError, match=r"not the folder of a sweep: it has no sweep\.json"):
         read_folder(tmp_path / "out")
 
@@ -180,7 +179,7 @@ def test_a_folder_with_other_files_is_refused(plan_from, tmp_path):
 def test_a_folder_that_cannot_be_made_is_an_output_error(plan_from, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        opened(tmp_path / "file" / "out", plan_from(), None, lambda: 5)
+        opened(tmp_path / "file" / "out", plan_from(), None)
 
 
 def test_only_one_process_writes_a_sweep(tmp_path):
@@ -299,46 +298,13 @@ def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkey
         finish(begun(plan_from(), tmp_path / "out", 12), working, lambda _: None)
 
 
-LONG = """
-scenario = "short.toml"
-seeds = 240
-[grid]
-"evader.speed_m_s" = [1.0, 3.0]
-"""
-
-
 @pytest.mark.parametrize(
-    ("slowness_s", "workers", "expected"), [(10.0, 1, 1), (0.5, 1, 20), (1e-9, 1, 480), (1e-9, 8, 15)]
+    ("seeds", "way", "workers", "expected"),
+    [(6, "maths", 1, 24), (6, "maths", 2, 3), (6000, "maths", 2, 3000), (60000, "maths", 2, 4096), (6, "fast", 1, 1)],
 )
-def test_a_chunk_takes_10_s_and_several_workers_have_four_each(plan_from, slowness_s, workers, expected, monkeypatch):
-    """480 rows, with a stopwatch of our own."""
-    plan, now = plan_from(LONG), [0.0]
-
-    def slowly(_plan, cases):
-        now[0] += slowness_s * len(cases.row)
-
-    monkeypatch.setattr(chunks, "_outcomes", slowly)
-    assert plan.rows == 480
-    size = chunk_size(plan, workers, lambda: now[0])
-    assert size.rows == expected
-    if slowness_s > 1e-6:
-        assert size.lasts_s == pytest.approx(expected * slowness_s)
-
-
-@pytest.mark.parametrize(("steps_s", "game_s", "expected"), [(2.0, 0.05, 160), (20.0, 0.5, 40), (2.0, 0.0, 8192)])
-def test_games_that_share_their_steps_share_a_chunk(plan_from, steps_s, game_s, expected, monkeypatch):
-    """However long the shared steps take, a chunk still has many games."""
-    plan, now = plan_from(LONG.replace("240", "24000")), [0.0]
-
-    def shared(_plan, cases):
-        now[0] += steps_s + game_s * len(cases.row)
-
-    monkeypatch.setattr(chunks, "_outcomes", shared)
-    assert chunk_size(plan, 1, lambda: now[0]).rows == expected
-
-
-def test_a_chunk_of_flights_has_one_row(plan_from):
-    assert chunk_size(plan_from(way="fast"), 2).rows == 1
+def test_several_workers_have_four_chunks_each(plan_from, tmp_path, seeds, way, workers, expected):
+    plan = plan_from(SWEEP.replace("seeds = 6", f"seeds = {seeds}"), way)
+    assert opened(tmp_path / "out", plan, None, workers).chunk_rows == expected
 
 
 def test_an_interruption_says_what_is_kept():
@@ -346,17 +312,16 @@ def test_an_interruption_says_what_is_kept():
     assert str(Interrupted(5, 24)) == "interrupted: 5 of 24 rows are kept; run the same command to continue"
 
 
-def test_progress_says_the_time_left_before_the_first_chunk_and_after(plan_from, tmp_path, monkeypatch, capsys):
+def test_progress_says_the_time_left_after_the_first_chunk(plan_from, tmp_path, monkeypatch, capsys):
     now_s = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     monkeypatch.setenv("TERM", "dumb")
-    work = begun(plan_from(), tmp_path / "out", 12)
-    progress = Shown(work, "games", 60.0)
+    progress = Shown(begun(plan_from(), tmp_path / "out", 12), "games")
     for second, rows in ((5, 0), (15, 0), (25, 12), (35, 12)):
         now_s[0] = float(second)
         progress(rows)
     assert capsys.readouterr().err.splitlines() == [
-        "0 of 24 games, about 0:00:45 left",
+        "0 of 24 games",
         "12 of 24 games, 0.48 games/s, 0:00:25 left",
         "24 of 24 games, 0.686 games/s, 0:00:00 left",
     ]
