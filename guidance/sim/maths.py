@@ -41,6 +41,9 @@ they keep the cycle. Times of capture of tests/bench/bench_sweep.py's games diff
 _SHARE_LEFT = 0.75
 """Finished games are removed from the arrays when this share or less is still running."""
 
+_STRAIGHT = 1e-9
+"""Change of velocity over the last step, as a share of the speed, up to which players fly straight on."""
+
 _LONG_LOST_S = LIMITS_S[State.PAUSED]
 
 RUNNING, CAPTURED, ARRIVED, TIME_UP, FAILED = range(5)
@@ -191,10 +194,11 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
         waiting = seen.age_s > TIMEOUT_S
     no_game = ~np.isfinite(v[:, 0])
     v[no_game | waiting] = 0.0
-    h = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead))
+    captured_s = _captured_s(batch, moment, v - w)
+    h = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead, (v, w), captured_s))
     for limit in (
         batch.limit_s - moment.now_s,
-        _captured_s(batch, moment, v - w),
+        captured_s,
         ahead.arrival_s,
         ahead.turn_s,
         *_changes_s(batch, moment, heard),
@@ -226,23 +230,28 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     )
 
 
-def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead) -> Real:
+def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, velocities: tuple[Array, Array], captured_s: Array) -> Real:
     """Return how long a step may be, (n,): a share of the least time until the pursuer is beside the evader or at a
-    limit, or the evader at its target.
+    limit, or the evader at its target. While both players fly straight on, the time to the capture itself counts.
     """  # noqa: D205 - one sentence needs two lines
     share = _SHARES.get(batch.pursuer.name)
     if share is None or batch.kind.sensor != PERFECT:
         return 0.0
-    P, game = moment.pursuer_m, batch.game
+    P, game, (v, w) = moment.pursuer_m, batch.game, velocities
     speeds, level_m_s = game.pursuer, game.pursuer.horizontal_m_s + wind_speed(game)
     vertical_m_s = 0.0 if isinstance(speeds, Ball) else np.maximum(speeds.climb_m_s, speeds.descent_m_s)
     apart = beside(P, moment.evader_m)
     if not isinstance(speeds, Ball):  # it holds its place when it is beside the evader
         apart = apart - game.standoff.radius_m - game.capture_radius_m
-    inside = batch.fence_m - _from_home(batch, P)[2]
-    room = np.minimum(inside, np.minimum(P[:, 2] - batch.lowest_m, batch.highest_m - P[:, 2]))
-    beside_s, limit_s = apart / (level_m_s + game.evader_speed_m_s), room / np.sqrt(level_m_s**2 + vertical_m_s**2)
-    return np.asarray(share * np.minimum(np.minimum(beside_s, limit_s), np.minimum(ahead.capture_s, ahead.arrival_s)))
+    bend_m_s = np.abs(v - moment.flown_m_s).max(axis=-1) + np.abs(w - moment.run_m_s).max(axis=-1)
+    straight = bend_m_s <= _STRAIGHT * level_m_s
+    beside_s = np.minimum(apart / (level_m_s + game.evader_speed_m_s), ahead.capture_s)
+    x, y, out = _from_home(batch, P)
+    outwards_m_s = (x * v[:, 0] + y * v[:, 1]) / np.where(out > 0.0, out, 1.0)
+    room_m = np.stack([batch.fence_m - out, P[:, 2] - batch.lowest_m, batch.highest_m - P[:, 2]])
+    rate_m_s = np.where(straight, [-outwards_m_s, v[:, 2], -v[:, 2]], -np.sqrt(level_m_s**2 + vertical_m_s**2))
+    least_s = np.minimum(np.where(straight, captured_s, beside_s), _zero_s(room_m, rate_m_s).min(axis=0))
+    return np.asarray(share * np.minimum(least_s, ahead.arrival_s))
 
 
 def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
