@@ -11,35 +11,21 @@ by most. That point lies on the edge of the set, which consists of straight line
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, norm2, select, select2
+from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, norm2, select, select2, unit2
 from guidance.game.records import is_finite, require
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-SEARCHED = 32
+RAYS = 8
+"""Intervals between the rays that are tried first."""
+
+SEARCHED = 29
 """Steps of a golden section search: the place is found to 2e-7 of its line's length, the least value to 1e-13."""
 
 
-class Piece(NamedTuple):
-    """A straight line or an arc of a set's edge, with a parameter from 0 to 1.
-
-    The point is begin + t · way + `out`, turned by the angle with the tangent t · turn of its half.
-    """
-
-    begin: tuple[float, float]
-    way: tuple[float, float]
-    out: tuple[float, float]
-    turn: float
-
-    def at(self, t: Real) -> Plane:
-        """Return the point of a parameter."""
-        tangent = t * self.turn
-        scale = 1.0 / (1.0 + tangent * tangent)
-        cosine, sine = (1.0 - tangent * tangent) * scale, 2.0 * tangent * scale
-        (x, y), (way_x, way_y), (out_x, out_y) = self.begin, self.way, self.out
-        return x + t * way_x + cosine * out_x - sine * out_y, y + t * way_y + cosine * out_y + sine * out_x
+OUTLINE = 64
+"""Directions in which the outermost points make up the outline of a set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +73,12 @@ class Extent:
 
     def outline_m(self) -> list[tuple[float, float]]:
         """Return points around the set's edge, for pictures: x and y from the target's position."""
-        steps = [0.125 * number for number in range(8)]
-        return [piece.at(t) for piece in _pieces(self) for t in (steps if piece.turn else [0.0, 1.0])]
+        found = []
+        for number in range(OUTLINE):
+            x, y = math.cos(math.tau * number / OUTLINE), math.sin(math.tau * number / OUTLINE)
+            corner = max(self.corners_m, key=lambda corner: corner[0] * x + corner[1] * y)
+            found.append((corner[0] + self.radius_m * x, corner[1] + self.radius_m * y))
+        return list(dict.fromkeys(found))
 
 
 def _hull(points: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
@@ -168,66 +158,91 @@ def to_set(xp: Library, extent: Extent, place: Plane) -> Plane:
     return share * way[0], share * way[1]
 
 
-def least_at(xp: Library, extent: Extent, value: Callable[[Plane], Real]) -> Plane:
+def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane], Real]) -> Plane:
     """Return where on the set's edge a function is least, from the target's position.
+
+    The function grows along every ray from a place outside the set, and the points where it is at most some number are
+    a convex set around this place. So its least value on the set is where a ray enters the set, and there is one
+    minimum over the slope of the ray against the direction to the nearest point.
 
     Args:
         xp: array library.
         extent: the set.
-        value: of points from the target's position, with one minimum along each piece of the edge.
+        place: from the target's position, m.
+        value: of points from the target's position.
     """
-    best: Plane | None = None
-    for piece in _pieces(extent):
-        found, reached = _least_on(xp, piece, value)
-        if best is None:
-            best, least = found, reached
-        else:
-            closer = reached < least
-            best, least = select2(xp, closer, found, best), select(xp, closer, reached, least)
-    return extent.corners_m[0] if best is None else best
+    way = to_set(xp, extent, place)
+    ahead = unit2(xp, way, norm2(xp, way))
+    corners = [_along(ahead, (x - place[0], y - place[1])) for x, y in extent.corners_m]
+    low, high = _slopes(xp, extent.radius_m, corners)
 
+    def entered(slope: Real) -> Plane:
+        far = _entry(xp, extent.radius_m, corners, slope)
+        x, y = _along((ahead[0], -ahead[1]), (far, far * slope))
+        return place[0] + x, place[1] + y
 
-def _least_on(xp: Library, piece: Piece, value: Callable[[Plane], Real]) -> tuple[Plane, Real]:
-    """Search a piece by golden section; its ends are tried as well."""
-    zero = 0.0 * value(piece.at(0.0))
-    low, high = zero, zero + 1.0
+    best: Plane = (place[0] + way[0], place[1] + way[1])
+    least, tried = value(best), []
+    if extent.radius_m == 0.0:
+        tried = [(x + 0.0 * least, y + 0.0 * least) for x, y in extent.corners_m]
+    step, middle = (high - low) / RAYS, low
+    lowest = value(entered(low))
+    for number in range(1, RAYS + 1):
+        reached = value(entered(low + number * step))
+        closer = reached < lowest
+        middle, lowest = select(xp, closer, low + number * step, middle), select(xp, closer, reached, lowest)
+    low, high = select(xp, middle > low, middle - step, low), select(xp, middle < high, middle + step, high)
     left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    at_left, at_right = value(piece.at(left)), value(piece.at(right))
+    at_left, at_right = value(entered(left)), value(entered(right))
     for _ in range(SEARCHED):
         falls = at_right < at_left
         low, high = select(xp, falls, left, low), select(xp, falls, high, right)
         new = select(xp, falls, low + GOLDEN * (high - low), high - GOLDEN * (high - low))
-        at_new = value(piece.at(new))
+        at_new = value(entered(new))
         left, right = select(xp, falls, right, new), select(xp, falls, new, left)
         at_left, at_right = select(xp, falls, at_right, at_new), select(xp, falls, at_new, at_left)
-    best, least = left, at_left
-    for t in (zero, zero + 1.0):
-        reached = value(piece.at(t))
-        best, least = select(xp, reached <= least, t, best), select(xp, reached <= least, reached, least)
-    return piece.at(best), least
+    for point in (entered(left), *tried):
+        reached = value(point)
+        closer = reached < least
+        best, least = select2(xp, closer, point, best), select(xp, closer, reached, least)
+    return best
 
 
-def _pieces(extent: Extent) -> Iterator[Piece]:
-    """Yield the pieces of a set's edge; none of a point."""
-    corners, radius = list(extent.corners_m), extent.radius_m
-    if extent.is_point:
-        return
-    if len(corners) == 1:
-        for out in ((radius, 0.0), (0.0, radius), (-radius, 0.0), (0.0, -radius)):
-            yield Piece(corners[0], (0.0, 0.0), out, 1.0)
-        return
-    ways = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-    outs = [(radius * y / math.hypot(x, y), -radius * x / math.hypot(x, y)) for x, y in ways]
-    for number, (corner, way, out) in enumerate(zip(corners, ways, outs, strict=True)):
+def _along(ahead: Plane, v: Plane) -> Plane:
+    """Return the components of a vector along and across a direction."""
+    return v[0] * ahead[0] + v[1] * ahead[1], v[1] * ahead[0] - v[0] * ahead[1]
+
+
+def _slopes(xp: Library, radius: float, corners: list[Plane]) -> tuple[Real, Real]:
+    """Return the least and the largest slope of a ray that meets a set, whose corners are given along and across."""
+    low, high = math.inf, -math.inf
+    for x, y in corners:
+        spread, square = radius * xp.sqrt(xp.maximum(x * x + y * y - radius * radius, 0.0)), x * x - radius * radius
+        square = select(xp, square > 0.0, square, 1.0)
+        right, left = (x * y - spread) / square, (x * y + spread) / square
+        low, high = select(xp, right < low, right, low), select(xp, left > high, left, high)
+    return low, high
+
+
+def _entry(xp: Library, radius: float, corners: list[Plane], slope: Real) -> Real:
+    """Return how far along a ray (1, slope) enters a set; its farthest end if it misses the set by rounding."""
+    found: Real = -math.inf
+    for x, _ in corners:
+        found = select(xp, x + radius > found, x + radius, found)
+    scale = 1.0 / (1.0 + slope * slope)
+    for (x, y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
         if radius > 0.0:
-            before = outs[number - 1]
-            angle = math.atan2(before[0] * out[1] - before[1] * out[0], before[0] * out[0] + before[1] * out[1])
-            half = 0.5 * (angle if angle > 0.0 else math.pi)
-            middle = (
-                before[0] * math.cos(half) - before[1] * math.sin(half),
-                before[1] * math.cos(half) + before[0] * math.sin(half),
-            )
-            for begin in (before, middle):
-                yield Piece(corner, (0.0, 0.0), begin, math.tan(0.5 * half))
-        if number == 0 or len(corners) > 2 or radius > 0.0:
-            yield Piece(corner, way, out, 0.0)
+            foot = (x + slope * y) * scale
+            rest = foot * foot - (x * x + y * y - radius * radius) * scale
+            met = foot - xp.sqrt(xp.maximum(rest, 0.0))
+            found = select(xp, (rest >= 0.0) & (met < found), met, found)
+        if len(corners) > 1:
+            way_x, way_y = end_x - x, end_y - y
+            out = radius / xp.sqrt(way_x * way_x + way_y * way_y)
+            begin_x, begin_y = x + out * way_y, y - out * way_x
+            turn = way_y - slope * way_x
+            some = turn != 0.0
+            turn = select(xp, some, turn, 1.0)
+            met, share = (begin_x * way_y - begin_y * way_x) / turn, (begin_x * slope - begin_y) / turn
+            found = select(xp, some & (share >= 0.0) & (share <= 1.0) & (met < found), met, found)
+    return found

@@ -132,13 +132,19 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     if extent.is_point:
         return from_set(to_target, extent.corners_m[0])
 
-    def margin(offset: Plane) -> Real:
+    def margin(offset: Plane, state: Geometry) -> Real:
         arrival, goal = _arrive(xp, game, from_set(to_target, offset))
         return arrival - guard_time(xp, game, state, goal)
 
-    way = to_set(xp, extent, (-to_target[0], -to_target[1]))
-    arrived = dot2(way, way) == 0
-    return select2(xp, arrived, way, from_set(to_target, least_at(xp, extent, margin)))
+    place = (-to_target[0], -to_target[1])
+    way = to_set(xp, extent, place)
+    level = state._replace(z=0.0 * state.z) if isinstance(game.pursuer, Cylinder) else state
+    found = least_at(xp, extent, place, lambda offset: margin(offset, level))
+    if isinstance(game.pursuer, Cylinder):
+        # Until the pursuer is at its height the margin is least at the nearest point.
+        near = (place[0] + way[0], place[1] + way[1])
+        found = select2(xp, margin(near, state) < margin(found, state), near, found)
+    return select2(xp, dot2(way, way) == 0, way, from_set(to_target, found))
 
 
 def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> Contest:

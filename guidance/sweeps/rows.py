@@ -51,8 +51,7 @@ class Scenarios:
         """Yield the scenario of every row, or the reason why it is invalid."""
         drawn = list(zip(*cases.values, strict=True)) if cases.values else [()] * len(cases.row)
         for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
-            document = _with_values(self._bases[pair], self._axes, values)
-            document["seed"] = seed
+            document = {**_with_values(self._bases[pair], self._axes, values), "seed": seed}
             try:
                 yield self._model.model_validate(document)
             except ValidationError as error:
@@ -86,10 +85,9 @@ def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
 
 def _with_values(document: dict[str, Any], axes: Sequence[Axis], values: Sequence[Any]) -> dict[str, Any]:
     """Return a copy of a document with one value of every axis."""
-    document = document.copy()
     for axis, value in zip(axes, values, strict=True):
-        for (name, *path), part in axis.settings(value):
-            document[name] = _placed(document.get(name), path, part)
+        for path, part in axis.settings(value):
+            document = _placed(document, path, part)
     return document
 
 

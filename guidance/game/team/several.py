@@ -170,9 +170,10 @@ def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
             found = solve_team(point, P, E, placed(offset))
         return np.asarray(np.where(found.winner > 0, found.value, found.margin_s))
 
-    away = to_set(np, extent, (E[..., 0] - T[..., 0], E[..., 1] - T[..., 1]))
+    place = E[..., 0] - T[..., 0], E[..., 1] - T[..., 1]
+    away = to_set(np, extent, place)
     arrived = np.asarray(away[0] * away[0] + away[1] * away[1] == 0)
-    return np.where(arrived[..., None], E, placed(least_at(np, extent, left)))
+    return np.where(arrived[..., None], E, placed(least_at(np, extent, place, left)))
 
 
 def _judged(answer: TeamSolution, alone: Solution, given: dict[str, Array]) -> TeamSolution:
@@ -391,7 +392,10 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     t_E(X) ≤ tᵢ(X) for every pursuer. The multipliers λᵢ of that problem solve
 
         Σ λᵢ ∇(t_E − tᵢ) = ∇t_E  (PE),    Σ λᵢ ∇(t_E − tᵢ) = −∇‖X − T‖  (TAD).
+
+    If the height of the later of two Cylinders decides, X* is where the evader can be until then.
     """
+    best, height = _at_height(team, best)
     far = length((best.x, best.y))
     run = best.x / far, best.y / far
     slow = run[0] / team.v, run[1] / team.v
@@ -406,7 +410,7 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     wind = team.regions.wind_x * v, team.regions.wind_y * v
     size = np.sqrt(met.away[0] * met.away[0] + met.away[1] * met.away[1] + team.regions.z * team.regions.z)
     rate = size * u * v + met.away[0] * wind[0] + met.away[1] * wind[1]
-    level = met.reach <= team.regions.safe
+    level = (met.reach <= team.regions.safe) | height[..., None]
     flown = [np.where(level, 0.0, part / np.where(rate > 0, rate, 1.0)) for part in met.away]
     q = [(slow[0] - taken(flown[0], who), slow[1] - taken(flown[1], who)) for who in best[3:]]
     turn = cross(q[0], q[1])
@@ -417,6 +421,18 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     found = np.where(every == best.second[..., None], second[..., None], 0.0)
     found = np.where(every == best.first[..., None], first[..., None], found)
     return np.where(np.isfinite(found), np.maximum(found, 0.0), 0.0)
+
+
+def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
+    """Return the meeting at the height of the later of two Cylinders where that decides, and where it does."""
+    safe, who = team.regions.safe, np.stack(best[3:], axis=-1)
+    later = taken(who, np.argmax(np.take_along_axis(safe, who, axis=-1), axis=-1))[..., None]
+    reach = np.take_along_axis(safe, later, axis=-1)
+    worth = -reach / team.v[..., None] if team.goal is None else team.goal.beyond(reach)
+    decides = (best.first != best.second) & (reach > 0)[..., 0] & (best.worth == worth[..., 0])
+    to = (best.x[..., None], best.y[..., None]) if team.goal is None else team.goal.towards(reach)
+    x, y = (reach[..., 0] * part[..., 0] for part in unit(to))
+    return _chosen(decides, Meeting(x, y, best.worth, later[..., 0], later[..., 0]), best), decides
 
 
 def taken(array: Array, index: Array) -> Array:
