@@ -1,5 +1,7 @@
 """The same functions on the arrays of other libraries, where they are installed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from guidance.game import (
     Ball,
     Cylinder,
     Exact,
+    Extent,
     Game,
     StandOff,
     apollonius_circle,
@@ -74,6 +77,17 @@ def test_another_library_solves_the_same_games(library, games, oracle, name, pre
         np.testing.assert_array_equal(np.asarray(there.reason)[clear], here.reason[clear])
         for a, b in zip(there[1:-1], here[1:-1], strict=True):
             np.testing.assert_allclose(np.asarray(a)[clear], b[clear], rtol=tolerance, atol=tolerance)
+
+
+@pytest.mark.parametrize("name", ["paper", "cylinder_everything", "moving_target"])
+def test_targets_with_an_extent_have_the_same_answers(library, games, oracle, name):
+    states = oracle.states(25, 40, games[name])[:3]
+    for shape in (Extent(radius_m=6.0), Extent(((0.0, 0.0), (20.0, 5.0))), Extent(((0, 0), (15, 0), (4, 14)), 2.0)):
+        game = replace(games[name], target_extent=shape)
+        here, there = solve(game, *states), solve(game, *(library.array(array) for array in states))
+        np.testing.assert_array_equal(np.asarray(there.winner), here.winner)
+        for field in ("value", "margin_s", "pursuer_velocity_m_s"):
+            np.testing.assert_allclose(np.asarray(getattr(there, field)), getattr(here, field), atol=1e-6)
 
 
 def test_a_row_that_is_not_finite_is_lost_alone(library, games, oracle):

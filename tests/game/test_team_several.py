@@ -297,6 +297,27 @@ def test_multipliers_are_what_a_second_of_delay_costs(seed, n, tad):
     assert answer.multipliers.sum() >= (0.0 if tad else 1.0)
 
 
+@pytest.mark.parametrize(
+    ("P", "target_m", "value", "later"),
+    [
+        ([[-9.58, 10.23, 3.66], [-8.49, -15.6, 7.59]], 20.835, 20.835 - 5.59 / 0.5, 1),
+        ([[14.3, -18.66, 7.6], [-12.97, 14.53, 5.4]], None, 5.6 / 0.5, 0),
+    ],
+)
+def test_where_a_height_decides_only_the_later_cylinders_delay_costs(P, target_m, value, later):
+    game = Game(Cylinder(np.array([2.0, 2.2]), 1.0, 0.5), 1.0, standoff=StandOff(1.0, 2.0))
+    E, T, dt = np.zeros(3), None if target_m is None else [target_m, 0.0, 0.0], 1e-6
+    answer = solve_team(game, P, E, T)
+    assert answer.binds.all()
+    assert answer.value == pytest.approx(value)
+    for i in (0, 1):
+        late = np.array(P)
+        late[i] -= dt * answer.pursuer_velocity_m_s[i]
+        cost = abs(solve_team(game, late, E, T).value - answer.value) / dt
+        assert cost == pytest.approx(float(i == later), abs=1e-6)
+        assert answer.multipliers[i] == pytest.approx(cost, abs=1e-6)
+
+
 @settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds)
 def test_the_multipliers_of_two_pursuers_add_up_to_one_or_more(seed):
