@@ -72,8 +72,10 @@ class Extent:
         return float(norm2(FLOATS, to_set(FLOATS, self, offset)))
 
     def outline_m(self) -> list[tuple[float, float]]:
-        """Return points around the set's edge, for pictures: x and y from the target's position."""
-        found = []
+        """Return points around the set's edge, for pictures: x and y from the target's position; of a point none."""
+        found: list[tuple[float, float]] = []
+        if self.is_point:
+            return found
         for number in range(OUTLINE):
             x, y = math.cos(math.tau * number / OUTLINE), math.sin(math.tau * number / OUTLINE)
             corner = max(self.corners_m, key=lambda corner: corner[0] * x + corner[1] * y)
