@@ -3,7 +3,8 @@
 import contextlib
 import os
 import time
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 from rich.console import Console, JustifyMethod
@@ -65,28 +66,43 @@ def pairs(rows: Iterable[tuple[str, Cell]], *, title: str | None = None, right: 
     return table
 
 
-class Wait:
-    """A waiting line. An empty `what` shows nothing.
+def aged(words: str, age_s: float, stalled_s: float) -> str:
+    """Return a live line; if it is older than `stalled_s`, its age first."""
+    return f"NO NEWS for {age_s:.0f} s; last {words}" if words and age_s > stalled_s else words
+
+
+@contextlib.contextmanager
+def live(target: Console, draw: Callable[[], str], *, every_s: float = 0.25) -> Iterator[None]:
+    """Draw a line again and again, below what is printed; show none if the console cannot redraw it.
 
     Args:
-        what: The event to wait for, in words.
-        limit_s: Longest wait.
+        target: The console.
+        draw: Returns the line. It runs on another thread, so that a blocked terminal stops nobody else.
+        every_s: Period.
     """
+    if not redraws(target):
+        yield
+        return
 
-    def __init__(self, what: str, limit_s: float) -> None:
-        self.what = what
-        self._limit_s = limit_s
-        self._begun_s = time.monotonic()
+    def line() -> Text:
+        return Text(draw(), no_wrap=True, overflow="ellipsis")
 
-    def anew(self, what: str, limit_s: float) -> None:
-        """Restart the wait with another event and time limit."""
-        self.what, self._limit_s, self._begun_s = what, limit_s, time.monotonic()
+    with Live(get_renderable=line, console=target, refresh_per_second=1.0 / every_s, transient=True):
+        yield
 
-    def __rich__(self) -> Text:
+
+@dataclass(slots=True)
+class Wait:
+    """A waiting line for `what`, in words; without them it is empty."""
+
+    what: str
+    limit_s: float
+    begun_s: float = field(default_factory=time.monotonic)
+
+    def line(self) -> str:
         """Return the line."""
-        waited_s = time.monotonic() - self._begun_s
-        words = f"waiting for {self.what}: {waited_s:.0f} s of {self._limit_s:.0f} s" if self.what else ""
-        return Text(words, no_wrap=True, overflow="ellipsis")
+        waited_s = time.monotonic() - self.begun_s
+        return f"waiting for {self.what}: {waited_s:.0f} s of {self.limit_s:.0f} s" if self.what else ""
 
 
 @contextlib.contextmanager
@@ -101,7 +117,5 @@ def waiting(target: Console, what: str, limit_s: float) -> Iterator[Wait]:
     wait = Wait(what, limit_s)
     if not redraws(target):
         target.print(f"waiting for {what}, at most {limit_s:.0f} s", soft_wrap=True)
-        yield wait
-        return
-    with Live(wait, console=target, refresh_per_second=4, transient=True):
+    with live(target, wait.line):
         yield wait

@@ -13,9 +13,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from rich.console import Console
-from rich.live import Live
 from rich.table import Table
-from rich.text import Text
 
 from guidance.cli import INTERRUPTED
 from guidance.cli.fly_team import fly_and_show
@@ -23,8 +21,8 @@ from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add
 from guidance.files import private_file
 from guidance.flight import State
+from guidance.screen import aged, live, pairs, redraws
 from guidance.screen import console as screen
-from guidance.screen import pairs, redraws
 from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, Stopped, flight_folder
 from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Way, fly_recorded, left_out
@@ -35,7 +33,6 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamScenario
 
-REDRAWS_HZ: Final = 10.0
 STALLED_S: Final = 1.0
 """Age of the live line from which it is shown as old; it is updated 50 times a second."""
 
@@ -177,7 +174,6 @@ class LiveLine:
         self._told_s = self._printed_s = 0.0
         self._printed = ""
         self._record_told = False
-        self.redrawn = redraws(console)
 
     def show(self, progress: Progress) -> None:
         """Update from one cycle."""
@@ -185,27 +181,27 @@ class LiveLine:
         if progress.record_stopped is not None and not self._record_told:
             self._record_told = True
             self._console.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
+        if redraws(self._console):
+            return
         news = plain(progress)
         waits = progress.waiting and self._told_s - self._printed_s < _PLAIN_S
-        if not (self.redrawn or waits or news == self._printed):
+        if not (waits or news == self._printed):
             self._printed, self._printed_s = news, self._told_s
             self._console.print(f"{progress.now_s:7.1f} s  {news}", soft_wrap=True, highlight=False)
 
-    def __rich__(self) -> Text:
-        """Draw it. A stalled loop shows as old."""
+    def line(self) -> str:
+        """Return the line. A stalled loop shows as old."""
         if self._last is None:
-            return Text("")
-        silence_s = time.perf_counter() - self._told_s
-        if silence_s > STALLED_S and not self._last.waiting:
-            return Text(f"NO NEWS for {silence_s:.0f} s; last {words(self._last)}", "bold red", no_wrap=True)
-        return Text(words(self._last), no_wrap=True, overflow="crop")
+            return ""
+        stalled_s = math.inf if self._last.waiting else STALLED_S
+        return aged(words(self._last), time.perf_counter() - self._told_s, stalled_s)
 
 
 @contextlib.contextmanager
 def live_line(console: Console) -> Iterator[Show]:
     """Show one live line, redrawn ten times a second; where nothing can be redrawn, a plain line at every change."""
     line = LiveLine(console)
-    with Live(line, console=console, auto_refresh=line.redrawn, refresh_per_second=REDRAWS_HZ, transient=True):
+    with live(console, line.line, every_s=0.1):
         yield line.show
 
 

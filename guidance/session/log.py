@@ -3,28 +3,23 @@
 import contextlib
 import json
 import logging
-import os
 import queue
-import shutil
 import sys
 import threading
 import time
 from typing import Any, Final, TextIO
 
+from rich.console import Console
+
 from guidance.flight import Event, Outputs
 from guidance.log.codec import plain
+from guidance.screen import aged, live
 
 LOGGER: Final = "guidance"
 MOST_WAITING: Final = 1000
 STOP_LIMIT_S: Final = 2.0
 _STALLED_S: Final = 2.5
 """Age of the live line from which it is shown as old; it is updated once a second."""
-
-_DUMB: Final = frozenset({"", "dumb", "unknown"})
-"""Values of TERM without a line that can be redrawn."""
-
-_ANEW: Final = "\r\x1b[K"
-"""To the beginning of the line, and nothing in it."""
 
 _SEVERE: Final = frozenset({
     Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
@@ -33,43 +28,6 @@ _SEVERE: Final = frozenset({
     Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip
 """Events that end, interrupt or forbid a game: warnings if they change the state."""
-
-
-class _Terminal:
-    """Lines on a stream and, on a terminal, a live line below them that is drawn again, with its age once it is old."""
-
-    def __init__(self, stream: TextIO, *, redraws: bool) -> None:
-        self._stream = stream
-        self._anew = _ANEW if redraws else ""
-        self._live = ""
-        self._told_s = 0.0
-
-    def line(self, words: str) -> None:
-        """Write a line above the live one."""
-        self._write(f"{self._anew}{words}\n")
-        self.draw()
-
-    def show(self, words: str) -> None:
-        """Draw another live line."""
-        self._live, self._told_s = words, time.monotonic()
-        self.draw()
-
-    def draw(self) -> None:
-        """Draw the live line, if there is one."""
-        if self._live:
-            silence_s = time.monotonic() - self._told_s
-            words = f"NO NEWS for {silence_s:.0f} s; last {self._live}" if silence_s > _STALLED_S else self._live
-            self._write(_ANEW + words[: shutil.get_terminal_size().columns - 1])
-
-    def end(self) -> None:
-        """Leave no live line behind."""
-        if self._live:
-            self._write(_ANEW)
-
-    def _write(self, words: str) -> None:
-        with contextlib.suppress(OSError, ValueError):  # a terminal that was closed
-            self._stream.write(words)
-            self._stream.flush()
 
 
 class Logger:
@@ -100,10 +58,11 @@ class Log(Logger, logging.Handler):
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
         super().__init__()
         stream = sys.stderr if stream is None else stream
-        self._redraws = form == "console" and stream.isatty() and os.environ.get("TERM", "") not in _DUMB
-        self._terminal = _Terminal(stream, redraws=self._redraws)
+        self._console = Console(file=stream, markup=False, emoji=False, highlight=False, soft_wrap=True)
         self._line_of = _json_line if form == "json" else _console_line
-        self._waiting: queue.SimpleQueue[logging.LogRecord | str | None] = queue.SimpleQueue()
+        self._live = form == "console"
+        self._shown, self._shown_s = "", 0.0
+        self._waiting: queue.SimpleQueue[logging.LogRecord | None] = queue.SimpleQueue()
         self.dropped = 0
         self._thread = threading.Thread(target=self._serve, name="log", daemon=True)
         self._thread.start()
@@ -118,12 +77,14 @@ class Log(Logger, logging.Handler):
 
     def show(self, words: str) -> None:
         """Show the live line below the log, on a terminal only."""
-        if self._redraws:
-            self._put(words)
+        self._shown, self._shown_s = words, time.monotonic()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Keep a record for the writing thread."""
-        self._put(record)
+        if self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put(record)
+        else:
+            self.dropped += 1
 
     def close(self) -> None:
         """Write what waits, within `STOP_LIMIT_S`, and stop. May be called twice."""
@@ -132,27 +93,15 @@ class Log(Logger, logging.Handler):
         self._thread.join(STOP_LIMIT_S)
         super().close()
 
-    def _put(self, item: logging.LogRecord | str) -> None:
-        if self._waiting.qsize() < MOST_WAITING:
-            self._waiting.put(item)
-        else:
-            self.dropped += 1
-
     def _serve(self) -> None:
         """Write on a thread of its own, which alone may wait for a terminal."""
-        while True:
-            try:
-                item = self._waiting.get(timeout=_STALLED_S)
-            except queue.Empty:
-                self._terminal.draw()
-                continue
-            if item is None:
-                self._terminal.end()
-                return
-            if isinstance(item, str):
-                self._terminal.show(item)
-            else:
-                self._terminal.line(self._line_of(item, getattr(item, "fields", {})))
+        with live(self._console, self._live_line, every_s=1.0) if self._live else contextlib.nullcontext():
+            while (record := self._waiting.get()) is not None:
+                with contextlib.suppress(OSError, ValueError):  # a terminal that was closed
+                    self._console.print(self._line_of(record, getattr(record, "fields", {})))
+
+    def _live_line(self) -> str:
+        return aged(self._shown, time.monotonic() - self._shown_s, _STALLED_S)
 
 
 def _json_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:

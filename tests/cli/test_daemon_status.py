@@ -1,13 +1,14 @@
 """A daemon's status for people: a table that fits, again and again, and the live line below the log."""
 
 import io
+import logging
 
 import pytest
 from rich.console import Console
 
 from guidance.cli import answer_words
 from guidance.cli.daemon import status_table, watch_status
-from guidance.session import log as logs
+from guidance.screen import aged
 from guidance.session.log import Log
 
 STATUS = {
@@ -73,34 +74,23 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_the_live_line_stays_below_the_lines_of_a_terminal_and_says_when_it_is_old(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "60")
-    now_s = [0.0]
-    monkeypatch.setattr("time.monotonic", lambda: now_s[0])
-    terminal = Terminal()
-    lines = logs._Terminal(terminal, redraws=True)
-    lines.show("engaged  20.0 m up")
-    lines.line("order")
-    assert terminal.getvalue().split(logs._ANEW) == ["", "engaged  20.0 m up", "order\n", "engaged  20.0 m up"]
-    now_s[0] = 9.0
-    lines.draw()
-    assert terminal.getvalue().endswith("NO NEWS for 9 s; last engaged  20.0 m up")
-
-
-def test_no_live_line_stays_behind(monkeypatch):
-    monkeypatch.setenv("TERM", "xterm")
-    terminal = Terminal()
-    log = Log("console", "info", terminal)
-    log.show("engaged")
-    log.close()
-    assert terminal.getvalue() == f"{logs._ANEW}engaged{logs._ANEW}"
-
-
-@pytest.mark.parametrize(("form", "term"), [("json", "xterm"), ("console", "dumb")])
-def test_no_live_line_where_nobody_could_redraw_it(form, term, monkeypatch):
+@pytest.mark.parametrize(
+    ("form", "term", "seen"), [("console", "xterm", 1), ("json", "xterm", 0), ("console", "dumb", 0)]
+)
+def test_a_live_line_is_drawn_where_it_can_be_redrawn_and_none_stays(form, term, seen, monkeypatch):
     monkeypatch.setenv("TERM", term)
     terminal = Terminal()
     log = Log(form, "info", terminal)
     log.show("engaged")
+    log.say(logging.INFO, "order")
     log.close()
-    assert terminal.getvalue() == ""
+    written = terminal.getvalue()
+    assert "order" in written
+    assert ("engaged" in written) == seen
+    assert written.endswith("\x1b[2K" if seen else "\n")
+
+
+def test_a_line_that_is_old_says_how_old():
+    assert aged("engaged  20.0 m up", 2.0, 2.5) == "engaged  20.0 m up"
+    assert aged("engaged  20.0 m up", 9.0, 2.5) == "NO NEWS for 9 s; last engaged  20.0 m up"
+    assert aged("", 9.0, 2.5) == ""
