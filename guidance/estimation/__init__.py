@@ -7,14 +7,13 @@ frame moves, all positions move with it (`moved`) and their uncertainty stays th
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Final, NamedTuple
 
-from guidance.estimation.filters import Modes, Normal, advance, blended
+from guidance.estimation.filters import advance, blended
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise, true_at
 from guidance.estimation.rivals import Report, Rivals, listen
-from guidance.estimation.track import Accepted, ReportOutcome, Track, update
-from guidance.frames import LocalFrame, Vector
+from guidance.estimation.track import ReportOutcome, Track, update
+from guidance.frames import LocalFrame, Vector, difference
 from guidance.messages import EvaderReport, Timesync
 
 
@@ -34,9 +33,21 @@ class EvaderEstimate(NamedTuple):
     age_s: float
 
 
-def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstimate | None:
+class Observer(NamedTuple):
+    """The sender's clock, the track, and the detection of a second source. Empty at first.
+
+    Positions of the track are in the frame of the first report; `shift_ned_m` is added for the present local frame.
+    """
+
+    clock: ClockOffset | None = None
+    track: Track = Track()
+    rivals: Rivals = Rivals()
+    shift_ned_m: Vector = (0.0, 0.0, 0.0)
+
+
+def predict(observer: Observer, now_s: float, settings: TrackSettings) -> EvaderEstimate | None:
     """Return the evader at a time of our clock, not before its last report; None before the first report."""
-    last = track.estimate
+    last = observer.track.estimate
     if last is None:
         return None
     moved = advance(last, now_s, settings)
@@ -47,7 +58,7 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderEstima
     bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * sd
     known = worst_sd <= settings.known_velocity_sd_m_s
     return EvaderEstimate(
-        (north, east, moved.height.down_m),
+        _sum((north, east, moved.height.down_m), observer.shift_ned_m),
         (north_rate, east_rate, moved.height.rate_m_s) if known else (0.0, 0.0, 0.0),
         max(settings.declared_speed_m_s, bound_m_s),
         max(0.0, now_s - last.time_s),
@@ -76,14 +87,6 @@ _FITS: Final[Mapping[ReportOutcome, bool]] = {
 }
 
 
-class Observer(NamedTuple):
-    """The sender's clock, the track, and the detection of a second source. Empty at first."""
-
-    clock: ClockOffset | None = None
-    track: Track = Track()
-    rivals: Rivals = Rivals()
-
-
 def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
     """Add one report, and the answer to our TIMESYNC if the report carries one.
 
@@ -97,9 +100,11 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
         observer = compare_clocks(observer, report.timesync)
     clock = hear(observer.clock, report.sent_s, report.received_s)
     measurement = measure(report, frame, true_at(report, clock, settings), settings)
+    place_ned_m = difference(measurement.position_ned_m, observer.shift_ned_m)
+    measurement = measurement._replace(position_ned_m=place_ned_m)
     track = update(observer.track, measurement, settings)
     if not measurement.is_usable():
-        return Observer(clock, track, observer.rivals)
+        return observer._replace(clock=clock, track=track)
     apart_s = 0.0 if clock is None else report.received_s - clock.ours(report.sent_s)
     one = Report(
         report.received_s,
@@ -119,7 +124,7 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
         margin_m=settings.reach_m,
         noise_m=_NOISE_SIGMAS * math.hypot(settings.position_sd_m, settings.position_sd_m),
     )
-    return Observer(clock, track, rivals)
+    return observer._replace(clock=clock, track=track, rivals=rivals)
 
 
 def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
@@ -129,45 +134,18 @@ def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
 
 
 def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
-    """Convert the memory to a new local frame.
+    """Return the memory for a new local frame.
 
     Args:
         observer: In the old frame.
         into: Converts a position from the old frame to the new one, metres. Both have the same axes.
     """
-    track = observer.track
-    if not track.history:
+    history = observer.track.history
+    if not history:
         return observer
-    was = track.history[-1].measurement.position_ned_m
-    north, east, down = (now - before for before, now in zip(was, into(was), strict=True))
-    recent = tuple(
-        one._replace(place_m=(one.place_m[0] + north, one.place_m[1] + east)) for one in observer.rivals.recent
-    )
-    rivals = observer.rivals._replace(recent=recent)
-    return observer._replace(track=_moved_track(track, (north, east, down)), rivals=rivals)
+    was = _sum(history[-1].measurement.position_ned_m, observer.shift_ned_m)
+    return observer._replace(shift_ned_m=_sum(observer.shift_ned_m, difference(into(was), was)))
 
 
-def _moved_track(track: Track, by_ned_m: Vector) -> Track:
-    history = tuple(_moved_report(one, by_ned_m) for one in track.history)
-    rival = None if track.rival is None else _moved_track(track.rival, by_ned_m)
-    north, east, _ = by_ned_m
-    anchors = tuple(one._replace(place_m=(one.place_m[0] + north, one.place_m[1] + east)) for one in track.anchors)
-    return replace(track, history=history, rival=rival, anchors=anchors)
-
-
-def _moved_report(one: Accepted, by_ned_m: Vector) -> Accepted:
-    measurement, estimate = one
-    north, east, down = (here + by for here, by in zip(measurement.position_ned_m, by_ned_m, strict=True))
-    steady, turning, share = estimate.modes
-    return Accepted(
-        measurement._replace(position_ned_m=(north, east, down)),
-        estimate._replace(
-            modes=Modes(_moved_state(steady, by_ned_m), _moved_state(turning, by_ned_m), share),
-            height=estimate.height._replace(down_m=estimate.height.down_m + by_ned_m[2]),
-        ),
-    )
-
-
-def _moved_state(state: Normal, by_ned_m: Vector) -> Normal:
-    north, east, *rates = state.mean
-    return Normal([north + by_ned_m[0], east + by_ned_m[1], *rates], state.covariance)
+def _sum(one: Vector, other: Vector) -> Vector:
+    return (one[0] + other[0], one[1] + other[1], one[2] + other[2])

@@ -115,7 +115,7 @@ class Tracking:
     def evader(self, now_s: float, evader: str | None = None) -> EvaderEstimate | None:
         """Return the estimate of an evader, by default the game's, at `now_s`; None before the first report."""
         name = self.playing if evader is None else evader
-        return predict(self._observers.get(name, _UNHEARD).track, now_s, self._of(name, self._track))
+        return predict(self._observers.get(name, _UNHEARD), now_s, self._of(name, self._track))
 
     def _move_into(self, frame: LocalFrame) -> None:
         before, self.local_frame = self.local_frame, frame

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from guidance.control import Envelope, Polygon, Situation, limit
 from guidance.control.limits import StandOffLimit
-from guidance.estimation import predict
+from guidance.estimation import Observer, predict
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update
 from guidance.messages import Setpoint
@@ -88,7 +88,7 @@ def main() -> None:
     memory = limit(command, situation, ENVELOPE, None, DT_S).memory
 
     ours = microseconds(lambda: update(track, following, SETTINGS))
-    predicted = microseconds(lambda: predict(track, 6.5, SETTINGS))
+    predicted = microseconds(lambda: predict(Observer(track=track), 6.5, SETTINGS))
     theirs = microseconds(reference())
     limited = microseconds(lambda: limit(command, situation, ENVELOPE, memory, DT_S))
     table = Table("what", "µs", "of filterpy's", title="track and limits, one call")

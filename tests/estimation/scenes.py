@@ -68,7 +68,7 @@ class Predicted(NamedTuple):
 
 def predict(track, now_s, options):
     """Return the prediction with its covariance and turn rate; its velocity also where it is not known."""
-    evader = estimation.predict(track, now_s, options)
+    evader = estimation.predict(estimation.Observer(track=track), now_s, options)
     if evader is None:
         return None
     moved = advance(track.estimate, now_s, options)
