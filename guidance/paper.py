@@ -42,25 +42,20 @@ SYMBOLS = {"optimal": ("u*", "v*")}
 """The paper's symbols of the optimal strategies of pursuer and evader; the others keep their names."""
 
 
-class TableRow(NamedTuple):
-    """One row of a published table."""
-
-    pursuer_policy: str
-    evader_policy: str
-    published: str
-
+TableRow = tuple[str, str, str]
+"""Strategies of pursuer and evader, and the published number."""
 
 TABLE_1 = (
-    TableRow("pure_pursuit", "optimal", "11.05"),
-    TableRow("optimal", "pure_evade", "10.43"),
-    TableRow("optimal", "optimal", "10.43"),
+    ("pure_pursuit", "optimal", "11.05"),
+    ("optimal", "pure_evade", "10.43"),
+    ("optimal", "optimal", "10.43"),
 )
 TABLE_2 = (
-    TableRow("optimal", "task_oriented", "4.2341"),
-    TableRow("optimal", "pure_evade", "19.4309"),
-    TableRow("optimal", "optimal", "4.1481"),
-    TableRow("pure_pursuit", "optimal", "3.2272"),
-    TableRow("task_oriented", "optimal", "0.0046"),
+    ("optimal", "task_oriented", "4.2341"),
+    ("optimal", "pure_evade", "19.4309"),
+    ("optimal", "optimal", "4.1481"),
+    ("pure_pursuit", "optimal", "3.2272"),
+    ("task_oriented", "optimal", "0.0046"),
 )
 
 
@@ -127,27 +122,26 @@ def tables() -> tuple[Table, Table]:
     pe = Table(
         "Table 1: PE game, P = (8.00, 1.42, 9.41), E = (7.92, 9.60), δ = 2",
         "time cost, s",
-        tuple(_case(cell, PE_PURSUER, PE_EVADER, None) for cell in TABLE_1),
+        tuple(_case(row, PE_PURSUER, PE_EVADER, None) for row in TABLE_1),
     )
     tad = Table(
         "Table 2: TAD game, P = (6.97, 5.83, 9.15), E = (9.80, 0.33), T = (0, 0), δ = 2",
         "final distance to the target, m",
-        tuple(_case(cell, TAD_PURSUER, TAD_EVADER, TAD_TARGET) for cell in TABLE_2),
+        tuple(_case(row, TAD_PURSUER, TAD_EVADER, TAD_TARGET) for row in TABLE_2),
     )
     return pe, tad
 
 
-def _case(cell: TableRow, pursuer: Array, evader: Array, target: Array | None) -> Case:
-    play = partial(
-        rollout, GAME, pursuer, evader, target, pursuer_policy=cell.pursuer_policy, evader_policy=cell.evader_policy
-    )
+def _case(row: TableRow, pursuer: Array, evader: Array, target: Array | None) -> Case:
+    pursues, flees, published = row
+    play = partial(rollout, GAME, pursuer, evader, target, pursuer_policy=pursues, evader_policy=flees)
     stepped, exact = play(stepping=Paper()), play(keep_path=True)
-    digits = len(cell.published.partition(".")[2])
+    digits = len(published.partition(".")[2])
 
     def printed(end: Rollout, places: int) -> str:
         return f"{float(end.time_s if target is None else end.distance_m):.{places}f}"
 
-    return Case(*cell, stepped=printed(stepped, digits), exact=printed(exact, EXACT_DIGITS), path=exact.path)
+    return Case(*row, stepped=printed(stepped, digits), exact=printed(exact, EXACT_DIGITS), path=exact.path)
 
 
 def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
@@ -189,7 +183,13 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     outward = (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude))
     shell = [centre + sphere.radius_m * part for centre, part in zip(sphere.centre_m, outward, strict=True)]
     axes.plot_wireframe(*shell, color="0.75", linewidth=0.5, zorder=1)
-    axes.plot(*_ring(circle), 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
+    axes.plot(
+        *_ring(circle),
+        0.0,
+        zorder=2,
+        label="Apollonius circle (on the sphere)",
+        **_APOLLONIUS,
+    )
     _plot_tracks(axes, cases, [0, 1, 2], "s")
     q = solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m
     for name, marker, place in zip(

@@ -24,7 +24,7 @@ from guidance.flight import State
 from guidance.screen import aged, live, pairs, redraws
 from guidance.screen import console as screen
 from guidance.session.control_socket import ENDPOINT
-from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, Stopped, flight_folder
+from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, Stopped, flight_folder, recorded_settings
 from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Way, fly_recorded, left_out
 from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, ending_words, outcome_of_flight
@@ -255,14 +255,23 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
     if advice is not None:
         console.print(f"picture  {advice}", soft_wrap=True, highlight=False, markup=False)
         return
-    from guidance.viz.pictures import draw  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.report import draw_flight  # noqa: PLC0415 - matplotlib takes a second
 
+    title = f"{outcome.scenario}: {ending_words(outcome)}, {score(outcome)}"
     try:
-        draw(result, outcome, folder / PICTURE)
-    except OutputError as error:
+        draw_flight(folder / RECORD, folder / PICTURE, recorded_settings, title)
+    except (ConfigError, OutputError) as error:
         console.print(f"[yellow]picture  {error}[/yellow]", soft_wrap=True, highlight=False)
     else:
         console.print(f"picture  {folder / PICTURE}", soft_wrap=True, highlight=False)
+
+
+def score(outcome: Outcome) -> str:
+    """Say what was flown and predicted."""
+    unit = "s" if outcome.game == "pe" else "m from T"
+    if math.isnan(outcome.achieved):
+        return "no game was played" if math.isnan(outcome.predicted) else f"{outcome.predicted:.2f} {unit} predicted"
+    return f"{outcome.achieved:.2f} {unit} flown, {outcome.predicted:.2f} {unit} predicted"
 
 
 def _number(value: float, digits: int, unit: str = "") -> str:

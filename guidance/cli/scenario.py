@@ -283,7 +283,7 @@ def listing(width: int) -> Table:
 
 
 def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:
-    from guidance.viz.pictures import draw_scenario, draw_teams  # noqa: PLC0415 - matplotlib is optional
+    from guidance.viz.figures import draw_scenario, draw_teams  # noqa: PLC0415 - matplotlib is optional
 
     if isinstance(scenario, TeamScenario):
         draw_teams(scenario, path)

@@ -2,7 +2,10 @@
 
 Lines differ by dashes and markers, not by colour alone. Axes are in space (3D) or seen from above (2D); functions that
 draw in either take the number of dimensions. All pictures of a flight show the same: both tracks, the promises of the
-game, the target and the fence.
+game, the target and the fence. So do the pictures of a scenario as the mathematics plays it.
+
+In the picture of a game of teams, the points that an evader reaches before a pursuer form a disc, before two pursuers
+the intersection of two discs. The evader ends at the point of it that is closest to the target.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,17 +14,24 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
-from guidance.certificate import Certificate
-from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError, OutputError
 from guidance.files import private_file
 from guidance.frames import Vector
-from guidance.game import Extent, StandOff
+from guidance.game import Ball, End, Extent, Game, StandOff
 from guidance.game.extent import POINT
-from guidance.log.scene import Array, circle, isochron_at, lifted, target_edge
+from guidance.game.team import Matching, TeamRollout
+from guidance.game.team.regions import regions_of, survived
+from guidance.log.scene import Array, circle, isochron, lifted, target_edge
+from guidance.sim.batch import Batch, stack, starts
+from guidance.sim.maths import game_of, moments, opening
+from guidance.sim.players import standoff, target_extent, target_game_m
+from guidance.sim.scenario import Scenario
+from guidance.sim.teams import Teams, TeamScenario, played_teams, teams_of
 
 PURSUER: Final = {"color": "#b3261e", "linewidth": 1.8}
 EVADER: Final = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
@@ -34,6 +44,12 @@ ISOCHRON_LATER: Final = {"color": "0.25", "linewidth": 1.6, "linestyle": (0, (1,
 MARK: Final = {"color": "0.35", "linewidth": 0.8, "linestyle": (0, (2, 2))}
 MEETING: Final = {"color": "black", "marker": "*", "markersize": 11, "linestyle": "none"}
 TARGET: Final = {"color": "black", "marker": "X", "markersize": 9, "linestyle": "none"}
+
+_POINTS_A_STEP = 8
+_EVADERS = ("#0b5fa5", "#2e7d32", "#8e44ad", "#c77800", "#00838f", "#ad1457", "#5d4037", "#546e7a")
+"""A colour for each evader and its discs; repeated after the last."""
+
+_PURSUER = "#c1272d"
 
 _MARGIN_M: Final = 8.0
 
@@ -196,41 +212,6 @@ class Chase(NamedTuple):
         return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
 
 
-def flown_chase(
-    settings: CycleSettings,
-    pursuer: Array,
-    evader: Array,
-    game: slice,
-    first: Certificate | None,
-    last: Certificate | None = None,
-    **more: Any,  # noqa: ANN401
-) -> Chase:
-    """Return the elements of a flown game.
-
-    Args:
-        settings: Of the flight.
-        pursuer: Track of the whole flight, (n, 3).
-        evader: Of the evader, (n, 3).
-        game: The part of the tracks in the game.
-        first: Certificate at engagement.
-        last: Certificate at capture.
-        **more: Further elements.
-    """
-    first, last = (None if one is None or one.no_game else one for one in (first, last))
-    return Chase(
-        (pursuer[: game.start], pursuer[game.stop :]),
-        pursuer[game],
-        evader[game],
-        settings.standoff,
-        isochron=None if first is None else isochron_at(settings, first),
-        isochron_later=None if last is None else isochron_at(settings, last),
-        meeting_m=None if first is None else (*first.meeting_point_game_m[:2], 0.0),
-        target_m=settings.target_game_m,
-        target_extent=settings.target_extent,
-        **more,
-    )
-
-
 def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int = 4) -> Figure:
     """Draw a chase in space and from above, and from above with the whole fence if asked for."""
     if with_whole_fence:
@@ -314,3 +295,158 @@ def draw_fence(axes: Any, edges: Sequence[Array], height_m: float, dimensions: i
             axes.plot(*lifted(np.where(inside[:, None], edge, np.nan), height_m).T, **FENCE, label=label)
             axes.set(xlim=(west, east), ylim=(south, north))
         label = None
+
+
+def draw_scenario(scenario: Scenario, path: Path) -> None:
+    """Draw a scenario, as the mathematics plays it, into a PNG.
+
+    Raises:
+        OutputError: If the file cannot be written.
+    """
+    P, E = (_vector(start[0]) for start in starts([scenario]))
+    played_s, pursuer, evader = played(scenario)
+    batch, meeting_m = stack([scenario]), opening([scenario]).meeting_point_m[0]
+    chase = Chase(
+        (),
+        pursuer,
+        evader,
+        standoff(scenario),
+        reached_m=(*_vector(evader[-1])[:2], 0.0),
+        isochron=isochron(game_of(batch, batch.believed_m_s), P, E),
+        meeting_m=(*_vector(meeting_m)[:2], 0.0) if np.isfinite(meeting_m).all() else None,
+        target_m=target_game_m(scenario),
+        target_extent=target_extent(scenario),
+        fence=(circle((*scenario.home_m, 0.0), scenario.limits.fence_radius_m, 361),),
+        courses=_courses(batch, 2.0 * played_s),
+    )
+    figure = chase_figure(chase)
+    figure.suptitle(scenario.title)
+    save(figure, path)
+
+
+def played(scenario: Scenario) -> tuple[float, Array, Array]:
+    """Play a scenario as mathematics; return the duration (s) and both tracks, (n, 3), m.
+
+    A step may be long. Hermite's cubic draws it from the positions and velocities at both ends.
+    """
+    steps = list(moments([scenario]))
+    after = [*steps[1:], steps[-1]]
+    now_s = np.array([step.now_s[0] for step in steps])
+    pursuer = _curved(now_s, [step.pursuer_m[0] for step in steps], [step.flown_m_s[0] for step in after])
+    evader = _curved(now_s, [step.evader_m[0] for step in steps], [step.run_m_s[0] for step in after])
+    return float(now_s[-1]), pursuer, evader
+
+
+def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Array:
+    """Return a track through places (m), with more points between them; the rates (m/s) are those of the steps."""
+    places_m, rates_m_s = np.array(places), np.array(rates)
+    s = np.arange(_POINTS_A_STEP)[None, :, None] / _POINTS_A_STEP
+    run = np.diff(now_s)[:, None, None] * rates_m_s[:, None][:-1]
+    later = np.diff(now_s)[:, None, None] * rates_m_s[:, None][1:]
+    begin, way = places_m[:-1, None], np.diff(places_m, axis=0)[:, None]
+    curved = begin + s * way + s * (1.0 - s) * ((1.0 - s) * (run - way) - s * (later - way))
+    return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
+
+
+def _courses(batch: Batch, until_s: float) -> dict[str, Array]:
+    """Return the places of the players' courses, and no more of them than the game needs: some go on for minutes."""
+    courses = {"P": batch.pursuer.course, "E": batch.evader.course}
+    return {
+        name: course.places_m[0][np.concatenate([[True], course.times_s[0, :-1] <= until_s])]
+        for name, course in courses.items()
+        if course is not None
+    }
+
+
+def _vector(place: Array) -> Vector:
+    x, y, z = (float(part) for part in place)
+    return (x, y, z)
+
+
+def draw_teams(scenario: TeamScenario, path: Path) -> None:
+    """Draw a scenario of teams into a PNG.
+
+    Raises:
+        OutputError: If the file cannot be written.
+    """
+    teams = teams_of(scenario)
+    played = played_teams(scenario, [teams], keep_path=True)
+    matching = Matching(*(field[0] for field in played.first))
+    figure = figure_of(9.6, 8.4)
+    axes = figure.add_subplot()
+    for j in range(len(teams.evaders_m)):
+        _draw_region(axes, teams, matching, j)
+    _draw_players(axes, teams, played)
+    axes.set(xlabel="x east, m", ylabel="y north, m")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(visible=True, linewidth=0.3)
+    axes.set_axisbelow(True)
+    figure.suptitle(scenario.title, fontsize=13)
+    captured, unit = int(np.count_nonzero(played.end == End.CAPTURED)), "s" if scenario.game == "pe" else "m from T"
+    foreseen = f"{int(matching.guaranteed)} captures guaranteed, {float(matching.total):.2f} {unit} in all"
+    axes.set_title(f"{foreseen}; {captured} captured", fontsize=10, color="0.3")
+    legend_below(figure, axes)
+    save(figure, path)
+
+
+def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) -> Array:
+    """Return the edge of the points that an evader reaches before some pursuers, (points, 2), m.
+
+    Args:
+        teams: All players.
+        pursuers: Numbers of the pursuers.
+        evader: Number of the evader.
+        points: Number of directions.
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    n = np.cos(angle), np.sin(angle)
+    game = Game(Ball(teams.pursuer_speed_m_s[pursuers]), float(teams.evader_speed_m_s[evader]))
+    regions = regions_of(game, teams.pursuers_m[pursuers], teams.evaders_m[evader])
+    far = survived(regions, (n[0][:, None], n[1][:, None])).min(axis=1)
+    return np.asarray(teams.evaders_m[evader, :2] + far[:, None] * np.stack(n, axis=-1))
+
+
+def _draw_region(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
+    """Draw the discs of an evader and its pursuers, shade their intersection, and mark the meeting point."""
+    colour, goal = _EVADERS[j % len(_EVADERS)], teams.target_m
+    roles = {"first": (matching.first[j], "-"), "second": (matching.second[j], (0, (2, 1.5)))}
+    team = {role: (int(i), style) for role, (i, style) in roles.items() if i >= 0}
+    for i, _ in team.values():
+        thin = {"color": colour, "linewidth": 0.9, "linestyle": (0, (4, 3))}
+        axes.plot(*region(teams, [i], j).T, **thin, label="first there, before one pursuer")
+    if not team:
+        return
+    edge = region(teams, [i for i, _ in team.values()], j)
+    shade = {"facecolor": to_rgba(colour, 0.14), "edgecolor": colour, "linewidth": 1.6}
+    axes.fill(*edge.T, **shade, label="before both: the intersection")
+    x, y, _ = matching.meeting_point_m[j]
+    if goal is not None and "first" in team:
+        axes.plot([x, goal[0]], [y, goal[1]], color=colour, linewidth=1.0, alpha=0.6, label="L, guaranteed")
+    for role, (i, style) in team.items():
+        line = {"color": "0.2", "linewidth": 1.4, "linestyle": style, "zorder": 4}
+        axes.plot([teams.pursuers_m[i, 0], x], [teams.pursuers_m[i, 1], y], **line, label=f"matched, {role}")
+    if "first" in team:
+        star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
+        axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
+
+
+def _draw_players(axes: Any, teams: Teams, played: TeamRollout) -> None:  # noqa: ANN401
+    """Draw the tracks as played, and all players at their start."""
+    own = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
+    beside: dict[str, Any] = {"textcoords": "offset points", "fontsize": 10, "zorder": 7, "fontweight": "bold"}
+    beside["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
+    for i, (x, y, z) in enumerate(teams.pursuers_m):
+        track = np.array([sample.pursuers_m[0, i] for sample in played.path])
+        axes.plot(*track[:, :2].T, color=_PURSUER, linewidth=4.0, alpha=0.3, label="pursuer as played")
+        axes.plot([x], [y], "^", color=_PURSUER, markersize=12, **own, label="pursuer, and its height")
+        axes.annotate(f"P{i} · {z:g} m", (x, y), xytext=(9, -4), color=_PURSUER, **beside)
+    for j, (x, y, _) in enumerate(teams.evaders_m):
+        colour = _EVADERS[j % len(_EVADERS)]
+        track = np.array([sample.evaders_m[0, j] for sample in played.path])
+        axes.plot(*track[:, :2].T, color=colour, linewidth=4.0, alpha=0.5, label="evader as played")
+        if played.end[0, j] == End.ARRIVED:
+            axes.plot(*track[-1:, :2].T, "o", mfc="none", color=colour, markersize=18, label="arrived")
+        axes.plot([x], [y], "o", color=colour, markersize=11, **own, label="evader")
+        axes.annotate(f"E{j}", (x, y), xytext=(8, 6), color=colour, **beside)
+    if teams.target_m is not None:
+        axes.plot(*teams.target_m[:2], "kX", markersize=14, **own, label="T, target")

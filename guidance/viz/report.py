@@ -4,6 +4,7 @@ The pictures show tracks, the game and its guarantee, velocities, ages and laten
 """
 
 import base64
+import contextlib
 from collections.abc import Callable, Mapping
 from html import escape
 from importlib import resources
@@ -21,7 +22,7 @@ from PIL import Image
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, writing
 from guidance.log import SettingsOf
-from guidance.log.scene import Array, circle, fence_edges
+from guidance.log.scene import Array, circle, fence_edges, isochron_at
 from guidance.viz.figures import (
     EVADER,
     ISOCHRON,
@@ -34,11 +35,11 @@ from guidance.viz.figures import (
     chase_figure,
     draw_place,
     figure_of,
-    flown_chase,
     label_plan,
     legend_below,
     legend_beside,
     panels,
+    save,
     thinned,
 )
 from guidance.viz.story import Story, opening, story_of, summary
@@ -61,19 +62,39 @@ def tracks(story: Story) -> Figure:
     return chase_figure(chase_of(story), with_whole_fence=True, columns=5)
 
 
+def draw_flight(record: Path, path: Path, settings_of: SettingsOf, title: str) -> None:
+    """Draw a recorded flight in space and from above.
+
+    Raises:
+        ConfigError: If the record cannot be read.
+        OutputError: If the file cannot be written.
+    """
+    figure = chase_figure(chase_of(story_of(record, settings_of)))
+    figure.suptitle(title)
+    with contextlib.suppress(OSError):  # `save` says what cannot be written
+        private_file(path)
+    save(figure, path)
+
+
 def chase_of(story: Story) -> Chase:
     """Return the shapes of a recorded flight."""
+    settings, home_m = story.settings.cycle, story.flight.home_m
     begin = len(story.cycles) if story.engaged is None else story.engaged
     end = begin + sum(one is not None for one in story.certificates[begin:])
-    last, home_m = story.certificate(story.captured), story.flight.home_m
-    return flown_chase(
-        story.settings.cycle,
-        story.column("pursuer_m"),
-        story.column("evader_m"),
-        slice(begin, end),
-        story.certificate(story.engaged),
-        last,
-        reached_m=None if last is None else last.evader_game_m,
+    pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
+    reached = story.certificate(story.captured)
+    first, last = (None if one is None or one.no_game else one for one in (story.certificate(story.engaged), reached))
+    return Chase(
+        (pursuer[:begin], pursuer[end:]),
+        pursuer[begin:end],
+        evader[begin:end],
+        settings.standoff,
+        reached_m=None if reached is None else reached.evader_game_m,
+        isochron=None if first is None else isochron_at(settings, first),
+        isochron_later=None if last is None else isochron_at(settings, last),
+        meeting_m=None if first is None else (*first.meeting_point_game_m[:2], 0.0),
+        target_m=settings.target_game_m,
+        target_extent=settings.target_extent,
         fence=() if home_m is None else fence_edges(story.flight.envelope, home_m),
         fence_height_m=0.0 if home_m is None else home_m[2],
     )

@@ -173,7 +173,29 @@ def _limited(story: Story) -> str:
 
 def summary(story: Story) -> Rows:
     """Return the rows of the summary table."""
-    return [*_game(story), *_flight(story), *_quality(story), *_record(story)]
+    survey = story.survey
+    speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
+    playing = np.isin([row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION])
+    lowest_m = -_largest(-story.column("pursuer_m")[playing, 2])
+    torn = "whole" if survey.torn is None else f"torn ({survey.torn})"
+    missing = f", {survey.missing} messages missing in between" if survey.missing else ""
+    made = [f"{name} {text}" for name, text in survey.metadata.items() if name not in {"scenario", "config", "seed"}]
+    return [
+        *_game(story),
+        ("record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"),
+        ("setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"),
+        ("highest speed", f"{_largest(speeds):.2f} m/s"),
+        ("lowest height during the game", f"{lowest_m:.2f} m above the evader's plane"),
+        ("guarantee alarms", f"{len(story.alarms)}"),
+        ("age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))),
+        ("age of the evader's last report", _spread_ms(story.column("evader_age_s"))),
+        ("delay of cycles", _spread_ms(story.column("late_s"))),
+        ("working time of cycles", _spread_ms(story.column("worked_s"))),
+        ("events", f"{survey.messages[EVENT_TOPIC]}"),
+        ("record", f"{torn}{missing}, {sum(survey.messages.values())} messages"),
+        ("seed", survey.metadata.get("seed", "–")),
+        ("made by", ", ".join(made)),
+    ]
 
 
 def _game(story: Story) -> Rows:
@@ -232,41 +254,6 @@ def _flown(story: Story) -> float:
     if target is not None:
         return story.settings.cycle.target_extent.distance_m(target, captured.evader_game_m)
     return story.game_lasted_s
-
-
-def _flight(story: Story) -> Rows:
-    speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
-    heights = story.column("pursuer_m")[:, 2]
-    playing = np.isin([row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION])
-    return [
-        ("record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"),
-        ("setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"),
-        ("highest speed", f"{_largest(speeds):.2f} m/s"),
-        ("lowest height during the game", f"{-_largest(-heights[playing]):.2f} m above the evader's plane"),
-    ]
-
-
-def _quality(story: Story) -> Rows:
-    return [
-        ("guarantee alarms", f"{len(story.alarms)}"),
-        ("age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))),
-        ("age of the evader's last report", _spread_ms(story.column("evader_age_s"))),
-        ("delay of cycles", _spread_ms(story.column("late_s"))),
-        ("working time of cycles", _spread_ms(story.column("worked_s"))),
-    ]
-
-
-def _record(story: Story) -> Rows:
-    survey = story.survey
-    made = [f"{name} {text}" for name, text in survey.metadata.items() if name not in {"scenario", "config", "seed"}]
-    torn = "whole" if survey.torn is None else f"torn ({survey.torn})"
-    missing = f", {survey.missing} messages missing in between" if survey.missing else ""
-    return [
-        ("events", f"{survey.messages[EVENT_TOPIC]}"),
-        ("record", f"{torn}{missing}, {sum(survey.messages.values())} messages"),
-        ("seed", survey.metadata.get("seed", "–")),
-        ("made by", ", ".join(made)),
-    ]
 
 
 def _largest(values: Array) -> float:

@@ -6,14 +6,13 @@ import math
 import pytest
 from rich.console import Console
 
-from guidance.cli.fly_scenario import _table, plain, words
+from guidance.cli.fly_scenario import _table, plain, score, words
 from guidance.flight import State
 from guidance.monitor import Alarm, Violation
 from guidance.session.mission import Progress
 from guidance.session.result import FlightResult
 from guidance.sim.outcome import outcome_of
 from guidance.sim.scenario_file import load_scenario
-from guidance.viz.pictures import _score
 
 
 def yielded(predicted):
@@ -37,8 +36,8 @@ def test_a_flight_without_a_capture_has_no_number_for_one(width):
     assert "yielded to a pilot" in words
     assert "12.82 s" in words
     assert max(map(len, words.splitlines())) <= width
-    assert _score(outcome) == "12.82 s predicted"
-    assert _score(yielded(math.nan)) == "no game was played"
+    assert score(outcome) == "12.82 s predicted"
+    assert score(yielded(math.nan)) == "no game was played"
 
 
 def test_a_flight_that_pauses_says_why():

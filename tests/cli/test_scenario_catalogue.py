@@ -12,7 +12,7 @@ from guidance.config import find
 from guidance.errors import OutputError
 from guidance.sim.maths import opening, play
 from guidance.sim.scenario_file import load_any, load_scenario
-from guidance.viz.pictures import draw_scenario, played
+from guidance.viz.figures import draw_scenario, played
 
 
 def guidance(*arguments):

@@ -1,6 +1,5 @@
 """Whole flights in virtual time: the real core and the real mock, whole MAVLink frames between them, no sleeping."""
 
-import dataclasses
 import json
 import math
 import subprocess
@@ -17,7 +16,6 @@ from guidance.session.flight_files import flight_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.players import game
 from guidance.sim.scenario_file import load_scenario
-from guidance.viz.pictures import draw
 from tests.harness.flights import NEAR, flown
 
 pytestmark = pytest.mark.flight
@@ -171,15 +169,6 @@ def test_the_live_line_is_told_of_every_cycle():
     assert len(seen) == result.cycles
     engaged = [progress for progress in seen if progress.state is State.ENGAGED]
     assert all(progress.certificate is not None and progress.mode == "OFFBOARD" for progress in engaged)
-
-
-def test_the_picture_is_drawn_also_of_a_game_that_never_began(pe, tad, tmp_path):
-    never = dataclasses.replace(pe[0], samples=pe[0].samples[:5], engaged=None, captured=False)
-    for number, result in enumerate((pe[0], tad, never)):
-        path = tmp_path / f"{number}.png"
-        draw(result, outcome(result), path)
-        assert path.read_bytes().startswith(b"\x89PNG")
-        assert path.stat().st_size > 20_000
 
 
 def test_on_the_isochron_both_players_arrive_at_once():

@@ -14,7 +14,7 @@ from guidance.game import Ball, Game, solve
 from guidance.game.team import match_teams
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of, teams_of
-from guidance.viz.pictures import draw_teams, region
+from guidance.viz.figures import draw_teams, region
 
 TAD = {
     "title": "two on two",

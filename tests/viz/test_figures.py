@@ -3,12 +3,9 @@
 import pytest
 
 from guidance.errors import OutputError
-from guidance.flight import State
 from guidance.log.scene import circle
-from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.sweeps.drawing import _figure
-from guidance.viz.figures import MOST_POINTS, draw_fence, figure_of, save, thinned
-from guidance.viz.pictures import draw, draw_scenario
+from guidance.viz.figures import MOST_POINTS, draw_fence, draw_scenario, figure_of, save, thinned
 from tests.harness.flights import NEAR
 
 IN_VIEW, FAR = circle((0.0, 0.0, 0.0), 8.0), circle((0.0, 0.0, 0.0), 300.0)
@@ -40,13 +37,11 @@ def test_a_text_is_read_as_it_is_written(tmp_path, title):
 
 
 def test_a_scenario_may_be_called_what_would_be_a_formula(tmp_path):
-    """Its title goes into the picture of the scenario, of its flight, and of a sweep over it."""
+    """Its title goes into the picture of the scenario, and of a sweep over it."""
     scenario = NEAR.model_copy(update={"title": r"$\frac{$"})
-    result = FlightResult(scenario, State.YIELDED)
     draw_scenario(scenario, tmp_path / "scenario.png")
-    draw(result, outcome_of_flight(result, "fast"), tmp_path / "flight.png")
     save(_figure(scenario.title, 1, 1)[0], tmp_path / "sweep.png")
-    assert {path.stem for path in tmp_path.iterdir()} == {"scenario", "flight", "sweep"}
+    assert {path.stem for path in tmp_path.iterdir()} == {"scenario", "sweep"}
 
 
 @pytest.mark.parametrize("name", ["none/a.png", "a.foo"])

@@ -17,7 +17,7 @@ from guidance.log.reader import Item
 from guidance.session.control_bus import free_endpoint
 from guidance.session.flight_files import RECORD, recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
-from guidance.viz.panel import playback, records
+from guidance.viz.panel import records, snapshot
 from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder
 from guidance.viz.panel.snapshot import HISTORY
@@ -93,7 +93,7 @@ async def test_products_are_made_only_from_records_of_the_folder(folder):
 
 async def test_record_routes_answer_with_the_right_content_types(folder, monkeypatch):
     async def quick(*arguments):
-        assert arguments[:2] == ("-m", "guidance.viz.panel.playback")
+        assert arguments[:2] == ("-m", "guidance.viz.panel.snapshot")
         for name in arguments[3:]:
             yield json.dumps([name, {"ended": "landed"}]).encode()
 
@@ -112,7 +112,7 @@ async def test_record_routes_answer_with_the_right_content_types(folder, monkeyp
 
 
 def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
-    assert playback.main("frames", str(record)) == 0
+    assert snapshot.main("frames", str(record)) == 0
     said = json.loads(capsys.readouterr().out)
     times = [frame["now_s"] for frame in said["frames"]]
     assert times == sorted(times)

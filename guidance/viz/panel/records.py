@@ -27,9 +27,9 @@ NICE: Final = 15
 EXPORTS: Final = ("tlog", "csv", "parquet", "geojson", "kml")
 
 _GUIDANCE: Final = ("-c", "from guidance.cli import main; main()")
-_PLAYBACK: Final = ("-m", "guidance.viz.panel.playback")
+_SNAPSHOTS: Final = ("-m", "guidance.viz.panel.snapshot")
 _MADE: Final[Mapping[str, tuple[tuple[str, ...], str, str]]] = {
-    "frames": ((*_PLAYBACK, "frames", "RECORD"), "frames.json", "application/json"),
+    "frames": ((*_SNAPSHOTS, "frames", "RECORD"), "frames.json", "application/json"),
     "events": ((*_GUIDANCE, "log", "events", "RECORD"), "events.txt", "text/plain"),
     "report": ((*_GUIDANCE, "report", "RECORD", "--out", "FOLDER"), "report.html", "text/html"),
     **{
@@ -99,7 +99,7 @@ class RecordFolder:
     async def _read(self, unread: Mapping[Path, Key]) -> None:
         """Read the outcomes in one child, which prints each as a line."""
         with contextlib.suppress(OutputError, TimeoutError, OSError, ValueError):
-            async for line in _lines(*_PLAYBACK, "outcomes", *map(str, unread)):
+            async for line in _lines(*_SNAPSHOTS, "outcomes", *map(str, unread)):
                 path, outcome = json.loads(line)
                 self._outcomes[unread[Path(path)]] = outcome
         for path, key in unread.items():

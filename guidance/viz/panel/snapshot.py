@@ -1,31 +1,50 @@
 """Makes what a page shows of a flight from its cycles and events, live or recorded, as plain JSON values.
 
+`python -m guidance.viz.panel.snapshot outcomes FILE…` and `… frames FILE` write JSON of records to standard output. The
+panel reads records in such a child process, so a large, damaged or hostile one cannot disturb it.
+
 Each displayed value has a severity by the limits that the flight itself uses. The page shows it as a colour, a shape
 and a word.
 """
 
+import json
 import math
-from collections import deque
+import sys
+from collections import Counter, deque
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
 from guidance.certificate import Certificate
 from guidance.control.follow import gaps_to_disc
-from guidance.flight import FlightSettings, State
+from guidance.errors import GuidanceError
+from guidance.flight import Event, FlightSettings, State
 from guidance.flight.detection import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
 from guidance.flight.table import SETPOINT_STATES, state_words
 from guidance.frames import ned_from_game
 from guidance.game import Winner
-from guidance.log import Aggregator, CycleEntry, EventEntry, Item, SettingsOf, title_of
+from guidance.log import (
+    Aggregator,
+    CycleEntry,
+    EventEntry,
+    Item,
+    SettingsOf,
+    metadata_of,
+    record_errors,
+    scan,
+    survey_of,
+    title_of,
+)
 from guidance.log.codec import plain
+from guidance.log.entries import CYCLE_TOPIC, EVENT, EVENT_TOPIC
+from guidance.log.reader import Survey, entry_of
 from guidance.log.scene import fence_edges, isochron_at, target_edge
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
-
-if TYPE_CHECKING:
-    from guidance.monitor import Alarm
+from guidance.monitor import Alarm, Violation
+from guidance.session.flight_files import recorded_settings
 
 ISOCHRON_INTERVAL_S: Final = 0.4
 ALARM_SHOWN_S: Final = 10.0
@@ -41,6 +60,11 @@ _LINK_CAUTION, _LINK_WARNING = 0.8, 0.5
 _FIX_3D: Final = 3
 _POINTS: Final = 49
 _CENTIMETRES: Final = 2
+
+MAX_FRAMES: Final = 2500
+"""Frames of a replay, spread over the flight. Enough for ten a second over four minutes."""
+
+MIN_STEP_S: Final = 0.1
 
 Plain = dict[str, Any]
 
@@ -319,3 +343,67 @@ def rounded(position: Any) -> list[float] | None:  # noqa: ANN401 - a vector, or
 def known_age(age_s: float) -> float:
     """Return an age ≥ 0; infinite if nothing was received. A client that joins late may get an older cycle last."""
     return max(0.0, age_s) if math.isfinite(age_s) else math.inf
+
+
+def outcome_of(path: Path) -> dict[str, Any]:
+    """Summarise a record and the end of its flight, as far as it can be read.
+
+    Raises:
+        ConfigError: If the file is not a record.
+    """
+    survey, events = Survey(), Counter[str]()
+    last_cycle = b"{}"
+    with record_errors(path):
+        for item in scan(path, survey):
+            if item.topic == CYCLE_TOPIC:
+                last_cycle = item.data
+            elif item.topic == EVENT_TOPIC:
+                events[entry_of(EVENT, item, path).event] += 1
+        return {
+            "title": title_of(survey.metadata),
+            "started_utc": survey.metadata.get("started_utc", ""),
+            "duration_s": round(survey.duration_s, 1),
+            "captured": Event.CAPTURED in events,
+            "alarms": sum(events[violation] for violation in Violation),
+            "ended": json.loads(last_cycle).get("state", ""),
+            "torn": survey.torn,
+        }
+
+
+def frames_of(path: Path) -> dict[str, Any]:
+    """Return the frames, scenes and events of a record, and the columns of the charts.
+
+    Raises:
+        ConfigError: If the record cannot be read.
+    """
+    with record_errors(path):
+        metadata, survey = metadata_of(path), survey_of(path)
+        fold = SnapshotFold(recorded_settings, metadata, str(path))
+        step_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES)
+        frames, events, scenes = list[Any](), list[Any](), list[Any]()
+        last_s = -math.inf
+        for item in scan(path):
+            entry = fold.take(item)
+            if isinstance(entry, EventEntry):
+                events.append(event_row(entry))
+            elif entry is not None and entry.now_s - last_s >= 0.99 * step_s:
+                last_s = entry.now_s
+                if not scenes or scenes[-1]["scene"] is not fold.scene:
+                    scenes.append({"from_s": round(entry.now_s, 3), "scene": fold.scene})
+                frames.append(fold.snapshot())
+    return {"name": title_of(metadata), "scenes": scenes, "columns": HISTORY, "frames": frames, "events": events}
+
+
+def main(what: str, *files: str) -> int:
+    """Write the frames of a file as JSON, or the outcome of each as a line; unreadable files give `{"error": …}`."""
+    for path in map(Path, files):
+        try:
+            result = (frames_of if what == "frames" else outcome_of)(path)
+        except GuidanceError as error:
+            result = {"error": str(error)}
+        print(json.dumps(plain(result if what == "frames" else [str(path), result]), allow_nan=False), flush=True)  # noqa: T201
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
