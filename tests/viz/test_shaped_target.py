@@ -5,11 +5,13 @@ import itertools
 import numpy as np
 import pytest
 
+from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.sim.maths import play
 from guidance.sim.scenario import Scenario
-from guidance.viz.panel.playback import frames_of
-from guidance.viz.pictures import draw, draw_scenario
+from guidance.viz.figures import draw_scenario
+from guidance.viz.panel.snapshot import frames_of
+from guidance.viz.report import draw_flight
 from tests.harness.flights import flown
 
 HALL = ((-6.0, -4.0), (6.0, -4.0), (6.0, 4.0), (-6.0, 4.0))
@@ -56,5 +58,5 @@ def test_the_page_shows_the_hall_with_its_margin(flight):
 @pytest.mark.flight
 def test_the_pictures_of_the_scenario_and_of_the_flight_are_drawn(flight, tmp_path):
     draw_scenario(SCENARIO, tmp_path / "scenario.png")
-    draw(flight[0], outcome_of_flight(flight[0], "fast"), tmp_path / "flight.png")
+    draw_flight(flight[1], tmp_path / "flight.png", recorded_settings, SCENARIO.title)
     assert all((tmp_path / name).stat().st_size > 20_000 for name in ("scenario.png", "flight.png"))
