@@ -73,7 +73,7 @@ class Checkup:
         """Say what has not been heard yet; empty once everything was."""
         vehicle = self._daemon.flight.vehicle
         words = [name for kind, name in _HEARD.items() if vehicle.last(kind) is None]
-        read, wanted = self._daemon.parameters_read
+        read, wanted = self._daemon.survey.read
         if read < wanted:
             words.append(f"{wanted - read} of {wanted} parameters")
         return ", ".join(words)

@@ -94,8 +94,8 @@ class Daemon:
         self.flight = Flight(plan.flight)
         if self.team is not None:
             self.team.begin()
-        self._survey = PreflightMemory(parameter_names(plan.flight.autopilot))
-        self._engaging = Engaging(self.flight, self._survey, plan.wants)
+        self.survey = PreflightMemory(parameter_names(plan.flight.autopilot))
+        self._engaging = Engaging(self.flight, self.survey, plan.wants)
         self.recording.begin()
         self._judged_s = float("-inf")
         self.rows: tuple[Finding, ...] = ()  # preflight's, as last judged
@@ -103,17 +103,7 @@ class Daemon:
 
     def facts(self, now_s: float) -> Facts:
         """Preflight's facts about the vehicle."""
-        return self._survey.facts(self.flight.vehicle, now_s)
-
-    @property
-    def parameters_read(self) -> tuple[int, int]:
-        """Number of preflight parameters read, and their total."""
-        return self._survey.read
-
-    @property
-    def surveyed(self) -> bool:
-        """True once every parameter that preflight judges was read."""
-        return self._survey.complete
+        return self.survey.facts(self.flight.vehicle, now_s)
 
     @property
     def heard(self) -> Sequence[Message]:
@@ -342,16 +332,16 @@ class Daemon:
         now_s, wants = inputs.now_s, self._plan.wants
         if wants is None or not (self._judging or self._engaging.reading):
             return
-        self._survey.observe(inputs.messages, inputs.reports)
-        if self._judging or not self._survey.complete:  # the uploaded fence is read on the ground
-            for request in self._survey.requests(now_s):
+        self.survey.observe(inputs.messages, inputs.reports)
+        if self._judging or not self.survey.complete:  # the uploaded fence is read on the ground
+            for request in self.survey.requests(now_s):
                 self._link.request(request)
         if not self._judging or now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
         self.rows = (*rows(self.facts(now_s), self._plan.flight.autopilot, wants), *self.recording.rows())
         refused = refusals(self.rows)
-        if refused != self._refused and self._survey.complete:
+        if refused != self._refused and self.survey.complete:
             self._refused = refused
             if refused:
                 self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self.rows))

@@ -416,7 +416,7 @@ class VehicleMission:
         failed = failed_checks(flight, now_s)
         if failed:
             return failed + self._said("it says")
-        if not self.daemon.surveyed:
+        if not self.daemon.survey.complete:
             return "its parameters are being read"
         return f"preflight refuses {', '.join(refusals(self.daemon.rows)) or 'nothing any more'}"
 
@@ -458,7 +458,7 @@ class VehicleMission:
         if self._policy.end_with is not None and daemon.flight.vehicle.armed:
             raise FlightError("the vehicle is armed already; disarm it and start again: no order was given")
         self._check_start()
-        otherwise_fit = daemon.surveyed and all(check.passed for check in daemon.flight.checks(now_s))
+        otherwise_fit = daemon.survey.complete and all(check.passed for check in daemon.flight.checks(now_s))
         refused = otherwise_fit and bool(refusals(daemon.rows))
         self._refused_s = min(self._refused_s, now_s) if refused else math.inf
         if now_s - self._refused_s >= JUDGED_FOR_S:
