@@ -10,7 +10,7 @@ import pytest
 
 from guidance.config import parse
 from guidance.flight import State
-from guidance.log import compare, cycles_of, events_of, mcap_file
+from guidance.log import compare, cycles_of, events_of, writer
 from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
 from guidance.log.writer import Recorder
@@ -79,7 +79,7 @@ def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
 
     def make(room):
         monkeypatch.setattr(FullDisk, "room", room)
-        monkeypatch.setattr(mcap_file, "private_file", lambda path: SimpleNamespace(open=lambda *_, **__: disk(path)))
+        monkeypatch.setattr(writer, "private_file", lambda path: SimpleNamespace(open=lambda *_, **__: disk(path)))
         metadata = {"config": json.dumps(vehicle_document())}
         return Recorder(tmp_path / "daemon.mcap", metadata, threaded=request.param == "in the background")
 
