@@ -59,8 +59,6 @@ STEPS = {
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
         nice=19,
     ),
-    # Compiles all test files once; otherwise each worker would compile them at the same time.
-    "collect": Step("every test file can be imported", (*PYTEST[:3], "-qq", "--collect-only"), nice=19),
     # Some of them wait for sockets and processes, but each has seconds.
     "tests": Step("the quick tests", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK), nice=5),
     "flights": Step(
@@ -89,7 +87,7 @@ STEPS = {
 }
 FIRST = ("format", "lint", "layers")
 LANES = (
-    ("collect", "tests", "flights"),
+    ("tests", "flights"),
     ("types", "docs", "arrays", "faults"),
     ("real time", "acceptance"),
 )
