@@ -119,17 +119,17 @@ def observe(state: VehicleState, messages: Sequence[Message]) -> VehicleState:
     if not messages:
         return state
     latest = dict(state.latest)  # states that the caller holds do not change
-    state = state._replace(latest=latest)
+    seen = VehicleState(latest, *state[1:])
     for message in messages:
         change = _CHANGES.get(type(message))
         if change is not None:
-            changed = change(message, state)
+            changed = change(message, seen)
             if changed is None:
                 continue
             if changed:
-                state = state._replace(**changed)
+                seen = seen._replace(**changed)
         latest[type(message)] = message
-    return state
+    return seen
 
 
 Change = dict[str, Any] | None
@@ -148,7 +148,8 @@ def _changed_by_odometry(now: Odometry, state: VehicleState) -> Change:
 
 
 def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> Change:
-    return {"home_taken": now.armed and (state.home_taken or _home_is_here(state, now))}
+    taken = now.armed and (state.home_taken or _home_is_here(state, now))
+    return {} if taken == state.home_taken else {"home_taken": taken}
 
 
 def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:

@@ -166,9 +166,9 @@ class MockVehicle:
         return {name: Link(self.autopilot, kind, index) for index, (name, kind) in enumerate(self._kinds.items())}
 
     def _is_idle(self, now_s: float) -> bool:
-        streams = (link.streams for link in self.links.values())
-        booted = self.autopilot.boots != self._boots
-        return not booted and self.autopilot.is_idle(self._ticks) and not any(one.is_due(now_s) for one in streams)
+        if self.autopilot.boots != self._boots or not self.autopilot.is_idle(self._ticks):
+            return False
+        return not any(link.streams.is_due(now_s) for link in self.links.values())
 
     def _tick(self, now_s: float, out: dict[str, list[bytes]]) -> None:
         autopilot, ticks = self.autopilot, self._ticks

@@ -110,6 +110,7 @@ class PymavlinkLink:
         own_component_id: int = 195,
         signing_key: SigningKey | None = None,
         unix_s: float = 0.0,
+        unread: frozenset[str] = frozenset(),
     ) -> None:
         """Take over an open wire, which is closed with the link.
 
@@ -122,6 +123,7 @@ class PymavlinkLink:
             own_component_id: Ours. Messages addressed to other stations are dropped.
             signing_key: Sign our frames and refuse unsigned ones; None does neither.
             unix_s: The Unix time now, needed for signing only.
+            unread: Names of messages that nobody reads from this link; they are counted as unused.
         """
         self._wire = wire
         self._clock = clock
@@ -130,7 +132,7 @@ class PymavlinkLink:
         self._to_vehicle = self._vehicle._asdict()
         self._signed = signing_key is not None
         self._station = Station(*self._own, signing_key=signing_key, clock=clock, unix_s=unix_s)
-        self._frames = FrameReader(self._reads)
+        self._frames = FrameReader(self._reads - unread)
         self._inbox: deque[Message] = deque()
         self._requests = RequestQueue()
         self._timesync = TimesyncPeer()

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from guidance.links.port import EvaderSource, VehicleLink
 
 
+_REPORTS: Final = frozenset({"GLOBAL_POSITION_INT"})
+"""An evader's own reports, which its pursuers read and its pilot does not."""
+
+
 class SteppedWire:
     """Our end of a wire to a stepped vehicle, without queues and locks: everything happens in one thread."""
 
@@ -132,10 +136,13 @@ class SteppedWorld:
         self.faulted = faulted_fleet(flown)
         self.vehicles = {name: faulted.vehicle for name, faulted in self.faulted.items()}
         self._mocks = {name: SteppedMock(name, faulted, clock) for name, faulted in self.faulted.items()}
-        self._own = {
-            name: PymavlinkLink(mock.wire, clock.now_s, system_id=ids[name]) for name, mock in self._mocks.items()
-        }
         chased = {evader: scenario for scenario, _, evader in reversed(self._pursuits)}
+        self._own = {
+            name: PymavlinkLink(
+                mock.wire, clock.now_s, system_id=ids[name], unread=_REPORTS if name in chased else frozenset()
+            )
+            for name, mock in self._mocks.items()
+        }
         self.links: dict[str, VehicleLink] = {one.vehicle: self._own[one.vehicle] for one in self._pursuits}
         self.players = {name: EvaderPilot(self._own[name], scenario) for name, scenario in chased.items()}
         self.evaders: dict[str, dict[str, EvaderSource]] = {
