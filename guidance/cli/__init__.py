@@ -13,7 +13,7 @@ FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
 
 _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
-_OPTIONS: Final = frozenset({"--endpoint", "--token-file", "--name"})
+_OPTIONS: Final = frozenset({"--endpoint", "--token-file", "--name", "--team", "--zenoh"})
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, imported lazily
@@ -68,9 +68,15 @@ def _short_order(arguments: Sequence[str]) -> int | None:
         return None
     from guidance.session.control_socket import ENDPOINT  # noqa: PLC0415 - only orders need it
 
-    endpoint, token = given.get("--endpoint", ENDPOINT), given.get("--token-file")
-    token_file = None if token is None else Path(token)
-    return show(ask(arguments[1], endpoint=endpoint, name=given.get("--name"), token_file=token_file))
+    endpoint, name, team = given.get("--endpoint", ENDPOINT), given.get("--name"), given.get("--team")
+    files = {
+        key: Path(given[f"--{key.replace('_', '-')}"]) if f"--{key.replace('_', '-')}" in given else None
+        for key in ("token_file", "zenoh")
+    }
+    if team is None:
+        return show(ask(arguments[1], endpoint=endpoint, name=name, **files))
+    names = [] if name is None else name.split(",")
+    return max(map(show, ask_team(arguments[1], team, names, endpoint=endpoint, **files)))
 
 
 def ask(
@@ -99,6 +105,18 @@ def ask(
     from guidance.session import control_bus  # noqa: PLC0415
 
     return control_bus.ask(order, **given, credentials=read_credentials(zenoh))
+
+
+def ask_team(
+    order: str, team: str, names: Sequence[str], *, endpoint: str, token_file: Path | None, zenoh: Path | None
+) -> Sequence[Mapping[str, Any]]:
+    """Give an order to a team; see `guidance.session.control_bus.ask_team`."""
+    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
+    from guidance.session import control_bus  # noqa: PLC0415
+    from guidance.session.control_socket import own_name  # noqa: PLC0415 - only orders need it
+
+    given: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file, "by": own_name("ctl")}
+    return control_bus.ask_team(order, team, names, **given, credentials=read_credentials(zenoh))
 
 
 def show(answer: Mapping[str, Any]) -> int:

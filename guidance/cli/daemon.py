@@ -4,8 +4,7 @@ import contextlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, Final
 
 import typer
@@ -13,7 +12,7 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from guidance.cli import ask, show
+from guidance.cli import ask, ask_team, show
 from guidance.cli.arguments import Json, Panel, TokenFile, ZenohFile, refuse
 from guidance.cli.viewers import panel_beside
 from guidance.config import find
@@ -118,18 +117,6 @@ def show_answer(answer: Mapping[str, Any]) -> None:
         console().print(status_table(answer))
     else:
         show(answer)
-
-
-def ask_team(
-    order: str, team: str, names: Sequence[str], *, endpoint: str, token_file: Path | None, zenoh: Path | None
-) -> Sequence[Mapping[str, Any]]:
-    """Give an order to a team; see `guidance.session.control_bus.ask_team`."""
-    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
-    from guidance.session import control_bus  # noqa: PLC0415
-    from guidance.session.control_socket import own_name  # noqa: PLC0415
-
-    given: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file, "by": own_name("ctl")}
-    return control_bus.ask_team(order, team, names, **given, credentials=read_credentials(zenoh))
 
 
 WATCH_S: Final = 1.0

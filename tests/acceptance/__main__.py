@@ -25,7 +25,7 @@ from sitl_mock.child import free_udp_port, running
 from sitl_mock.errors import MockError
 from tests.acceptance.cases import Case, cases, toml
 from tests.acceptance.flying import GUIDANCE, Line, fly, fly_in_virtual_time
-from tests.acceptance.relay import Relay, wait
+from tests.acceptance.relay import LASTING, Relay, wait
 from tests.acceptance.team import fly_all
 from tests.harness.starved import Waiting
 
@@ -34,9 +34,6 @@ READY_WITHIN_S = 120.0
 DOWN_WITHIN_S = 240.0
 AT_A_TIME = 4
 SIM_HEIGHT_M, STAND_IN_HEIGHT_M = 20.0, 8.0
-LASTING = ("BATT_CAPACITY", 50_000.0)
-"""ArduPilot's simulator empties its 3,300 mAh in four of these flights, and preflight refuses the fifth."""
-
 SET_UP = {
     "px4": {"GF_MAX_HOR_DIST": 305.0, "GF_MAX_VER_DIST": 125.0, "RTL_RETURN_ALT": 10.0, "RTL_DESCEND_ALT": 8.0},
     "arducopter": {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 305.0,

@@ -21,6 +21,8 @@ from guidance.links.udp import UdpWire
 PILOT = (255, 190)
 HOME_POSITION = 242
 ARMED = 128
+LASTING = ("BATT_CAPACITY", 50_000.0)
+"""ArduPilot's simulator empties its 3,300 mAh in four flights, and preflight refuses the fifth."""
 
 
 @dataclass
