@@ -13,7 +13,8 @@ FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
 
 _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
-_OPTIONS: Final = frozenset({"--endpoint", "--token-file", "--name", "--team", "--zenoh"})
+_FILES: Final = {"--token-file": "token_file", "--zenoh": "zenoh"}
+_OPTIONS: Final = frozenset({"--endpoint", "--name", "--team", *_FILES})
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, imported lazily
@@ -69,10 +70,7 @@ def _short_order(arguments: Sequence[str]) -> int | None:
     from guidance.session.control_socket import ENDPOINT  # noqa: PLC0415 - only orders need it
 
     endpoint, name, team = given.get("--endpoint", ENDPOINT), given.get("--name"), given.get("--team")
-    files = {
-        key: Path(given[f"--{key.replace('_', '-')}"]) if f"--{key.replace('_', '-')}" in given else None
-        for key in ("token_file", "zenoh")
-    }
+    files = {key: Path(given[option]) if option in given else None for option, key in _FILES.items()}
     if team is None:
         return show(ask(arguments[1], endpoint=endpoint, name=name, **files))
     names = [] if name is None else name.split(",")

@@ -6,7 +6,6 @@ report to every vehicle. The vehicles' homes must be at the places in `docs/acce
 """
 
 import datetime
-import json
 import math
 import signal
 import subprocess
@@ -258,13 +257,13 @@ class Team:
     def order(self, word: str, *names: str) -> dict[str, dict[str, Any]]:
         """Give an order to the team, or to some of it; return the answers by name."""
         keys = self._folder / "keys" / "operator.toml"
-        command = [GUIDANCE, "ctl", word, "--team", "north", "--endpoint", self._endpoint, "--zenoh", keys, "--json"]
+        command = [GUIDANCE, "ctl", word, "--team", "north", "--endpoint", self._endpoint, "--zenoh", keys]
         command += ["--name", ",".join(names)] if names else []
         done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=30, check=False)
-        answers = json.loads(done.stdout) if done.stdout.startswith("[") else []
+        found = [line.partition(": ") for line in done.stdout.splitlines()]
         with (self._folder / "orders.log").open("a", encoding="utf-8") as log:
             log.write(f"{time.monotonic():.2f} {word}: {done.stdout} {done.stderr}\n")
-        return {one["name"]: one for one in answers}
+        return {name: {"accepted": f"{word} accepted" in said, "reason": said} for name, _, said in found}
 
     def accepted(self, word: str) -> bool:
         """Give an order; return whether all accepted it."""
