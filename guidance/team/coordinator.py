@@ -183,7 +183,8 @@ class Coordinator:
         for number, evader in enumerate(evaders if matching is not None else ()):
             first, second = (self._name_in(matching, slot, number, vehicles) for slot in ("first", "second"))
             value = None if matching is None or first is None else float(matching.value[number])
-            before, cause = promises.get(evader), ""
+            before = promises.get(evader)
+            cause = before.cause if begun and before is not None else ""
             if begun and before is not None and before.value is not None:
                 kept = before.value
                 worse = value is None or (value - kept if scene.target_m is None else kept - value) > _NOISE

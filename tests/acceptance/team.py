@@ -344,9 +344,9 @@ def _killed(team: Team, line: Callable[..., Line], able: list[str]) -> Iterator[
         ((at_s, one) for at_s, one in field.roles if one.vehicle != leader and at_s > killed_s), (math.inf, None)
     )
     yield line(
-        "the next one coordinates within 1.5 s",
+        "the next one coordinates within 2 s",
         f"{leader} killed, {'nobody' if roles is None else roles.vehicle} after {taken_s - killed_s:.2f} s",
-        taken_s - killed_s < 1.5,
+        taken_s - killed_s < 2.0,
     )
     there = set() if roles is None else {one.evader for one in roles.promises}
     yield line("with the same promises", ", ".join(sorted(there)), there >= before)

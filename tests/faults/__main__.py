@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from tests.faults import teams
 from tests.faults.drawing import AUTOPILOTS, KINDS, SHARED, draw_case
 from tests.faults.flying import Row, Starts, fly
 
@@ -42,12 +43,17 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--kind", metavar="K", help="only flights in which this goes wrong: " + ", ".join(KINDS))
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="J", help="processes")
     parser.add_argument("--records", type=Path, metavar="FOLDER", help="keep every flight's record there")
+    parser.add_argument("--teams", action="store_true", help="flights of teams, with faults of mates and their links")
     given = parser.parse_args(arguments)
     if given.kind is not None and given.kind not in KINDS:
         parser.error(f"--kind {given.kind}: allowed are {', '.join(KINDS)}")
     if given.records is not None:
         given.records.mkdir(parents=True, exist_ok=True)
     console = Console(highlight=False, soft_wrap=True)
+    if given.teams:
+        chosen = range(given.flights) if given.only is None else [given.only]
+        with ProcessPoolExecutor(given.jobs) as pool:
+            return teams.fly_all(given.seed, chosen, pool, lambda words: console.print(words, markup=False))
     numbers = [given.only] if given.only is not None else _numbers(given.seed, given.flights, given.kind)
     rows = list(_all(console, given.seed, numbers, given.jobs, given.records))
     if given.only is not None:

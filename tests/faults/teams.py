@@ -1,0 +1,405 @@
+"""`python -m tests faults --teams`: random team flights in virtual time, with one to three faults each.
+
+Geometry, game, speeds, wind, noise and faults are drawn from the seed and the flight's number. The judge knows the true
+state of the mocks. It checks the separation of vehicles that both fly our setpoints, promises and their causes, the
+captures that were guaranteed at engagement, and the invariants of `docs/faults.md` for each vehicle.
+"""
+
+import contextlib
+import json
+import math
+import random
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any, Final, NamedTuple, cast
+
+import numpy as np
+
+from guidance.clock import VirtualClock
+from guidance.flight import Event, State
+from guidance.flight.table import SETPOINT_STATES
+from guidance.game import Cylinder, Game, StandOff
+from guidance.game.team import match_teams
+from guidance.links.port import EvaderSource
+from guidance.messages import EvaderReport
+from guidance.session.daemon import Daemon, Equipment
+from guidance.session.flight_files import with_team
+from guidance.session.fly_team import team_document
+from guidance.session.loop import run
+from guidance.session.mission import Mission
+from guidance.session.plan import plan_of
+from guidance.session.sequencer import MissionPolicy
+from guidance.sim.scenario import EVADER, PURSUER, Pursuit, Wind
+from guidance.sim.stepped import SteppedWorld
+from guidance.sim.team_flight import pursuits_of_team
+from guidance.sim.teams import TeamScenario
+from guidance.team import Member, MemoryNetwork
+from tests.faults.drawing import Case
+from tests.faults.invariants import Violation, Watch
+
+SIZES: Final = ((2, 1), (2, 2), (3, 2), (3, 3))
+LONGEST_S, AFTER_S, ON_GROUND_S = 45.0, 3.0, 120.0
+NEAR_M: Final = 0.5
+"""Allowed below the separation, besides the true errors of both estimates."""
+
+SHARE: Final = 0.8
+"""Share of its speed that a vehicle has on the average of a short game: it accelerates first."""
+
+KINDS: Final = (
+    "mate killed", "coordinator killed", "cut 1 s", "cut 3 s", "cut 10 s", "loss", "clock", "forged", "misreport",
+    "heard by one", "crossing", "pilot lands",
+)  # fmt: skip
+EXPLAINED: Final = frozenset(KINDS) - {"forged", "crossing", "heard by one", "misreport"}
+"""Faults after which a vehicle is lost to its coordinator, or seems to be."""
+
+
+class TeamCase(NamedTuple):
+    """One flight: the scenario, the wind, and the faults with their times after engagement, s, and the vehicle."""
+
+    seed: int
+    number: int
+    scenario: TeamScenario
+    wind_m_s: tuple[float, float]
+    faults: tuple[tuple[str, float, str], ...]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Names of the faults."""
+        return tuple(kind for kind, *_ in self.faults)
+
+
+class TeamRow(NamedTuple):
+    """Result of one flight."""
+
+    case: TeamCase
+    least_m: float
+    captured: int
+    guaranteed: int
+    processor_s: float
+    violations: tuple[Violation, ...]
+
+
+def draw(seed: int, number: int) -> TeamCase:
+    """Draw a flight."""
+    chance = random.Random(f"teams {seed} {number}")
+    vehicles, evaders = SIZES[number % len(SIZES)]
+    game = chance.choice(("pe", "tad"))
+    kinds = chance.sample(KINDS, chance.randint(1, 3))
+    turn = chance.uniform(0.0, 2.0 * math.pi)
+    pursuers = []
+    for index in range(vehicles):
+        angle, away_m = turn + 2.0 * math.pi * index / vehicles, chance.uniform(12.0, 22.0)
+        place = (away_m * math.cos(angle), away_m * math.sin(angle), 12.0)
+        pursuers.append({"position_m": place, "speed_m_s": chance.uniform(5.0, 7.0)})
+    rovers, bearing = [], chance.uniform(0.0, 2.0 * math.pi)
+    for index in range(evaders):
+        apart = 0.25 if "crossing" in kinds else chance.uniform(0.6, 2.0)
+        angle, away_m = bearing + index * apart, chance.uniform(35.0, 60.0)
+        place = (away_m * math.cos(angle), away_m * math.sin(angle))
+        rovers.append({"position_m": place, "speed_m_s": chance.uniform(1.5, 3.0)})
+    noise = {"position_noise_m": chance.uniform(0.0, 0.5), "velocity_noise_m_s": chance.uniform(0.0, 0.2)}
+    scenario = TeamScenario.model_validate(
+        {
+            "title": f"team {seed} {number}", "game": game, "pursuer": pursuers, "evader": rovers, "seed": number,
+            "target": {"position_m": (0.0, 0.0)} if game == "tad" else None, "time_limit_s": 60.0,
+            "flight": {
+                "separation_m": chance.uniform(6.0, 10.0), "takeoff_height_m": 12.0, "sensor": noise, "hold_s": 20.0,
+                "standoff": {"radius_m": 3.0, "height_m": 8.0},
+            },
+        }
+    )  # fmt: skip
+    names = [f"uav{index + 1}" for index in range(vehicles)]
+    faults = tuple((kind, chance.uniform(0.5, 4.0), chance.choice(names)) for kind in kinds)
+    wind = tuple(chance.uniform(-3.0, 3.0) for _ in range(2)) if chance.random() < 0.5 else (0.0, 0.0)
+    return TeamCase(seed, number, scenario, cast("tuple[float, float]", wind), faults)
+
+
+class Deaf(EvaderSource):
+    """An evader source that reports nothing."""
+
+    def receive(self) -> Sequence[EvaderReport]:
+        """Nothing."""
+        return ()
+
+    def counters(self) -> Mapping[str, int]:
+        """None."""
+        return {}
+
+    def close(self) -> None:
+        """Nothing."""
+
+
+class Bent:
+    """A transport that changes what its vehicle says about itself from a fault on."""
+
+    def __init__(self, transport: Any) -> None:
+        self._transport = transport
+        self.change: Callable[[dict[str, Any]], None] | None = None
+        self.receive, self.present, self.close = transport.receive, transport.present, transport.close
+
+    def publish(self, key: str, payload: bytes) -> None:
+        """Send, changed if it is a state."""
+        if self.change is not None and key.startswith("state/"):
+            said = json.loads(payload)
+            self.change(said)
+            payload = json.dumps(said).encode()
+        self._transport.publish(key, payload)
+
+
+class Sortie:
+    """A mission of a team with its faults and its judge."""
+
+    def __init__(self, case: TeamCase) -> None:
+        self.case, self.clock, document = case, VirtualClock(), team_document(case.scenario)
+        wind = Wind(velocity_m_s=case.wind_m_s)
+        self.pursuits = [
+            one._replace(scenario=one.scenario.model_copy(update={"wind": wind}))
+            for one in pursuits_of_team(case.scenario)
+        ]
+        self.world = SteppedWorld(tuple(self.pursuits), self.clock)
+        self.network = MemoryNetwork(self.clock.now_s, delay_s=0.03, jitter_s=0.03, seed=case.number)
+        names, evaders = [one.vehicle for one in self.pursuits], sorted(self.world.players)
+        if "heard by one" in case.kinds:
+            for name in names[1:]:
+                self.world.evaders[name][evaders[0]] = Deaf()
+        self.bent = {name: Bent(self.network.join(name)) for name in names}
+        self.members = {
+            one.vehicle: Member(
+                one.vehicle,
+                names,
+                sorted(evaders, key=lambda name: name != one.evader),
+                self.bent[one.vehicle],
+                epoch=number,
+                separation_height_m=case.scenario.flight.separation_height_m,
+            )
+            for number, one in enumerate(self.pursuits)
+        }
+        plans = {one.vehicle: plan_of(scenario=one.scenario) for one in self.pursuits}
+        self.mission = Mission(
+            tuple(self.pursuits),
+            self.world,
+            self.clock,
+            plans={name: replace(plan, flight=with_team(plan.flight, document)) for name, plan in plans.items()},
+            equipment={name: Equipment(team=member) for name, member in self.members.items()},
+            policy=MissionPolicy(engage=True, end_with=Event.HOLD),
+        )
+        self.daemons: dict[str, Daemon] = {one.name: one for one in self.mission.daemons}
+        self.watches = {one.vehicle: Watch(_case_of(case, one), _Named(self.world, one)) for one in self.pursuits}
+        self.engaged_s = self.over_s = math.inf
+        self.due = sorted(case.faults, key=lambda fault: fault[1])
+        self.later: list[tuple[float, Callable[[], None]]] = []
+        self.unable: set[str] = set()
+        self.promised: set[str] = set()
+        self.wrongs: list[Violation] = []
+        self.least_m, self.guaranteed = math.inf, 0
+
+    def fly(self) -> None:
+        """Fly to the end."""
+        try:
+            run(self.mission.daemons, self.world, self.clock, mission=self)
+        except Exception as error:  # the loop must not raise
+            self.wrong("nothing ends the loop", 1.0, f"{type(error).__name__}: {error}")
+        self.world.close()
+        self._judge_end()
+
+    def wrong(self, invariant: str, amount: float, said: str = "") -> None:
+        """Note a violation."""
+        if all(one.invariant != invariant for one in self.wrongs):
+            self.wrongs.append(Violation(invariant, self.clock.now_s() - self.engaged_s, amount, said))
+
+    @property
+    def finished(self) -> bool:
+        """True some seconds after all evaders are out of play, or when it took too long."""
+        now_s = self.clock.now_s()
+        return now_s - self.over_s > AFTER_S or now_s - self.engaged_s > LONGEST_S or now_s > ON_GROUND_S
+
+    def before(self, now_s: float) -> None:
+        """Let the mission give its orders, and the faults act."""
+        for due in [one for one in self.later if one[0] <= now_s]:
+            self.later.remove(due)
+            due[1]()
+        while self.due and now_s - self.engaged_s >= self.due[0][1]:
+            kind, _, vehicle = self.due.pop(0)
+            self._begin(kind, vehicle, now_s)
+        self.mission.before(now_s)
+
+    def _begin(self, kind: str, vehicle: str, now_s: float) -> None:
+        """Begin a fault. One vehicle at least stays able."""
+        some_left = len(self.unable) + 2 <= len(self.members)
+        match kind:
+            case "mate killed" | "coordinator killed" if some_left:
+                self._kill(self._victim(kind, vehicle))
+            case "pilot lands" if some_left:
+                self.unable.add(vehicle)
+                self.world.faulted[vehicle].inject({"kind": "pilot_mode", "mode": "LAND", "at_s": 0.0})
+            case "cut 1 s" | "cut 3 s" | "cut 10 s":
+                self.network.cut.add(vehicle)
+                self.later.append((now_s + float(kind.split()[1]), lambda: self.network.cut.discard(vehicle)))
+            case "loss":
+                self.network.loss = 0.3
+            case "clock":
+                self.bent[vehicle].change = lambda said: said.update(sent_s=said["sent_s"] + 5.0)
+            case "misreport":
+                off_deg = 20.0 / 111_195.0
+                self.bent[vehicle].change = lambda said: said.update(latitude_deg=said["latitude_deg"] + off_deg)
+            case "forged":
+                self._forge(now_s)
+
+    def _victim(self, kind: str, vehicle: str) -> str:
+        """Return the coordinator, or another vehicle that still flies."""
+        roles = self.members[vehicle].board.roles
+        leader = vehicle if roles is None else roles.vehicle
+        if kind == "coordinator killed" and leader not in self.unable:
+            return leader
+        return next(name for name in self.members if name not in {leader, *self.unable})
+
+    def _kill(self, vehicle: str) -> None:
+        self.unable.add(vehicle)
+        self.daemons[vehicle].finished = True
+        self.network.leave(vehicle)
+        next(one for one in self.mission._vehicles if one.daemon.name == vehicle).over = True
+
+    def _forge(self, now_s: float) -> None:
+        """A stranger speaks under its own name, and for a mate under its own key, for ten seconds."""
+        state = next(member.board.own for member in self.members.values() if member.board.own is not None)
+        said = json.loads(state.model_dump_json()) | {"seq": 10**9, "latitude_deg": state.latitude_deg + 0.01}
+        self.network.send("stranger", "state/stranger", json.dumps(said | {"vehicle": "stranger"}).encode())
+        self.network.send("stranger", "state/stranger", json.dumps(said).encode())
+        if now_s - self.engaged_s < 10.0:
+            self.later.append((now_s + 0.1, lambda: self._forge(now_s + 0.1)))
+
+    def after(self, now_s: float, late_s: float = 0.0) -> None:
+        """Judge a cycle."""
+        self.mission.after(now_s, late_s)
+        passed = self.world.drain()
+        if self.engaged_s == math.inf and all(
+            one.outputs is not None and one.outputs.state is State.ENGAGED for one in self.daemons.values()
+        ):
+            self.engaged_s, self.guaranteed = now_s, self._guaranteed(list(self.members))
+        for name, daemon in self.daemons.items():
+            if daemon.outputs is None or daemon.finished:
+                continue
+            watch, frames = self.watches[name], f"{name}/mavlink_raw/in"
+            role = daemon.flight.role
+            if role is not None:
+                watch._rover = self.world.vehicles[role.evader]
+            watch.sent(now_s, [one.frame for one in passed if one.topic == frames], daemon.outputs, daemon.flight)
+            watch.followed(now_s, daemon.outputs, daemon.flight)
+            if watch._engaged_s is not None:
+                watch.see(now_s, daemon.flight)
+        self._separated()
+        if self.engaged_s < math.inf:
+            self._follow_promises()
+            over = [one.board.over for name, one in self.members.items() if name not in self.unable]
+            done = all(len(one) == len(self.world.players) for one in over)
+            self.over_s = min(self.over_s, now_s) if done else math.inf
+
+    def _separated(self) -> None:
+        """Compare the true distances of vehicles that both fly our setpoints with the separation."""
+        flight = self.case.scenario.flight
+        flying = []
+        for name, daemon in self.daemons.items():
+            if not daemon.finished and daemon.flight.state in SETPOINT_STATES - {State.ENTERING}:
+                vehicle = self.world.vehicles[name]
+                place = vehicle.truth.position_ned_m
+                frame = vehicle.autopilot.frame
+                flying.append((name, frame.to_geodetic(*place), vehicle))
+        for (one, here, vehicle), (other, there, mate) in combinations(flying, 2):
+            north, east, down = vehicle.autopilot.frame.to_local(*there)
+            n, e, d = vehicle.autopilot.frame.to_local(*here)
+            errors_m = sum(math.hypot(*each.autopilot.state.estimator.position_error_m) for each in (vehicle, mate))
+            level_m, height_m = math.hypot(north - n, east - e), abs(down - d)
+            if height_m < flight.separation_height_m - NEAR_M - errors_m:
+                self.least_m = min(self.least_m, level_m)
+                missing_m = flight.separation_m - level_m - errors_m
+                if missing_m > NEAR_M:
+                    self.wrong("separation", missing_m, f"{one} and {other} {level_m:.1f} m")
+
+    def _guaranteed(self, able: Sequence[str]) -> int:
+        """Return how many captures these vehicles guarantee from where all are now, with `SHARE` of their speed."""
+        if not able:
+            return 0
+        states = [self.members[name].board.own for name in able]
+        places = [one.position_game_m for one in self.mission._vehicles if one.daemon.name in able]
+        there = [player.position_game_m() for player in self.world.players.values()]
+        if None in places or None in there or None in states:
+            return 0
+        speeds = [(SHARE * one.speed_m_s, one.climb_m_s, one.descent_m_s) for one in states if one is not None]
+        flight, ground = self.case.scenario.flight, np.array(there) * [1.0, 1.0, 0.0]
+        standoff = StandOff(flight.standoff.radius_m, flight.standoff.height_m)
+        evaders_m_s = np.array([one.speed_m_s for one in self.case.scenario.evader])
+        game = Game(Cylinder(*np.array(speeds).T[..., None]), evaders_m_s, standoff=standoff)
+        target = None if self.case.scenario.target is None else np.zeros(3)
+        return int(match_teams(game, np.array(places), ground, target).guaranteed)
+
+    def _follow_promises(self) -> None:
+        """Check that no promise of the game is withdrawn without a cause, nor with one that no fault explains."""
+        for member in self.members.values():
+            roles = member.board.roles
+            for one in () if roles is None else roles.promises:
+                if one.value is not None:
+                    self.promised.add(one.evader)
+                if one.value is None and not one.cause and one.evader in self.promised:
+                    self.wrong("no promise lost without a cause", 1.0, f"{one.evader}, by {roles and roles.vehicle}")
+                if one.cause == "vehicle lost" and not EXPLAINED & set(self.case.kinds):
+                    self.wrong("a cause among the faults", 1.0, f"{one.evader}: {one.cause}")
+
+    def _judge_end(self) -> None:
+        captured = [name for name, one in self.mission.result.evaders.items() if one.captured_by is not None]
+        if self.engaged_s == math.inf:
+            self.wrong("all engage", 1.0, str({name: str(one.flight.state) for name, one in self.daemons.items()}))
+        disturbed = self.unable or set(self.case.kinds) & {"cut 3 s", "cut 10 s", "misreport", "clock"}
+        if not disturbed and len(captured) < self.guaranteed:
+            self.wrong("guaranteed captures", self.guaranteed - len(captured), f"{len(captured)} of {self.guaranteed}")
+        forged_s = next((at_s for kind, at_s, _ in self.case.faults if kind == "forged"), math.inf)
+        cut_off = {name for kind, _, name in self.case.faults if kind.startswith("cut")}
+        if self.clock.now_s() - self.engaged_s > forged_s + 1.0:
+            for name in self.members.keys() - self.unable - cut_off:
+                if not self.members[name].board.counts["refused_identity"]:
+                    self.wrong("forged messages are refused and counted", 1.0, name)
+        for name, watch in self.watches.items():
+            for violation in watch.worst.values():
+                self.wrongs.append(violation._replace(said=f"{name} {violation.said}"))
+
+
+class _Named:
+    """One vehicle's world as its watch names it."""
+
+    def __init__(self, world: SteppedWorld, pursuit: Pursuit) -> None:
+        self.vehicles = {PURSUER: world.vehicles[pursuit.vehicle], EVADER: world.vehicles[pursuit.evader]}
+
+
+def _case_of(case: TeamCase, pursuit: Pursuit) -> Case:
+    return Case(case.seed, case.number, pursuit.scenario)
+
+
+def fly(seed: int, number: int) -> TeamRow:
+    """Fly one by its number."""
+    begun_s, sortie = time.process_time(), Sortie(draw(seed, number))
+    sortie.fly()
+    captured = sum(one.captured_by is not None for one in sortie.mission.result.evaders.values())
+    spent_s = time.process_time() - begun_s
+    return TeamRow(sortie.case, sortie.least_m, captured, sortie.guaranteed, spent_s, tuple(sortie.wrongs))
+
+
+def fly_all(seed: int, numbers: Sequence[int], pool: Any, say: Callable[[str], None]) -> int:
+    """Fly, say what was violated; return 0 if everything held."""
+    rows, began_s = [], time.monotonic()
+    for row in pool.map(fly, [seed] * len(numbers), numbers):
+        rows.append(row)
+        for one in row.violations:
+            again = f"python -m tests faults --teams --seed {seed} --only {row.case.number}"
+            said = f"{one.invariant}: {one.amount:.2f} at {one.at_s:.2f} s ({one.said})"
+            say(f"NO {said}; {', '.join(row.case.kinds)}; {again}")
+        if len(rows) % 10 == 0:
+            say(f"{len(rows)} of {len(numbers)} flights")
+    with contextlib.suppress(ValueError):
+        say(f"least distance of two vehicles at one height {min(row.least_m for row in rows):.2f} m")
+    wrong = sum(bool(row.violations) for row in rows)
+    captured, guaranteed = sum(row.captured for row in rows), sum(row.guaranteed for row in rows)
+    say(f"{captured} captured, {guaranteed} guaranteed at engagement; {time.monotonic() - began_s:.0f} s")
+    spent_s = sum(row.processor_s for row in rows)
+    say(f"{len(rows) - wrong} of {len(rows)} team flights as wanted; {spent_s:.0f} s of processor time")
+    return 1 if wrong else 0
