@@ -28,9 +28,8 @@ from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import with_team
 from guidance.session.fly_team import team_document
 from guidance.session.loop import run
-from guidance.session.mission import Mission
+from guidance.session.mission import Mission, MissionPolicy
 from guidance.session.plan import plan_of
-from guidance.session.sequencer import MissionPolicy
 from guidance.sim.scenario import EVADER, PURSUER, Pursuit, Wind
 from guidance.sim.stepped import SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team
