@@ -120,7 +120,7 @@ def test_rates_are_those_that_arrive():
     assert found["LOCAL_POSITION_NED"].verdict is Verdict.PASS
     assert found["ODOMETRY"].verdict is Verdict.WARN
     assert found["POSITION_TARGET_LOCAL_NED"].verdict is Verdict.WARN
-    assert "is the link fast enough for 30 Hz?" in found["ODOMETRY"].advice
+    assert "is the link fast enough for 10 Hz?" in found["ODOMETRY"].advice
 
 
 def test_a_position_stream_that_is_slow_or_has_stopped_is_refused():
