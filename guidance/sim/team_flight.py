@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.frames import Vector
 from guidance.game import Cylinder, Game, StandOff
@@ -42,32 +43,37 @@ def _covered(evader_of: list[int], evaders: int) -> list[int]:
 
 
 def _scenario_of(scenario: TeamScenario, teams: Teams, number: int, evader: int) -> Scenario:
-    """Return the game of one vehicle against one evader."""
+    """Return the game of one vehicle against one evader.
+
+    Raises:
+        ConfigError: If the vehicle cannot fly it.
+    """
     (x, y, z), flight = teams.pursuers_m[number].tolist(), scenario.flight
-    return Scenario(
-        title=scenario.title,
-        game=scenario.game,
-        pursuer=Pursuer(
+    document = {
+        "title": scenario.title,
+        "game": scenario.game,
+        "pursuer": Pursuer(
             policy=teams.pursuer_policy[number],
             position_m=(x, y, z),
             speed_m_s=float(teams.pursuer_speed_m_s[number]),
             autopilot=flight.autopilot,
             takeoff_height_m=flight.takeoff_height_m,
         ),
-        evader=Evader(
+        "evader": Evader(
             policy=teams.evader_policy[evader],
             position_m=(float(teams.evaders_m[evader, 0]), float(teams.evaders_m[evader, 1])),
             speed_m_s=float(teams.evader_speed_m_s[evader]),
         ),
-        target=scenario.target,
-        standoff=flight.standoff,
-        limits=flight.limits,
-        sensor=flight.sensor,
-        site=flight.site,
-        seed=scenario.seed,
-        time_limit_s=scenario.time_limit_s,
-        hold_s=flight.hold_s,
-    )
+        "target": scenario.target,
+        "standoff": flight.standoff,
+        "limits": flight.limits,
+        "sensor": flight.sensor,
+        "site": flight.site,
+        "seed": scenario.seed,
+        "time_limit_s": scenario.time_limit_s,
+        "hold_s": flight.hold_s,
+    }
+    return parse(Scenario, document, source=f"{scenario.title}, uav{number + 1} in flight")
 
 
 def _flown_game(scenario: TeamScenario, teams: Teams) -> Game:

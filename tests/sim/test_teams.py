@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -166,10 +167,13 @@ def test_the_command_prints_a_row_for_each_evader_and_writes_them(tmp_path):
     assert guidance("run", written(tmp_path, "c.toml")).exit_code == 0
 
 
-def test_teams_do_not_fly_vehicles_yet(tmp_path):
+def test_a_team_that_cannot_fly_is_refused_with_the_vehicle_and_the_key(tmp_path):
     done = guidance("run", written(tmp_path), "--as", "vehicle", "--config", "px4")
     assert isinstance(done.exception, ConfigError)
-    assert "--as vehicle: a.toml has teams; use --as maths, fast or live" in str(done.exception)
+    assert "--as vehicle: teams need --vehicle URL for each vehicle" in str(done.exception)
+    done = guidance("run", tmp_path / "a.toml", "--as", "fast")
+    assert isinstance(done.exception, ConfigError)
+    assert re.search(r"uav\d in flight:\n.*pursuer\.position_m: height 3 m; allowed is", str(done.exception))
     with pytest.raises(ConfigError, match=r"has teams, which this command does not play: guidance scenario run"):
         load_scenario(str(tmp_path / "a.toml"))
 
