@@ -183,13 +183,7 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     outward = (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude))
     shell = [centre + sphere.radius_m * part for centre, part in zip(sphere.centre_m, outward, strict=True)]
     axes.plot_wireframe(*shell, color="0.75", linewidth=0.5, zorder=1)
-    axes.plot(
-        *_ring(circle),
-        0.0,
-        zorder=2,
-        label="Apollonius circle (on the sphere)",
-        **_APOLLONIUS,
-    )
+    axes.plot(*_ring(circle), 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
     _plot_tracks(axes, cases, [0, 1, 2], "s")
     q = solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m
     for name, marker, place in zip(
