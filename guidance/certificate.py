@@ -6,8 +6,8 @@ shown into account; see `guidance.control.capability`.
 
 In TAD the vehicle's verdict is "pursuer" if the game is won even from as far back as accelerating costs, with enough
 time left to react and to brake to the evader's velocity. If the evader can pass below the vehicle before it is at the
-disc's height, the game must also be won if the vehicle turns round now. The verdict is "evader" if even the game's
-pursuer loses, and "undecided" in between.
+disc's height, the game must also be won by a vehicle that turns round from full speed. The verdict is "evader"
+if even the game's pursuer loses, and "undecided" in between.
 """
 
 import math
@@ -167,7 +167,7 @@ def certify(
     margin_s = there.margin_s - _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
     if margin_s > 0.0 and _height_s(game, gaps.height_m, tolerance_m, vehicle.envelope) > _meeting_s(game, gaps):
         x, y, z = optimal_m_s
-        turned = late_start(P, (-x, -y, z), players.pursuer_m_s, vehicle.acceleration)
+        turned = late_start(P, (-x, -y, z), optimal_m_s, vehicle.acceleration)
         passed = solve_state(shown, turned, E, T, evader_velocity_m_s=seen)
         margin_s = min(margin_s, passed.margin_s - vehicle.envelope.reaction_s)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
