@@ -35,7 +35,7 @@ _SHARES = dict.fromkeys(("optimal", "pure_pursuit", "lead_pursuit", "hold", *COU
 
 These strategies are smooth functions of the state until the pursuer is beside the evader. Others may change abruptly:
 they keep the cycle. Times of capture of tests/bench/bench_sweep.py's games differ from those with cycles of 4 ms by
-6 ms at most, with proportional navigation by 22 ms; held velocities of 20 ms differ by 17 ms.
+11 ms at most, with proportional navigation by 22 ms; held velocities of 20 ms differ by 17 ms.
 """
 
 _SHARE_LEFT = 0.75
