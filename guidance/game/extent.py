@@ -193,7 +193,8 @@ def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane],
         reached = value(entered(low + number * step))
         closer = reached < lowest
         middle, lowest = select(xp, closer, low + number * step, middle), select(xp, closer, reached, lowest)
-    low, high = select(xp, middle > low, middle - step, low), select(xp, middle < high, middle + step, high)
+    before, after = middle - step, middle + step
+    low, high = select(xp, before > low, before, low), select(xp, after < high, after, high)
     left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     at_left, at_right = value(entered(left)), value(entered(right))
     for _ in range(SEARCHED):

@@ -21,7 +21,7 @@ def test_only_the_vertical_speed_changes_and_what_is_left_reaches_the_height_in_
     assert abs(down) <= abs(wanted[2]) + 1e-12
     assert down * wanted[2] >= -1e-12
     enough = abs(above_m) * MEETING_M_S / max(away_m, 1e-3)
-    assert abs(down) >= min(abs(wanted[2]), enough) * (1.0 - 1e-12)
+    assert abs(down) >= min(abs(wanted[2]), enough) - 1e-12
 
 
 def test_a_vehicle_that_is_not_behind_flies_as_the_game_does():

@@ -151,7 +151,7 @@ def test_the_summary_says_what_the_flight_itself_said(pe, tad):
         assert rows["setpoints sent"] == str(result.setpoints_sent)
         assert rows["guarantee alarms"] == str(len(result.alarms))
         assert rows["outcome"] == "captured; ended landed"
-        assert float(rows["game lasted"].split()[0]) == pytest.approx(result.capture_time_s, abs=0.031)
+        assert float(rows["game lasted"].split()[0]) == pytest.approx(outcome.capture_time_s, abs=0.031)
 
 
 def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_it(pe, tad, tmp_path):
