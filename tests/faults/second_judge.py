@@ -344,7 +344,8 @@ class SecondJudge:
         if guided:
             flown = pursuer.autopilot.report.setpoint.velocity_ned_m_s
             sent_s = next((at_s for at_s, one in reversed(self._sent) if math.dist(one, flown) < 1e-3), -math.inf)
-            self._age_s = now_s - sent_s if math.isfinite(sent_s) else now_s - self._last_s
+            # A vehicle that gave up an old setpoint and brakes by itself has not followed a new one since.
+            self._age_s = now_s - sent_s if math.isfinite(sent_s) else max(self._age_s, now_s - self._last_s)
             if not math.isfinite(sent_s) and PROGRAMS & set(self.case.kinds):
                 self._free = True
             self._look_for_strangers(now_s, flown)
