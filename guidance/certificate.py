@@ -6,8 +6,8 @@ shown into account; see `guidance.control.capability`.
 
 In TAD the vehicle's verdict is "pursuer" if the game is won even from as far back as accelerating costs, with enough
 time left to react and to brake to the evader's velocity. If the evader can pass below the vehicle before it is at the
-disc's height, the game must also be won by a vehicle that turns round from full speed. The verdict is "evader"
-if even the game's pursuer loses, and "undecided" in between.
+disc's height, the game must also be won by a vehicle that turns round from full speed, and the vehicle must be able to
+stop before the rim. The verdict is "evader" if even the game's pursuer loses, and "undecided" in between.
 """
 
 import math
@@ -170,6 +170,8 @@ def certify(
         turned = late_start(P, (-x, -y, z), optimal_m_s, vehicle.acceleration)
         passed = solve_state(shown, turned, E, T, evader_velocity_m_s=seen)
         margin_s = min(margin_s, passed.margin_s - vehicle.envelope.reaction_s)
+        if gaps.ground_m < shown.pursuer.horizontal_m_s**2 / (2.0 * vehicle.envelope.braking_m_s2):
+            margin_s = min(margin_s, 0.0)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     return here, certificate._replace(

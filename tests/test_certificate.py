@@ -60,15 +60,16 @@ def test_a_vehicle_in_hover_may_lose_what_the_ideal_pursuer_wins():
 
 
 @pytest.mark.parametrize(
-    ("height_m", "target_m", "winner"),
+    ("height_m", "evader_m", "target_m", "winner"),
     [
-        (5.0, (6.0, 0.0, 0.0), Winner.PURSUER),  # at the disc's height, it captures an evader that comes
-        (6.5, (6.0, 0.0, 0.0), Winner.UNDECIDED),  # too high for that, it flies past and has to turn round
-        (6.5, (-90.0, 0.0, 0.0), Winner.PURSUER),  # and has enough time to
+        (5.0, 18.0, 6.0, Winner.PURSUER),  # at the disc's height, it captures an evader that comes
+        (6.5, 18.0, 6.0, Winner.UNDECIDED),  # too high for that, it flies past and has to turn round
+        (6.5, 18.0, -90.0, Winner.UNDECIDED),  # and could not stop before the rim
+        (9.0, 30.0, -90.0, Winner.PURSUER),  # it can stop, and has enough time to turn
     ],
 )
-def test_an_evader_may_pass_below_a_vehicle_that_is_too_high(height_m, target_m, winner):
-    says = certified((11.0, 0.0, height_m), (6.0, 0.0, 0.0), (18.0, 0.0, 0.0), target_m=target_m)
+def test_an_evader_may_pass_below_a_vehicle_that_is_too_high(height_m, evader_m, target_m, winner):
+    says = certified((11.0, 0.0, height_m), (6.0, 0.0, 0.0), (evader_m, 0.0, 0.0), target_m=(target_m, 0.0, 0.0))
     assert (says.winner, says.vehicle_winner) == (Winner.PURSUER, winner)
 
 
