@@ -200,3 +200,8 @@ def test_a_shape_that_is_not_convex_is_refused_with_the_corner(corners, words):
 def test_an_evader_in_space_has_a_point_for_a_target():
     with pytest.raises(ConfigError, match="evader_space"):
         Game(Ball(2.0), 1.0, evader_space="space", target_extent=Extent(radius_m=1.0))
+
+
+def test_a_point_has_no_outline_and_a_disc_has_one_of_its_radius():
+    assert Extent().outline_m() == []
+    assert {round(float(np.hypot(*point)), 9) for point in Extent(radius_m=6.0).outline_m()} == {6.0}
