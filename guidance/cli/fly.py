@@ -71,7 +71,7 @@ def fly(
             from guidance.session.fly import Asked, MockOptions  # noqa: PLC0415
 
             mock = MockOptions(fast=fast, link=link, port=port)
-            how = [Asked(url, autopilot, link, end) for url in vehicle or ()] or mock
+            how = Asked(tuple(vehicle), autopilot, link, end) if vehicle else mock
             code = fly_scenario(
                 scenario, how, out=out, seed=seed, on_record=beside.record, on_control=beside.control, as_json=as_json
             )

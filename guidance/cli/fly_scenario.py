@@ -7,7 +7,7 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Final, NoReturn
@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.cli import INTERRUPTED
-from guidance.cli.fly_team import fly_and_show
+from guidance.cli.fly_team import report_team
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add
 from guidance.files import private_file
@@ -24,12 +24,11 @@ from guidance.flight import State
 from guidance.screen import aged, live, pairs, redraws
 from guidance.screen import console as screen
 from guidance.session.control_socket import ENDPOINT
-from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, Stopped, flight_folder, recorded_settings
-from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Way, fly_recorded, left_out
+from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, Stopped, flight_folder, recorded_settings
+from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
 from guidance.session.mission import Progress, Show
-from guidance.session.result import FlightResult, ending_words, outcome_of_flight
+from guidance.session.result import FlightResult, MissionResult, ending_words, outcome_of_flight
 from guidance.sim.outcome import Outcome, outcome_json
-from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamScenario
 
@@ -47,7 +46,7 @@ _WITH_CAUSE: Final = frozenset(
 
 def fly_scenario(
     name: str,
-    how: MockOptions | Sequence[Asked],
+    how: MockOptions | Asked,
     *,
     out: Path | None,
     seed: int | None,
@@ -62,7 +61,7 @@ def fly_scenario(
         how: The mock, or the vehicles that fly it: one, or in a game of teams one for each pursuer.
         out: Folder for the record and the picture.
         seed: In place of the scenario's.
-        on_record: Called with the record's path when it is open.
+        on_record: Called with the record's path when it is open; of a team with the folder.
         on_control: Called with the control endpoint; never in virtual time.
         as_json: Print the outcome row as JSON, and text for people on standard error.
 
@@ -70,27 +69,26 @@ def fly_scenario(
         GuidanceError: For everything that the user can mend.
     """
     path, scenario = load_any(name, seed)
-    first, urls = (how, "") if isinstance(how, MockOptions) else (how[0], " ".join(one.url for one in how))
+    link, urls = (how.link, "") if isinstance(how, MockOptions) else (how.link, " ".join(how.urls))
     console = screen(stderr=as_json)
-    words = "virtual time" if first.way == "fast" else ", ".join(filter(None, (first.link, urls)))
+    words = "virtual time" if how.way == "fast" else ", ".join(filter(None, (link, urls)))
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {words})", highlight=False)
-    if not (isinstance(scenario, TeamScenario) or isinstance(how, MockOptions) or len(how) == 1):
-        raise ConfigError(f"--vehicle {urls}: {path.name} has one pursuer: give one URL")
     row: Any
     with flight_folder(out, path.stem) as folder, _advised(name, urls):
+        flight = flown(console, scenario, folder, how, on_record, on_control)
         if isinstance(scenario, TeamScenario):
-            with live_line(console) as show:
-                rows = fly_and_show(scenario, folder, how, Onlooker(show, on_control=on_control), console)
+            rows = report_team(console, scenario, how.way, flight, folder)
             code = 0 if rows and rows[0].captured >= rows[0].guaranteed else FlightError.exit_code
             row = [outcome_json(one) for one in rows]
         else:
-            result = flown(console, scenario, folder, first, on_record, on_control)
-            outcome = outcome_of_flight(result, first.way)
+            (result,) = flight.vehicles.values()
+            outcome = outcome_of_flight(result, how.way)
             report(console, result, outcome, folder)
             code, row = 0 if result.captured else FlightError.exit_code, outcome_json(outcome)
-            if result.interrupted and urls:
-                console.print(f"interrupted: the vehicle was told to land, and is {result.ended}")
-                code = INTERRUPTED
+    if urls and any(one.interrupted for one in flight.vehicles.values()):
+        ended = ", ".join(dict.fromkeys(str(one.ended) for one in flight.vehicles.values()))
+        console.print(f"interrupted: the vehicle was told to land, and is {ended}")
+        code = INTERRUPTED
     if as_json:
         sys.stdout.write(json.dumps(row, indent=2) + "\n")
     return code
@@ -98,22 +96,24 @@ def fly_scenario(
 
 def flown(
     console: Console,
-    scenario: Scenario,
+    scenario: Played,
     folder: Path,
     how: Way,
     on_record: Callable[[Path], None] = lambda _: None,
     on_control: Callable[[str], None] = lambda _: None,
-) -> FlightResult:
+) -> MissionResult:
     """Fly a scenario with the live line; say what is left out, how it is ordered, and what was not recorded.
 
     A vehicle of a file has a log instead of the live line.
 
     Arguments as of `fly_scenario`.
     """
+    whom = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else ""
 
     def tell_endpoint(endpoint: str) -> None:
-        if endpoint != ENDPOINT:
-            console.print(f"orders   guidance ctl ORDER --endpoint {endpoint}", soft_wrap=True, highlight=False)
+        where = "" if endpoint == ENDPOINT else f" --endpoint {endpoint}"
+        if whom or where:
+            console.print(f"orders   guidance ctl ORDER{whom}{where}", soft_wrap=True, highlight=False)
         on_control(endpoint)
 
     for what in left_out(scenario, how):
@@ -127,8 +127,9 @@ def flown(
             noted_ctrl_c(show) if isinstance(how, MockOptions) else nullcontext(show) as look,
         ):
             result = fly_recorded(scenario, folder, how, Onlooker(look, on_record, control, tell_endpoint))
-    if result.record_dropped:
-        console.print(f"[yellow]the disk was too slow: {result.record_dropped} messages are not in the record[/yellow]")
+    dropped = sum(one.record_dropped for one in result.vehicles.values())
+    if dropped:
+        console.print(f"[yellow]the disk was too slow: {dropped} messages are not in the record[/yellow]")
     return result
 
 
@@ -166,35 +167,38 @@ def _advised(name: str, url: str) -> Iterator[None]:
 
 
 class LiveLine:
-    """The live line: the flight's state, or the age of the last update. Without redrawing, a plain line per change."""
+    """The live line: the flight's state, or the age of the last update. Without redrawing, a plain line per change.
+
+    A team has a line for each vehicle.
+    """
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._last: Progress | None = None
-        self._told_s = self._printed_s = 0.0
-        self._printed = ""
+        self._last: dict[str, Progress] = {}
+        self._told_s = 0.0
+        self._printed: dict[str, tuple[str, float]] = {}
         self._record_told = False
 
     def show(self, progress: Progress) -> None:
-        """Update from one cycle."""
-        self._last, self._told_s = progress, time.perf_counter()
+        """Update from one cycle of a vehicle."""
+        name = progress.vehicle
+        self._last[name], self._told_s = progress, time.perf_counter()
         if progress.record_stopped is not None and not self._record_told:
             self._record_told = True
             self._console.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
         if redraws(self._console):
             return
-        news = plain(progress)
-        waits = progress.waiting and self._told_s - self._printed_s < _PLAIN_S
-        if not (waits or news == self._printed):
-            self._printed, self._printed_s = news, self._told_s
-            self._console.print(f"{progress.now_s:7.1f} s  {news}", soft_wrap=True, highlight=False)
+        news, (printed, printed_s) = plain(progress), self._printed.get(name, ("", 0.0))
+        waits = progress.waiting and self._told_s - printed_s < _PLAIN_S
+        if not (waits or news == printed):
+            self._printed[name] = news, self._told_s
+            self._console.print(f"{progress.now_s:7.1f} s  {_named(progress, news)}", soft_wrap=True, highlight=False)
 
     def line(self) -> str:
-        """Return the line. A stalled loop shows as old."""
-        if self._last is None:
-            return ""
-        stalled_s = math.inf if self._last.waiting else STALLED_S
-        return aged(words(self._last), time.perf_counter() - self._told_s, stalled_s)
+        """Return the line, or the lines. A stalled loop shows as old."""
+        lasting = list(self._last.values())
+        stalled_s = math.inf if any(one.waiting for one in lasting) else STALLED_S
+        return aged("\n".join(map(words, lasting)), time.perf_counter() - self._told_s, stalled_s)
 
 
 @contextlib.contextmanager
@@ -212,12 +216,18 @@ def record_words(stopped: Stopped | None) -> str:
 
 def words(progress: Progress) -> str:
     """Return the live line of a flight."""
+    begin = f"{progress.now_s:6.1f} s  {_named(progress, '')}"
     if progress.waiting:
-        return f"{progress.now_s:6.1f} s  waiting: {progress.waiting}"
-    words = f"{progress.now_s:6.1f} s  {progress.state:<11} in {progress.mode:<8}"
+        return f"{begin}waiting: {progress.waiting}"
+    words = f"{begin}{progress.state:<11} in {progress.mode:<8}"
     if reason := _reason(progress):
         return f"{words} {reason}"
     certificate, unit = progress.certificate, progress.unit
+    if progress.evader:
+        to_go = (
+            "" if certificate is None else f", {certificate.gap_m:5.1f} m to go, value {certificate.value:5.1f} {unit}"
+        )
+        return f"{words} {progress.evader}{to_go}{progress.promise and f'; {progress.promise}'}"
     if certificate is None:
         return words
     return (
@@ -226,10 +236,16 @@ def words(progress: Progress) -> str:
     )
 
 
+def _named(progress: Progress, words: str) -> str:
+    """Put the vehicle's name before the words about it, in a team."""
+    return f"{progress.vehicle}  {words}" if progress.evader else words
+
+
 def plain(progress: Progress) -> str:
-    """Return a line for output that cannot be redrawn. It changes only when the state or its cause does."""
+    """Return a line for output that cannot be redrawn. It changes only when the state, its cause or the evader does."""
     if not progress.waiting:
-        return ": ".join(filter(None, (str(progress.state), _reason(progress))))
+        against = f"{progress.state} against {progress.evader}" if progress.evader else str(progress.state)
+        return ": ".join(filter(None, (against, _reason(progress))))
     return f"waiting: {re.sub(r'-?[0-9.]+ s old', 'old', progress.waiting)}"
 
 

@@ -1,94 +1,94 @@
-"""Team flights of mocks, with their output: one line for each vehicle, one for each evader, and one for the team."""
+"""The outcome of a game of teams in the terminal: a line for each vehicle and each evader, and the row of the team."""
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
-from rich.table import Table
 
+from guidance.files import private_file, writing
 from guidance.screen import Cell, sheet
+from guidance.sim.outcome import outcome_json
 from guidance.sim.teams import TeamOutcome, TeamScenario, summary_of
 
 if TYPE_CHECKING:
-    from guidance.session.fly import Asked, MockOptions, Onlooker
-    from guidance.session.fly_team import TeamFlight
-    from guidance.session.mission import Progress
+    from guidance.session.result import MissionResult
 
-_SHOWN = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
+_ROLES: Final = ("first", "second")
+_NUMBERS: Final = ("game_time_s", "predicted", "achieved", "regret")
+_FLOWN: Final = ("ended", "alarms", "limits")
 
 
-def fly_and_show(
-    scenario: TeamScenario,
-    folder: Path,
-    how: "MockOptions | Sequence[Asked]",
-    onlooker: "Onlooker",
-    console: Console,
+def report_team(
+    console: Console, scenario: TeamScenario, way: str, result: "MissionResult", folder: Path
 ) -> list[TeamOutcome]:
-    """Fly a scenario of teams and show its outcome; return its rows, one for each evader.
+    """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
+    from guidance.session.flight_files import OUTCOME, RECORD  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.fly_team import least_distance_m, team_rows  # noqa: PLC0415
 
-    Raises:
-        GuidanceError: For everything that the user can mend.
-    """
-    from guidance.session.flight_files import RECORD, TEAM  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.session.fly_team import fly_team  # noqa: PLC0415
-
-    def first(progress: "Progress") -> None:
-        """Show the first vehicle only; all of them would not fit in one line."""
-        if progress.vehicle == "uav1":
-            onlooker.show(progress)
-
-    def tell_endpoint(endpoint: str) -> None:
-        console.print(
-            f"orders   guidance ctl ORDER --team {TEAM} --endpoint {endpoint}", soft_wrap=True, highlight=False
-        )
-        onlooker.on_control(endpoint)
-
-    look = onlooker._replace(show=first, on_control=tell_endpoint)
-    flown = fly_team(scenario, how, folder=folder, onlooker=look)
-    console.print(_vehicles(flown))
-    if flown.rows:
-        tell_rows(flown.rows, console)
-    kept = "never at one height" if math.isinf(flown.least_m) else f"{flown.least_m:.2f} m"
-    wanted = scenario.flight
+    rows, wanted = team_rows(scenario, way, result), scenario.flight
+    tell_players(rows, console, result)
+    least_m = least_distance_m(result, wanted.separation_height_m)
+    kept = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
     console.print(
         f"least distance of two vehicles less than {wanted.separation_height_m:g} m apart in height: {kept} "
         f"({wanted.separation_m:g} m wanted)",
         highlight=False,
     )
-    wall_s = max(one.wall_s for one in flown.result.vehicles.values())
-    duration_s = max(one.duration_s for one in flown.result.vehicles.values())
+    flights = result.vehicles.values()
+    duration_s, wall_s = max(one.duration_s for one in flights), max(one.wall_s for one in flights)
     console.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s", highlight=False)
     console.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True, highlight=False)
-    return flown.rows
+    with writing(folder):
+        private_file(folder / OUTCOME).write_text(json.dumps([outcome_json(row) for row in rows], indent=2) + "\n")
+    return rows
 
 
-def tell_rows(rows: Sequence[TeamOutcome], console: Console) -> None:
-    """Print the rows of a game of teams, and the line of the team."""
-    cells: list[Sequence[Cell]] = []
-    for row in rows:
-        values = row._asdict()
-        cells.append([_cell(values[name]) for name in _SHOWN])
-    console.print(sheet(_SHOWN, cells, left=(1,)))
-    summary, unit = summary_of(rows), "s" if rows[0].game == "pe" else "m"
-    words = f"{summary['captured']} of {summary['evaders']} captured by {summary['pursuers']}"
-    console.print(f"{words}; {summary['guaranteed']} were guaranteed, with {summary['total']:.3f} {unit} in all")
+def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "MissionResult | None" = None) -> None:
+    """Print a line for each vehicle and each evader, and the row of the team.
+
+    Args:
+        rows: One for each evader; none if no game began.
+        console: Where to.
+        result: Of a flight; None in mathematics.
+    """
+    vehicles = [f"uav{number + 1}" for number in range(rows[0].pursuers)] if result is None else list(result.vehicles)
+    evaders = [f"rover{row.evader + 1}" for row in rows]
+    headings, cells = ("vehicle", "assigned", "captured", *(() if result is None else _FLOWN)), list[Sequence[Cell]]()
+    for number, name in enumerate(vehicles):
+        roles = [f"{evaders[row.evader]}, {role}" for role in _ROLES for row in rows if getattr(row, role) == number]
+        captured = [evaders[row.evader] for row in rows if row.captor == number]
+        one = None if result is None else result.vehicles[name]
+        flown = [] if one is None else [str(one.ended), str(len(one.alarms)), ", ".join(one.limits) or "-"]
+        cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flown])
+    console.print(sheet(headings, cells, left=range(len(headings))))
+    if not rows:
+        return
+    cells = [
+        [
+            evaders[row.evader],
+            row.end,
+            *(vehicles[number] if number >= 0 else "-" for number in (row.first, row.second, row.captor)),
+            *(_cell(getattr(row, name)) for name in _NUMBERS),
+            *([] if result is None else [_promise(result, row, evaders[row.evader])]),
+        ]
+        for row in rows
+    ]
+    headings = ("evader", "end", *_ROLES, "captor", *_NUMBERS, *(() if result is None else ("promise",)))
+    console.print(sheet(headings, cells, left=(0, 1, 2, 3, 4, len(headings) - 1) if result else range(5)))
+    summary = summary_of(rows)
+    console.print(sheet(("team", *summary), [(rows[0].game, *map(_cell, summary.values()))]))
 
 
-def _cell(value: float | str) -> str:
-    if isinstance(value, str):
-        return value
-    if value == -1 or math.isnan(value):
-        return "-"
-    return str(value) if isinstance(value, int) else f"{value:.3f}"
+def _cell(value: float) -> str:
+    return "-" if math.isnan(value) else str(value) if isinstance(value, int) else f"{value:.3f}"
 
 
-def _vehicles(flown: "TeamFlight") -> Table:
-    """Return a line for each vehicle."""
-    rows: list[Sequence[Cell]] = []
-    for name, result in flown.result.vehicles.items():
-        captured = [evader for evader, one in flown.result.evaders.items() if one.captured_by == name]
-        limits = ", ".join(result.limits) or "-"
-        rows.append([name, str(result.ended), ", ".join(captured) or "-", str(len(result.alarms)), limits])
-    return sheet(("vehicle", "ended", "captured", "alarms", "limits"), rows, left=range(5))
+def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
+    """Say whether the last promise about an evader was kept."""
+    boards = [one.board.roles for one in result.members.values() if one.board.roles is not None]
+    promise = next((one for roles in boards for one in roles.promises if one.evader == evader), None)
+    unit = "s" if row.game == "pe" else "m"
+    return "-" if promise is None else promise.verdict(row.achieved, unit, captured=row.end == "captured")

@@ -14,7 +14,7 @@ from rich.text import Text
 from guidance.cli import arguments
 from guidance.cli.arguments import CommandGroup, agree, refuse
 from guidance.cli.fly import may_fly
-from guidance.cli.fly_team import fly_and_show, tell_rows
+from guidance.cli.fly_team import report_team, tell_players
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
@@ -31,7 +31,7 @@ from guidance.sim.teams import TeamOutcome, TeamScenario, opening_of, play_teams
 if TYPE_CHECKING:
     from guidance.session.fly import Asked, ByFile, MockOptions
 
-    Ways = MockOptions | ByFile | list[Asked]
+    Ways = MockOptions | ByFile | Asked
 
 scenario = typer.Typer(
     cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
@@ -102,9 +102,8 @@ def run(
         from guidance.session.fly import Asked, ByFile, MockOptions  # noqa: PLC0415 - slow imports
         from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
-        how: Ways = [Asked(url) for url in vehicle or ()] or MockOptions(
-            fast=way == "fast", link=link, port=port, over=over
-        )
+        mock = MockOptions(fast=way == "fast", link=link, port=port, over=over)
+        how: Ways = Asked(tuple(vehicle)) if vehicle else mock
         if config is not None:
             how = ByFile(load_vehicle(find(config, "vehicles")), engage)
             if engage and not yes:  # also on loopback: a real vehicle may be behind a router
@@ -156,7 +155,7 @@ def _play(scenario: Scenario | TeamScenario, there: Console) -> Judged:
     """Play a scenario between point masses, and show the outcome."""
     if isinstance(scenario, TeamScenario):
         rows = play_teams([scenario])[0]
-        tell_rows(rows, there)
+        tell_players(rows, there)
         return _judged_team(scenario, rows)
     if scenario.fault:
         there.print("the mathematics ignores faults")
@@ -165,9 +164,9 @@ def _play(scenario: Scenario | TeamScenario, there: Console) -> Judged:
 
 def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Ways", out: Path | None, there: Console) -> Judged:
     """Fly a scenario, and show the outcome."""
-    from guidance.cli.fly_scenario import flown, live_line  # noqa: PLC0415 - slow imports
+    from guidance.cli.fly_scenario import flown  # noqa: PLC0415 - slow imports
     from guidance.session.flight_files import flight_folder  # noqa: PLC0415
-    from guidance.session.fly import ByFile, Onlooker  # noqa: PLC0415
+    from guidance.session.fly import ByFile  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
     def on_record(path: Path) -> None:
@@ -176,15 +175,14 @@ def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Ways", out: Path | 
             there.print("waiting for a person: `guidance ctl start`, then `guidance ctl engage`", soft_wrap=True)
 
     with flight_folder(out, how.config.name if isinstance(how, ByFile) else stem) as folder:
-        if isinstance(scenario, TeamScenario) and not isinstance(how, ByFile):
-            with live_line(there) as show:
-                rows = fly_and_show(scenario, folder, how, Onlooker(show), there)
+        result = flown(there, scenario, folder, how, on_record)
+        if isinstance(scenario, TeamScenario):
+            rows = report_team(there, scenario, how.way, result, folder)
             if not rows:
                 raise FlightError("no game: not all vehicles engaged")
             return _judged_team(scenario, rows)
-        if isinstance(scenario, TeamScenario) or isinstance(how, list):
-            raise ConfigError("--as vehicle: teams need --vehicle URL for each vehicle, and others --config FILE")
-        outcome = outcome_of_flight(flown(there, scenario, folder, how, on_record), how.way)
+    (flight,) = result.vehicles.values()
+    outcome = outcome_of_flight(flight, how.way)
     if isinstance(how, ByFile):  # the evader is out there, and no policy of the file's is its
         outcome = outcome._replace(evader_policy=_REPORTED)
     return _judged(scenario, outcome, there)

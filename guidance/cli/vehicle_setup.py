@@ -146,7 +146,7 @@ def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: 
 
     if vehicle is not None:
         awaited, limit_s = f"a HEARTBEAT at {vehicle}", FOUND_WITHIN_S
-        opening = checkup_at(load_scenario(name or "pe")[1], Asked(vehicle, autopilot, link))
+        opening = checkup_at(load_scenario(name or "pe")[1], Asked((vehicle,), autopilot, link))
     elif name is None:
         raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
     else:

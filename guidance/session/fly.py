@@ -8,13 +8,14 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar, Final, NamedTuple, NoReturn
 
 from guidance.autopilots import autopilot_named
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
-from guidance.flight import State
+from guidance.flight import Event, State
 from guidance.flight.settings import TeamSection
 from guidance.frames import Amsl, LocalFrame, ned_from_game
 from guidance.links.opening import KINDS
@@ -23,12 +24,14 @@ from guidance.links.udp import UdpWire
 from guidance.links.wires import share
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
+from guidance.log.writer import Record, Recorder
 from guidance.messages import Home
 from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus, opened
 from guidance.session.daemon import Equipment
 from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
-from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording
+from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording, with_team
+from guidance.session.fly_team import MakeJoin, joined, separation_of, team_document
 from guidance.session.loop import Signals, World, run
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
@@ -41,6 +44,8 @@ from guidance.sim.live import OVER, ZENOH, LiveWorld
 from guidance.sim.mock_files import check_faults
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Flown, Pursuit, Scenario, Site, Wind, pursuits_of
 from guidance.sim.stepped import EvaderHere, SteppedWorld
+from guidance.sim.team_flight import pursuits_of_team
+from guidance.sim.teams import TeamScenario
 
 ENDS: Final = ("return", "land")
 """Endings of a flight at a URL: fly home and land, or land at once."""
@@ -99,15 +104,19 @@ class Onlooker(NamedTuple):
 NOBODY: Final = Onlooker()
 
 
-class Opened(NamedTuple):
-    """Everything that a flight needs, open. `own` is the configuration of a vehicle that is not a mock."""
+Played = Scenario | TeamScenario
+"""A scenario of one vehicle, or of a team."""
 
-    scenario: Scenario
+
+class Opened(NamedTuple):
+    """Everything that a flight needs, open; by the vehicle's name. `configs` are of vehicles that are not mocks."""
+
+    pursuits: Sequence[Pursuit]
     world: World
     clock: Clock
-    control: ControlBus | None
-    used: Equipment
-    own: Config | None = None
+    buses: Mapping[str, ControlBus]
+    equipment: Mapping[str, Equipment]
+    configs: Mapping[str, Config]
     policy: MissionPolicy = MOCKED
     signals: Signals | None = None
 
@@ -143,15 +152,16 @@ class MockOptions:
         return "fast" if self.fast else "live"
 
     @contextlib.contextmanager
-    def opened(self, scenario: Scenario, onlooker: Onlooker) -> Iterator[Opened]:
-        """Open the mock, and take orders."""
-        check_faults(scenario)
-        clock, mailbox = self.clock(), Mailbox()
+    def opened(self, scenario: Played, onlooker: Onlooker) -> Iterator[Opened]:
+        """Open the mocks, and take orders."""
+        pursuits, clock = _pursuits(scenario), self.clock()
+        check_faults(pursuits)
         with (
-            opened({PURSUER: mailbox}, onlooker.control, onlooker.on_control) as buses,
-            closing(self.world(scenario, clock)) as world,
+            _ordered(scenario, pursuits, onlooker) as (mailboxes, buses),
+            closing(self.world(pursuits, clock)) as world,
         ):
-            yield Opened(scenario, world, clock, buses.get(PURSUER), Equipment(mailbox=mailbox))
+            used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
+            yield Opened(pursuits, world, clock, buses, used, {})
 
     def clock(self) -> Clock:
         """Return a clock of virtual or real time."""
@@ -181,30 +191,35 @@ class ByFile:
     way: ClassVar[str] = "vehicle"
 
     @contextlib.contextmanager
-    def opened(self, scenario: Scenario, _: Onlooker) -> Iterator[Opened]:
+    def opened(self, scenario: Played, _: Onlooker) -> Iterator[Opened]:
         """Open all that the file names, and wait for the vehicle.
 
         Raises:
-            ConfigError: If file and scenario contradict each other.
+            ConfigError: If file and scenario contradict each other, or a team plays.
             LinkError: If vehicle or evader cannot be reached.
         """
         own, clock = self.config, MonotonicClock()
+        if isinstance(scenario, TeamScenario):
+            raise ConfigError("--config: one vehicle; a team needs --vehicle URL for each of its vehicles")
         plan_of(own, scenario)  # refused before anything is opened
         hand_over = ORDER_OF[own.flight.on_terminate]
         signals, policy = Signals(hand_over, kept), MissionPolicy(self.engage, hand_over=hand_over)
         with signals.installed(), opened_vehicle(own, clock, tapped=True) as (world, control, used):
-            yield Opened(scenario, world, clock, control, used, own, policy, signals)
+            name, pursuit = own.name, Pursuit(scenario, own.name)
+            yield Opened((pursuit,), world, clock, {name: control}, {name: used}, {name: own}, policy, signals)
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A vehicle that runs at a URL; its evader is simulated here. See `guidance fly --help`. Ctrl-C lands it.
+    """Vehicles that run at URLs, one for each of the scenario; their evaders are simulated here. Ctrl-C lands them.
+
+    See `guidance fly --help`.
 
     Raises:
         ConfigError: If an option has an unknown value.
     """
 
-    url: str
+    urls: tuple[str, ...]
     autopilot: str | None = None
     link: str = "mavsdk"
     end: str = "return"
@@ -213,35 +228,70 @@ class Asked:
     def __post_init__(self) -> None:
         _check("--link", self.link, KINDS)
         _check("--end", self.end, ENDS)
-        parse(self.url)
+        for url in self.urls:
+            parse(url)
 
     @contextlib.contextmanager
-    def opened(self, scenario: Scenario, onlooker: Onlooker) -> Iterator[Opened]:
-        """Find the vehicle, wait until it knows its place, and lay the scenario about its home.
+    def opened(self, scenario: Played, onlooker: Onlooker) -> Iterator[Opened]:
+        """Find the vehicles, wait until they know their places, and lay the scenario about the home of the first.
 
         Raises:
-            ConfigError: If another autopilot is there.
+            ConfigError: If another autopilot is there, or the number of URLs is wrong.
             LinkError: If there is no vehicle.
-            FlightError: If it is in the air, armed or does not get ready.
+            FlightError: If one is in the air, armed or does not get ready.
         """
-        for_whom, mailbox = f"a HEARTBEAT at {self.url}, {FOUND_WITHIN_S:g} s at most", Mailbox()
-        onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom))
-        mailbox.meanwhile(startup_answers(PURSUER, for_whom, FOUND_WITHIN_S, MonotonicClock()))
-        with (
-            opened({PURSUER: mailbox}, onlooker.control, onlooker.on_control) as buses,
-            reach(scenario, [self]) as reached,
-        ):
-            own, world, clock = reached.configs[PURSUER], reached.world, reached.clock
-            autopilot = autopilot_named(own.vehicle.autopilot)
-            home, frame = wait_until_placed(world.links[own.name], autopilot, clock, onlooker.show)
-            laid = laid_about(scenario, home, frame, own.vehicle.autopilot)
-            evader = EvaderHere(laid, clock, reached.radios[EVADER])
-            world.players[EVADER], world.on_engage = evader, evader.engage
-            hand_over = ORDER_OF[own.flight.on_terminate]
-            policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=hand_over)
-            signals = Signals(hand_over, kept)
-            with signals.installed(), opened_equipment(mailbox, own) as used:
-                yield Opened(laid, world, clock, buses.get(PURSUER), used, own, policy, signals)
+        pursuits = _pursuits(scenario)
+        if len(self.urls) != len(pursuits):
+            raise ConfigError(
+                f"--vehicle: {len(self.urls)} given; the scenario has {len(pursuits)} vehicles: give one URL each"
+            )
+        separation = None if isinstance(scenario, Scenario) else separation_of(scenario)
+        with _ordered(scenario, pursuits, onlooker) as (mailboxes, buses), contextlib.ExitStack() as stack:
+            for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
+                for_whom = f"a HEARTBEAT at {url}, {FOUND_WITHIN_S:g} s at most"
+                onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
+                mailbox.meanwhile(startup_answers(name, for_whom, FOUND_WITHIN_S, MonotonicClock()))
+            reached = stack.enter_context(reach(pursuits, self, separation))
+            configs, world, clock = reached.configs, reached.world, reached.clock
+            laid = list[Pursuit]()
+            for pursuit in pursuits:
+                autopilot = autopilot_named(configs[pursuit.vehicle].vehicle.autopilot)
+                show = partial(_shown_as, pursuit.vehicle, onlooker.show)
+                home, frame = wait_until_placed(world.links[pursuit.vehicle], autopilot, clock, show)
+                here = laid_about(pursuit.scenario, home, frame, autopilot.name)
+                site = laid[0].scenario.site if laid else here.site
+                laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
+            for name, radio in reached.radios.items():
+                chased = next(one.scenario for one in laid if one.evader == name)
+                world.players[name] = evader = EvaderHere(chased, clock, radio)
+                world.on_engage = evader.engage  # a team's scenario has no faults that would begin then
+            policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
+            signals = Signals(Event.LAND, kept)
+            stack.enter_context(signals.installed())
+            used = {
+                name: stack.enter_context(opened_equipment(mailbox, configs[name]))
+                for name, mailbox in mailboxes.items()
+            }
+            yield Opened(laid, world, clock, buses, used, configs, policy, signals)
+
+
+def _shown_as(vehicle: str, show: Show, progress: Progress) -> None:
+    show(progress._replace(vehicle=vehicle))
+
+
+def _pursuits(scenario: Played) -> Sequence[Pursuit]:
+    return (Pursuit(scenario),) if isinstance(scenario, Scenario) else pursuits_of_team(scenario)
+
+
+@contextlib.contextmanager
+def _ordered(
+    scenario: Played, pursuits: Sequence[Pursuit], onlooker: Onlooker
+) -> Iterator[tuple[Mapping[str, Mailbox], Mapping[str, ControlBus]]]:
+    """Take orders for every vehicle, if the onlooker wants that."""
+    mailboxes = {one.vehicle: Mailbox() for one in pursuits}
+    team = "" if isinstance(scenario, Scenario) else TEAM
+    with opened(mailboxes, onlooker.control, onlooker.on_control, team=team) as buses:
+        yield mailboxes, buses
 
 
 def _check(option: str, value: str, allowed: Sequence[str]) -> None:
@@ -261,41 +311,82 @@ def kept() -> NoReturn:
 Way = MockOptions | ByFile | Asked
 
 
-def fly_recorded(scenario: Scenario, folder: Path, how: Way, onlooker: Onlooker = NOBODY) -> FlightResult:
-    """Fly a scenario, with a record in the folder and a broadcast where orders are taken.
+def fly_recorded(
+    scenario: Played, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY, *, join: MakeJoin | None = None
+) -> MissionResult:
+    """Fly a scenario of one vehicle or of a team, with records, and broadcasts where orders are taken.
+
+    Args:
+        scenario: The scenario.
+        folder: For the record; in a team each vehicle has a folder of its name in it. None keeps no record.
+        how: The mocks, a vehicle file, or URLs.
+        onlooker: Who watches, and gives orders.
+        join: Makes the transports of a team; by default a network in this process in virtual time, and in real time
+            the sessions for orders.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
     with contextlib.ExitStack() as stack:
-        laid, world, clock, control, used, own, policy, signals = stack.enter_context(how.opened(scenario, onlooker))
-        name = PURSUER if own is None else own.name
-        metadata = flight_metadata(laid, own, clock if world.real_time else None)
-        record = stack.enter_context(recording(folder / RECORD, metadata, real_time=world.real_time))
-        onlooker.on_record(folder / RECORD)
-        used = replace(used, record=record)
-        if control is not None:
-            broadcast = stack.enter_context(closing(Broadcast(name, control.session, metadata)))
-            used = replace(used, broadcast=broadcast)
-        used.mailbox.meanwhile(None)
-        plans, pursuits = {name: plan_of(own, laid)}, (Pursuit(laid, name),)
-        flown = fly(
+        flight = stack.enter_context(how.opened(scenario, onlooker))
+        pursuits, world, clock, buses, used, configs, policy, signals = flight
+        team = None if isinstance(scenario, Scenario) else team_document(scenario)
+        members = {} if isinstance(scenario, Scenario) else joined(scenario, pursuits, clock, buses, join, stack)
+        plans = {one.vehicle: _plan(configs.get(one.vehicle), one.scenario, team) for one in pursuits}
+        files = {name: None if folder is None else (folder / name if team else folder) / RECORD for name in plans}
+        equipment = {
+            name: replace(_recorded(flight, one, team, files[name], stack), team=members.get(name))
+            for name, one in zip(plans, pursuits, strict=True)
+        }
+        if folder is not None:
+            onlooker.on_record(folder if team else folder / RECORD)
+        for one in used.values():
+            one.mailbox.meanwhile(None)
+        result = fly(
             pursuits,
             world,
             clock,
             plans=plans,
-            equipment={name: used},
+            equipment=equipment,
             policy=policy,
             show=onlooker.show,
             signals=signals,
         )
-        result = flown.vehicles[name]
-        if used.broadcast is not None:
-            used.broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, how.way, folder))
-    if record.failed is not None and result.record_stopped is None:
-        result.record_stopped = Stopped(result.duration_s, record.failed)
-    result.record_dropped = record.dropped
+        for name, flown in result.vehicles.items():
+            if (told := equipment[name].broadcast) is not None:
+                told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, files[name], folder))
+    for name, flown in result.vehicles.items():
+        _note_record(flown, equipment[name].record)
     return result
+
+
+def _plan(own: Config | None, scenario: Scenario, team: str | None) -> FlightPlan:
+    plan = plan_of(own, scenario)
+    return plan if team is None else replace(plan, flight=with_team(plan.flight, team))
+
+
+def _note_record(flown: FlightResult, record: Record | None) -> None:
+    """Note what is missing in a closed record."""
+    if isinstance(record, Recorder):
+        flown.record_dropped = record.dropped
+        if record.failed is not None and flown.record_stopped is None:
+            flown.record_stopped = Stopped(flown.duration_s, record.failed)
+
+
+def _recorded(
+    flight: Opened, pursuit: Pursuit, team: str | None, path: Path | None, stack: contextlib.ExitStack
+) -> Equipment:
+    """Return the equipment of a vehicle with its record, and its broadcast where orders are taken."""
+    name, world, record, broadcast = pursuit.vehicle, flight.world, None, None
+    clock = flight.clock if world.real_time else None
+    metadata = flight_metadata(pursuit.scenario, flight.configs.get(name), clock)
+    if team is not None:
+        metadata |= {TEAM: team, "vehicle": name}
+    if path is not None:
+        record = stack.enter_context(recording(path, metadata, real_time=world.real_time))
+    if name in flight.buses:
+        broadcast = stack.enter_context(closing(Broadcast(name, flight.buses[name].session, metadata)))
+    return replace(flight.equipment[name], record=record, broadcast=broadcast)
 
 
 class Reached(NamedTuple):
@@ -308,12 +399,12 @@ class Reached(NamedTuple):
 
 
 @contextlib.contextmanager
-def reach(flown: Flown, asked: Sequence[Asked], separation: TeamSection | None = None) -> Iterator[Reached]:
+def reach(flown: Flown, asked: Asked, separation: TeamSection | None = None) -> Iterator[Reached]:
     """Find the vehicles at their URLs and open their links, and a loopback port for each evader's reports.
 
     Args:
         flown: Who pursues whom.
-        asked: One for each vehicle.
+        asked: A URL for each vehicle.
         separation: Of a team; None for one vehicle.
 
     Raises:
@@ -331,15 +422,15 @@ def reach(flown: Flown, asked: Sequence[Asked], separation: TeamSection | None =
             reached.radios[name] = radio
             stack.callback(radio.close)
         heard = {name: iter(share(wire, len(pursuits))) for name, wire in ears.items()}
-        for (scenario, vehicle, evader), one in zip(pursuits, asked, strict=True):
-            at_url = autopilot_at(one.url, one.autopilot, clock, who=f"--vehicle {one.url}")
+        for (scenario, vehicle, evader), url in zip(pursuits, asked.urls, strict=True):
+            at_url = autopilot_at(url, asked.autopilot, clock, who=f"--vehicle {url}")
             wire, found, autopilot = stack.enter_context(at_url)
-            urls = {name: f"udpin://127.0.0.1:{wire.port}" for name, wire in ears.items()}
+            reports = {name: f"udpin://127.0.0.1:{wire.port}" for name, wire in ears.items()}
             team = None
             if separation is not None:
                 others = {
-                    name: {"kind": "global_position", "url": url, "system_id": EVADER_ID, "speed_m_s": speeds_m_s[name]}
-                    for name, url in urls.items()
+                    name: {"kind": "global_position", "url": at, "system_id": EVADER_ID, "speed_m_s": speeds_m_s[name]}
+                    for name, at in reports.items()
                     if name != evader
                 }
                 mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
@@ -347,11 +438,11 @@ def reach(flown: Flown, asked: Sequence[Asked], separation: TeamSection | None =
             own = reached.configs[vehicle] = config_of(
                 scenario,
                 name=vehicle,
-                url=one.url,
-                link=one.link,
+                url=url,
+                link=asked.link,
                 autopilot=autopilot.name,
                 found=found,
-                evader_url=urls[evader],
+                evader_url=reports[evader],
                 team=team,
             )
             wires = {name: next(shares) for name, shares in heard.items()}
@@ -367,7 +458,7 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    with reach(scenario, [asked]) as reached:
+    with reach(scenario, asked) as reached:
         own = reached.configs[PURSUER]
         pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
         plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
@@ -399,10 +490,10 @@ def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str
     )
 
 
-def left_out(scenario: Scenario, how: Way) -> Sequence[str]:
+def left_out(scenario: Played, how: Way) -> Sequence[str]:
     """Name what of a scenario a vehicle that is not ours flies without."""
     words = []
-    if isinstance(how, MockOptions):
+    if isinstance(how, MockOptions) or isinstance(scenario, TeamScenario):
         return ()
     if any(fault.vehicle != EVADER or isinstance(how, ByFile) for fault in scenario.fault):
         words.append("faults")

@@ -55,6 +55,8 @@ class Progress(NamedTuple):
         why: The cause of this state.
         next: The orders that continue, if the flight waits for a person.
         vehicle: Its name; empty before it is known.
+        evader: In a team, the evader that it plays against.
+        promise: In a team, what is promised about that evader, and how that stands.
     """
 
     now_s: float
@@ -67,6 +69,8 @@ class Progress(NamedTuple):
     why: str = ""
     next: str = ""
     vehicle: str = ""
+    evader: str = ""
+    promise: str = ""
 
 
 Show = Callable[[Progress], None]
@@ -234,7 +238,9 @@ class Mission:
         self._team = any(daemon.team is not None for daemon in self.daemons)
         evaders = dict.fromkeys(one.pursuit.evader for one in self._vehicles)
         self.result = MissionResult(
-            {one.pursuit.vehicle: one.result for one in self._vehicles}, {name: EvaderResult() for name in evaders}
+            {one.pursuit.vehicle: one.result for one in self._vehicles},
+            {name: EvaderResult() for name in evaders},
+            {one.name: one.team for one in self.daemons if one.team is not None},
         )
 
     @property
@@ -394,18 +400,22 @@ class VehicleMission:
         self._mission.world.engage(self.pursuit.vehicle)
 
     def _progress(self, now_s: float, outputs: Outputs, waiting: str) -> Progress:
-        flight = self.daemon.flight
+        flight, team, unit = self.daemon.flight, self.daemon.team, "s" if self.pursuit.scenario.target is None else "m"
+        promises = () if team is None or team.board.roles is None else team.board.roles.promises
+        promise = next((one for one in promises if one.evader == self.evader), None)
         return Progress(
             now_s,
             outputs.state,
             flight.mode_title,
             outputs.certificate,
-            "s" if self.pursuit.scenario.target is None else "m",
+            unit,
             self.result.record_stopped,
             waiting,
             "" if outputs.cause is None else outputs.cause.words,
             next_words(flight),
             self.pursuit.vehicle,
+            "" if team is None else self.evader,
+            "" if promise is None else promise.words(unit),
         )
 
     def _waiting(self, now_s: float) -> str:

@@ -18,11 +18,12 @@ from guidance.flight import Authority, Event, Happening, Outputs, State
 from guidance.frames import Vector
 from guidance.game import solve
 from guidance.monitor import Alarm
-from guidance.session.flight_files import RECORD, Stopped
+from guidance.session.flight_files import Stopped
 from guidance.sim.batch import stack
 from guidance.sim.maths import game_of
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind
+from guidance.team import Member
 
 PLAYING = frozenset({State.ENGAGED, State.PAUSED})
 PLAYED = PLAYING | {State.ON_STATION}
@@ -93,10 +94,11 @@ class EvaderResult:
 
 
 class MissionResult(NamedTuple):
-    """Result of a mission: one entry for each vehicle and each evader, by name."""
+    """Result of a mission: one entry for each vehicle and each evader, by name; `members` are those of a team."""
 
     vehicles: dict[str, FlightResult]
     evaders: dict[str, EvaderResult]
+    members: Mapping[str, Member]
 
 
 class Ending(NamedTuple):
@@ -172,11 +174,14 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     )
 
 
-def closing_detail(result: FlightResult, way: str, folder: Path) -> str:
+def closing_detail(result: FlightResult, way: str, record: Path | None, folder: Path | None) -> str:
     """Return the detail of a broadcast's last event, as `guidance.log.entries.FLIGHT_OVER` describes it."""
     ended = "interrupted" if result.interrupted else ending_words(outcome_of_flight(result, way))
-    replay = f"{folder.absolute().name}/{RECORD}"
-    return json.dumps({"ended": f"{ended}; {result.ended}", "record": str(folder / RECORD), "replay": replay})
+    detail = {"ended": f"{ended}; {result.ended}"}
+    if record is not None and folder is not None:
+        replay = record.absolute().relative_to(folder.absolute().parent)
+        detail |= {"record": str(record), "replay": replay.as_posix()}
+    return json.dumps(detail)
 
 
 def ending_words(outcome: Outcome) -> str:

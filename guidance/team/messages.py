@@ -112,6 +112,34 @@ class Promise(BaseModel):
     second: Name | None
     cause: str = Field("", max_length=60, description="Why it is worse than it was promised first")
 
+    @property
+    def standing(self) -> str:
+        """How it stands: kept, at risk (nobody guarantees it now, or it was lowered), or lost."""
+        if self.value is None:
+            return "lost"
+        return "at risk" if self.first is None or self.cause else "kept"
+
+    def words(self, unit: str) -> str:
+        """Say what is promised and how it stands: "24.1 m promised", "24.1 m promised, at risk"."""
+        if self.value is None:
+            return f"promise lost: {self.cause}"
+        risk = "" if self.standing == "kept" else f", at risk{self.cause and f' ({self.cause})'}"
+        return f"{self.value:.1f} {unit} promised{risk}"
+
+    def verdict(self, achieved: float, unit: str, *, captured: bool) -> str:
+        """Say in the end whether it was kept: by a capture, in TAD with nine tenths of the distance.
+
+        Args:
+            achieved: Distance of the captured evader from its target (TAD).
+            unit: "m" in TAD, "s" in PE; in PE the value runs down to zero, and says nothing in the end.
+            captured: Whether the evader was captured.
+        """
+        if self.value is None or not captured:
+            return f"broken: {self.cause or 'no cause known'}"
+        if unit == "s":
+            return "kept"
+        return f"{'kept' if achieved >= 0.9 * self.value else 'broken'}: {achieved:.1f} of {self.value:.1f} m"
+
 
 class RolesMessage(Message):
     """The assignment of a coordinator, twice per second and at events."""

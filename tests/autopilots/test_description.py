@@ -106,7 +106,7 @@ def test_a_registered_autopilot_flies_the_mock(vtol, tmp_path):
     _, scenario = load_scenario("hover_chase")
     pursuer = scenario.pursuer.model_copy(update={"autopilot": "px4_vtol"})
     flown = scenario.model_copy(update={"pursuer": pursuer})
-    result = fly_recorded(flown, tmp_path, MockOptions(fast=True))
+    (result,) = fly_recorded(flown, tmp_path, MockOptions(fast=True)).vehicles.values()
     assert result.captured
 
 

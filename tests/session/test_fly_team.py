@@ -6,8 +6,8 @@ from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
 from guidance.session.flight_files import recorded_settings
-from guidance.session.fly import MockOptions, Onlooker
-from guidance.session.fly_team import fly_team
+from guidance.session.fly import MockOptions, Onlooker, fly_recorded
+from guidance.session.fly_team import least_distance_m, team_rows
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.team import MemoryNetwork
@@ -19,16 +19,17 @@ GUARD = load_any("teams_guard")[1]
 def guard(tmp_path_factory):
     """Three vehicles against two evaders, with a record of each vehicle."""
     folder = tmp_path_factory.mktemp("guard")
-    return fly_team(GUARD, MockOptions(fast=True), folder=folder), folder
+    return fly_recorded(GUARD, folder, MockOptions(fast=True)), folder
 
 
 @pytest.mark.flight
 def test_the_team_captures_what_it_guarantees_and_lands(guard):
     flown, _ = guard
-    assert [row.end for row in flown.rows] == ["captured", "captured"]
-    assert {row.guaranteed for row in flown.rows} == {2}
-    assert {one.ended for one in flown.result.vehicles.values()} == {State.LANDED}
-    for row in flown.rows:  # the distance of a capture from the target is at least nine tenths of what was promised
+    rows = team_rows(GUARD, "fast", flown)
+    assert [row.end for row in rows] == ["captured", "captured"]
+    assert {row.guaranteed for row in rows} == {2}
+    assert {one.ended for one in flown.vehicles.values()} == {State.LANDED}
+    for row in rows:  # the distance of a capture from the target is at least nine tenths of what was promised
         assert row.ratio > 0.9
 
 
@@ -36,7 +37,7 @@ def test_the_team_captures_what_it_guarantees_and_lands(guard):
 def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by(guard):
     flown, _ = guard
     times = {
-        event: [one.now_s for each in flown.result.vehicles.values() for one in each.happenings if one.event is event]
+        event: [one.now_s for each in flown.vehicles.values() for one in each.happenings if one.event is event]
         for event in (Event.FIT, Event.START, Event.AT_START, Event.ENGAGE)
     }
     assert max(times[Event.FIT]) <= min(times[Event.START])
@@ -46,7 +47,7 @@ def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by
 @pytest.mark.flight
 def test_the_separation_is_kept(guard):
     flown, _ = guard
-    assert flown.least_m > GUARD.flight.separation_m - 0.5
+    assert least_distance_m(flown, GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
 
 
 @pytest.mark.flight
@@ -70,7 +71,7 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
         assert any(row.inputs.mates for row in rows)
         assert [row.inputs.role.evader for row in rows if row.inputs.role is not None]
         comparison, _ = compare(path, recorded_settings)
-        sent = flown.result.vehicles[pursuit.vehicle].setpoints_sent
+        sent = flown.vehicles[pursuit.vehicle].setpoints_sent
         assert (comparison.differing, comparison.setpoints) == (0, sent)
 
 
@@ -88,9 +89,9 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
         since_s = progress.now_s - engaged_s[0] if engaged_s else 0.0
         networks[0].cut = {"uav1"} if 1.0 <= since_s < 4.0 else set()
 
-    flown = fly_team(GUARD, MockOptions(fast=True), onlooker=Onlooker(cut), join=join)
-    assert [row.end for row in flown.rows] == ["captured", "captured"]
-    assert flown.least_m > GUARD.flight.separation_m - 0.5
+    flown = fly_recorded(GUARD, None, MockOptions(fast=True), Onlooker(cut), join=join)
+    assert [row.end for row in team_rows(GUARD, "fast", flown)] == ["captured", "captured"]
+    assert least_distance_m(flown, GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
     boards = [member.board for member in flown.members.values()]
     assert len({(board.roles.vehicle, board.roles.term) for board in boards}) == 1
     assert boards[0].roles.term >= 2

@@ -53,7 +53,7 @@ class Product(NamedTuple):
 
 
 class RecordFolder:
-    """The records of one folder: its `*.mcap` files and those of its subfolders.
+    """The records of one folder: its `*.mcap` files, those of its flights, and those of the vehicles of team flights.
 
     Args:
         folder: Folder of the records; it need not exist yet.
@@ -73,7 +73,7 @@ class RecordFolder:
 
     def paths(self) -> Mapping[str, Path]:
         """Return the records by name, newest first."""
-        found = [*self.folder.glob("*.mcap"), *self.folder.glob("*/*.mcap")]
+        found = [path for depth in ("", "*/", "*/*/") for path in self.folder.glob(f"{depth}*.mcap")]
         dated = sorted(((path.stat().st_mtime, path) for path in found if path.is_file()), reverse=True)
         return {path.relative_to(self.folder).as_posix(): path for _, path in dated[:MAX_LISTED]}
 
