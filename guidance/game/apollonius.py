@@ -129,11 +129,10 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
     second, across = _across(xp, to_evader, first, along)
     zero, still = 0.0 * along, (0.0, 0.0)
     if T is None:
-        state = Geometry((zero, zero), zero, (along, zero), along, zero, None, still)
+        state = Geometry((zero, zero), zero, (along, zero), zero, None, still)
         play = pursuit(xp, game, state)
     else:
-        distance = xp.sqrt(along * along + across * across)
-        state = Geometry((zero, zero), zero, (along, across), distance, zero, None, still)
+        state = Geometry((zero, zero), zero, (along, across), zero, None, still)
         play = defence(xp, game, state, (far, zero))
 
     def unfold(v: Space) -> Space:

@@ -51,7 +51,7 @@ Plane: TypeAlias = tuple[Real, Real]
 Space: TypeAlias = tuple[Real, Real, Real]
 """The x, y and z components of a vector."""
 
-FLOATS: Library = SimpleNamespace(sqrt=math.sqrt, maximum=max)
+FLOATS: Library = SimpleNamespace(sqrt=math.sqrt, maximum=max, sign=lambda value: (value > 0) - (value < 0))
 """The library for single states: the functions that kernels use, for floats."""
 
 

@@ -66,8 +66,6 @@ class Geometry(NamedTuple):
     """Height of the evader's plane, m."""
     to_evader: Plane
     """Horizontal vector from the pursuer to the evader, m."""
-    distance: Real
-    """Its length d, m."""
     z: Real
     """Height of the pursuer above the stand-off disc, m."""
     seen: Plane | None
@@ -101,14 +99,13 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) 
     """
     (x, y, height), (east, north, ground) = P, E
     to_evader = (east - x, north - y)
-    distance = xp.sqrt(to_evader[0] * to_evader[0] + to_evader[1] * to_evader[1])
     z = height - ground - game.standoff.height_m
     if seen is None:
-        return Geometry((east, north), ground, to_evader, distance, z, None, (0.0, 0.0))
+        return Geometry((east, north), ground, to_evader, z, None, (0.0, 0.0))
     bound, (run, rise, _) = game.evader_speed_m_s, seen
     scale = bound / xp.maximum(xp.sqrt(run * run + rise * rise), bound)
     hold = (run * scale, rise * scale)
-    return Geometry((east, north), ground, to_evader, distance, z, hold, hold)
+    return Geometry((east, north), ground, to_evader, z, hold, hold)
 
 
 def to_target(xp: Library, game: Game, E: Space, T: Space) -> Space:
@@ -264,19 +261,24 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
 
 def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Plane, Real]:
     """Point a Ball at the disc around y: horizontal and vertical velocity through the air."""
-    radius, length = game.standoff.radius_m, norm2(xp, y)
-    reach = length if is_zero(radius) else xp.maximum(length - radius, 0.0)
-    distance = xp.sqrt(reach * reach + z * z)
+    radius, share = game.standoff.radius_m, None
+    if is_zero(radius):
+        square = dot2(y, y)
+    else:
+        length = norm2(xp, y)
+        reach = xp.maximum(length - radius, 0.0)
+        square, share = reach * reach, reach / select(xp, length > 0, length, 1.0)
+    distance = xp.sqrt(square + z * z)
     rate = pursuer.speed_m_s / select(xp, distance > 0, distance, 1.0)
-    pace = rate if is_zero(radius) else rate * (reach / select(xp, length > 0, length, 1.0))
+    pace = rate if share is None else rate * share
     return (pace * y[0], pace * y[1]), -z * rate
 
 
 def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     """Play PE; see `solve` for the meaning of the answer."""
     v, age = game.evader_speed_m_s, game.information_age_s
-    gap = state.distance + (v * age - game.standoff.radius_m)
     t, direction, distance = escape(xp, game, state)
+    gap = (distance if game.calm else norm2(xp, state.to_evader)) + (v * age - game.standoff.radius_m)
     free = distance <= 0
     if free is not False and state.seen is not None:
         direction = select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction)
@@ -287,7 +289,7 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
     flown = steer(xp, game, to, gap, t, state.z, state.hold)
     reason: Real = int(Reason.SOLVED)
-    if free is not False:
+    if free is not False and (xp is not np or free.any()):
         flown, reason = _overhead(xp, game, state, free & (t > 0) & (gap + v * t > 0), flown)
     return Play(
         winner=int(Winner.PURSUER),
@@ -306,8 +308,9 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
     v = game.evader_speed_m_s
     lead = v * game.information_age_s - game.standoff.radius_m
     if game.calm:
-        t = cover_time(xp, game, state.distance + lead, game.pursuer.horizontal_m_s - v, state.z)
-        return t, unit2(xp, state.to_evader, state.distance), state.distance
+        distance = norm2(xp, state.to_evader)
+        t = cover_time(xp, game, distance + lead, game.pursuer.horizontal_m_s - v, state.z)
+        return t, unit2(xp, state.to_evader, distance), distance
     wind, least = game.wind_m_s, speed_in_hand(game)
 
     def cover(n: Plane) -> Real:
@@ -318,8 +321,6 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
 
 def _overhead(xp: Library, game: Game, state: Geometry, above: Truth, flown: Space) -> tuple[Space, Real]:
     """Above the evader a Ball copies its velocity, and uses the rest of its speed vertically."""
-    if xp is np and not np.any(above):
-        return flown, int(Reason.SOLVED)
     reason = select(xp, above, int(Reason.OVERHEAD), int(Reason.SOLVED))
     if isinstance(game.pursuer, Cylinder):
         return flown, reason

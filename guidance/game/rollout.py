@@ -333,7 +333,7 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
     state = take_apart(xp, game, components(pursuer), components(evader), None)
     closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + wind_speed(game)
     capture, turn = game.capture_radius_m, math.inf
-    beside = state.distance - game.standoff.radius_m
+    beside = norm2(xp, state.to_evader) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
         ahead = xp.maximum(norm2(xp, (xp.maximum(beside, 0.0), state.z)) - capture, 0.0) / closing
     else:

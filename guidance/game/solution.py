@@ -271,7 +271,8 @@ def _is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Trut
         squares: sum of the squares of all positions and velocities, or more.
         contested: whether it is TAD; in PE the margin is infinite.
     """
-    answered: Real = sum((play.value, play.time, *play.meeting, *play.pursuer, *play.evader))
+    x, y, _ = play.meeting
+    answered = play.value + play.time + x + y
     if contested:
         answered = answered + play.margin
     standoff, u = game.standoff, game.pursuer.horizontal_m_s

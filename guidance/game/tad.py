@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import FLOATS, Array, Library, Plane, Real, Space, Truth, dot2, norm2, select, select2, unit2
+from guidance.game.arrays import FLOATS, Library, Plane, Real, Space, Truth, dot2, norm2, select, select2, unit2
 from guidance.game.extent import from_set, least_at, nearest, to_set
-from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner
+from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
 from guidance.game.pe import (
     Geometry,
     Play,
@@ -43,13 +43,15 @@ class Race(NamedTuple):
     """The result of both players' race to a target in the paper's game.
 
     Attributes:
+        arrival: Time until the evader can be there, s.
         margin: B as a time: how much sooner the pursuer can be there, s.
         final_distance: L, m; negative if the evader wins.
         run: vector from E to g*, the point of the circle closest to the target, m.
     """
 
-    margin: Array
-    final_distance: Array
+    arrival: Real
+    margin: Real
+    final_distance: Real
     run: Plane
 
 
@@ -87,21 +89,28 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
     goal, margin, lead = contest.goal, contest.margin, contest.edge
     edge = _with_falling(xp, game, game.pursuer, state, to_target, lead) if isinstance(game.pursuer, Cylinder) else lead
     won, arrived = margin > 0, contest.arrival <= 0
-    run, leading = select2(xp, won, edge.run, goal), select2(xp, won, lead.run, goal)
+    run = leading = select2(xp, won, edge.run, goal)
+    if edge is not lead:
+        leading = select2(xp, won, lead.run, goal)
     to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
-    hold = select2(xp, won, state.hold, (0.0, 0.0))
-    towards = select2(xp, norm2(xp, run) > 0, run, goal)
-    heading = unit2(xp, towards, norm2(xp, towards))
-    pace = select(xp, arrived, 0.0, game.evader_speed_m_s)
+    hold = state.hold if state.seen is None else select2(xp, won, state.hold, (0.0, 0.0))
+    v, age, time = game.evader_speed_m_s, game.information_age_s, select(xp, won, edge.time, contest.arrival)
+    length = v * (time + age)
+    moves = length > 0
+    length = select(xp, moves, length, v * (contest.arrival + age))
+    heading = unit2(xp, select2(xp, moves, run, goal), length)
+    pace = select(xp, arrived, 0.0, v)
     caught = is_caught(xp, game, state)
     flown = steer(xp, game, to, _gap(xp, game, to), select(xp, won, lead.time, contest.guard), state.z, hold)
+    if not is_zero(age):
+        flown = _close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown)
     return Play(
-        winner=_winner(xp, margin),
-        value=select(xp, won, edge.left - game.target_extent.radius_m, select(xp, margin < 0, contest.short, 0.0)),
+        winner=xp.sign(margin),
+        value=select(xp, won, edge.left - game.target_extent.radius_m, contest.short),
         margin=margin,
         meeting=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
-        time=select(xp, won, edge.time, contest.arrival),
-        pursuer=_close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown),
+        time=time,
+        pursuer=flown,
         evader=(pace * heading[0], pace * heading[1], 0.0),
         reason=_reason(xp, margin, arrived, caught),
     )
@@ -113,7 +122,7 @@ def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Spac
     That happens only with old information: the evader may not have run to the meeting point. A pursuer that stayed
     there would let it pass.
     """
-    if is_zero(game.information_age_s) or ((xp is np or xp is FLOATS) and not np.any(over)):
+    if (xp is np or xp is FLOATS) and not np.any(over):
         return flown
     chased = pursuit(xp, game, state).pursuer
     return *select2(xp, over, chased[:2], flown[:2]), select(xp, over, chased[2], flown[2])
@@ -196,7 +205,6 @@ def _ahead(xp: Library, game: Game, centre: Plane, goal: Plane) -> Plane:
 def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane, z: Real) -> Contest:
     u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
     ended = closest = race(xp, (u, v), state.to_evader, z, to_target)
-    arrival = norm2(xp, to_target) / v
     if not game.target_extent.is_point:
         # The point of the target closest to the circle is the one closest to the circle's centre c.
         lead = v * v / ((u - v) * (u + v))
@@ -204,7 +212,7 @@ def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: P
         near, _ = nearest(xp, game.target_extent, place)
         closest = race(xp, (u, v), state.to_evader, z, from_set(centre, near))
     edge = Closest(closest.run, norm2(xp, closest.run) / v, closest.final_distance)
-    return Contest(to_target, arrival, arrival - ended.margin, ended.margin, -u * ended.margin, edge)
+    return Contest(to_target, ended.arrival, ended.arrival - ended.margin, ended.margin, -u * ended.margin, edge)
 
 
 def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane) -> Race:
@@ -214,6 +222,8 @@ def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_t
     Times their sum it is the barrier B over δ² − 1, which cancels nothing and is zero exactly where B is:
 
         L = B / (d_δ + √((δ² − 1) z² + δ² d²))
+
+    g* lies between c and T, L from T and r from c, so it is (L c + r T)/‖c − T‖.
 
     Args:
         xp: array library.
@@ -230,18 +240,13 @@ def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_t
     way = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
     near, far = dot2(to_target, to_target), dot2(way, way) + z * z
     b = (u * u) * near - (v * v) * far
-    left = xp.sqrt(near)
+    left, drawn = xp.sqrt(near), b == 0
     both = u * left + v * xp.sqrt(far)
-    direction = unit2(xp, from_target, d_delta)
-    final = b / select(xp, b == 0, 1.0, d_delta + span)
-    # g* as a step from E or from T: the shorter step loses fewer digits.
-    by_target = span > hand * left
-    scale = span / hand
-    centre = (v * v / hand * to_evader[0], v * v / hand * to_evader[1])
-    base = select2(xp, by_target, to_target, centre)
-    length = select(xp, by_target, final, -scale)
-    run = (base[0] + length * direction[0], base[1] + length * direction[1])
-    return Race(b / (u * v * select(xp, b == 0, 1.0, both)), final, run)
+    final = b / select(xp, drawn, 1.0, d_delta + span)
+    inverse = 1.0 / select(xp, d_delta > 0, d_delta, 1.0)
+    lead, share = (v * v) * (final * inverse), span * inverse
+    run = (lead * to_evader[0] + share * to_target[0], lead * to_evader[1] + share * to_target[1])
+    return Race(left / v, b / (u * v * select(xp, drawn, 1.0, both)), final, run)
 
 
 def _choose_edge(xp: Library, condition: Truth, yes: Closest, no: Closest) -> Closest:
@@ -298,12 +303,14 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
 
 def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
     """Return whether the evader is captured now, anywhere within v τ of its last position."""
-    beside = state.distance + (game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m)
     capture = game.capture_radius_m
+    level = abs(state.z) <= capture
+    if level is False or (xp is np and not level.any()):
+        return False
+    beside = norm2(xp, state.to_evader) + (game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m)
     if isinstance(game.pursuer, Cylinder):
-        return (beside <= capture) & (abs(state.z) <= capture)
-    beside = xp.maximum(beside, 0.0)
-    return norm2(xp, (beside, state.z)) <= capture
+        return (beside <= capture) & level
+    return norm2(xp, (xp.maximum(beside, 0.0), state.z)) <= capture
 
 
 def _with_falling(
@@ -319,11 +326,6 @@ def _with_falling(
     towards = unit2(xp, goal, far)
     fallen = Closest((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
     return _choose_edge(xp, far - radius < level.left, fallen, level)
-
-
-def _winner(xp: Library, margin: Real) -> Real:
-    ahead = select(xp, margin > 0, int(Winner.PURSUER), int(Winner.UNDECIDED))
-    return select(xp, margin < 0, int(Winner.EVADER), ahead)
 
 
 def _reason(xp: Library, margin: Real, arrived: Truth, caught: Truth) -> Real:
@@ -348,4 +350,5 @@ def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: R
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * arrival
         above = abs(state.z) - game.capture_radius_m - vertical_speed(xp, game.pursuer, state.z) * arrival
         flown, above = 0.0, xp.maximum(above, 0.0)
-    return norm2(xp, (select(xp, lost, xp.maximum(beside, 0.0), 1.0), above)) - flown
+    short = norm2(xp, (select(xp, lost, xp.maximum(beside, 0.0), 1.0), above)) - flown
+    return select(xp, lost, short, 0.0)

@@ -20,6 +20,7 @@ from guidance.game.arrays import (
     component,
     components,
     dot2,
+    norm2,
     pack,
     quiet,
     select,
@@ -96,7 +97,8 @@ def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float
 
 def _sight(xp: Library, game: Game, state: Geometry) -> Space:
     """Return the vector from a Ball to the nearest point of the disc."""
-    e, reach = unit2(xp, state.to_evader, state.distance), xp.maximum(state.distance - game.standoff.radius_m, 0.0)
+    distance = norm2(xp, state.to_evader)
+    e, reach = unit2(xp, state.to_evader, distance), xp.maximum(distance - game.standoff.radius_m, 0.0)
     return reach * e[0], reach * e[1], -state.z
 
 
@@ -116,8 +118,9 @@ def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, tur
     """Turn a Cylinder's horizontal velocity, and fly to the disc's height."""
     zero = 0.0 * state.z
     course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), turn)
-    to = (course[0] * state.distance, course[1] * state.distance)
-    gap = state.distance - game.standoff.radius_m - game.capture_radius_m
+    distance = norm2(xp, state.to_evader)
+    to = (course[0] * distance, course[1] * distance)
+    gap = distance - game.standoff.radius_m - game.capture_radius_m
     t = guard_time(xp, game, state, (to[0] - state.to_evader[0], to[1] - state.to_evader[1]))
     return steer(xp, game, to, gap, t, state.z, state.hold)
 
