@@ -289,7 +289,7 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
     flown = steer(xp, game, to, gap, t, state.z, state.hold)
     reason: Real = int(Reason.SOLVED)
-    if free is not False and (xp is not np or free.any()):
+    if free is not False and (xp is not np or np.any(free)):
         flown, reason = _overhead(xp, game, state, free & (t > 0) & (gap + v * t > 0), flown)
     return Play(
         winner=int(Winner.PURSUER),

@@ -198,11 +198,11 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
 def _circle(xp: Library, hunt: Hunt, to_evader: Plane, z2: Real, goal: Plane) -> Plane:
     """Return the vector from E to the point of the paper's circle that is closest to a goal, times u² − v²."""
     u, v, hand = hunt.u, hunt.v, (hunt.u - hunt.v) * (hunt.u + hunt.v)
-    back = (v * v * to_evader[0] - hand * goal[0], v * v * to_evader[1] - hand * goal[1])
+    centre = (v * v * to_evader[0], v * v * to_evader[1])
+    back = _plus(centre, -hand, goal)
     span = v * xp.sqrt(hand * z2 + (u * u) * dot2(to_evader, to_evader))
     length = norm2(xp, back)
-    scale = span / select(xp, length > 0, length, 1.0)
-    return v * v * to_evader[0] - scale * back[0], v * v * to_evader[1] - scale * back[1]
+    return _plus(centre, -span / select(xp, length > 0, length, 1.0), back)
 
 
 def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
