@@ -23,10 +23,8 @@ from guidance.estimation.measurement import TrackSettings
 
 Numbers = Sequence[float]
 
-_ROWS = tuple(
-    tuple(max(row, column) * (max(row, column) + 1) // 2 + min(row, column) for column in range(5)) for row in range(5)
-)
-"""Where the rows of a symmetric matrix stand in its lower triangle."""
+_STEADY = ("north", "east", "north rate", "east rate")
+"""The state of the steady model; the turning model adds the turn rate."""
 
 _SMALL_TURN_RAD = 1e-3
 
@@ -181,17 +179,35 @@ def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
 
 def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[Normal, float, float]:
     """Correct by one number after the other, as their errors are independent; also return νᵀS⁻¹ν and det S."""
-    mean, covariance = state
+    turns = len(state.mean) > len(_STEADY)
+    n, e, x, y, w = state.mean if turns else (*state.mean, 0.0)
+    nn, en, ee, xn, xe, xx, yn, ye, yx, yy, wn, we, wx, wy, ww = (
+        state.covariance if turns else (*state.covariance, 0.0, 0.0, 0.0, 0.0, 0.0)
+    )
     distance, spread = 0.0, 1.0
-    for value, variance, index, places in zip(measured, variances, range(4), _ROWS, strict=False):
-        shared = [covariance[place] for place in places[: len(mean)]]
-        expected = shared[index] + variance
-        share, off = 1.0 / expected, value - mean[index]
+    for index, value in enumerate(measured):
+        # The measured number, its variance, and its covariances with all numbers.
+        mean, expected, a, b, c, d, f = (
+            (n, nn, nn, en, xn, yn, wn),
+            (e, ee, en, ee, xe, ye, we),
+            (x, xx, xn, xe, xx, yx, wx),
+            (y, yy, yn, ye, yx, yy, wy),
+        )[index]
+        expected += variances[index]
+        share, off = 1.0 / expected, value - mean
+        gain = off * share
         distance += off * off * share
         spread *= expected
-        mean = [number + off * share * one for number, one in zip(mean, shared, strict=True)]
-        covariance = [number - share * known for number, known in zip(covariance, _square(*shared), strict=False)]
-    return Normal(mean, covariance), distance, spread
+        n, e, x, y, w = n + gain * a, e + gain * b, x + gain * c, y + gain * d, w + gain * f
+        nn, en, ee = nn - share * (a * a), en - share * (b * a), ee - share * (b * b)
+        xn, xe, xx = xn - share * (c * a), xe - share * (c * b), xx - share * (c * c)
+        yn, ye, yx, yy = yn - share * (d * a), ye - share * (d * b), yx - share * (d * c), yy - share * (d * d)
+        if turns:
+            wn, we, wx = wn - share * (f * a), we - share * (f * b), wx - share * (f * c)
+            wy, ww = wy - share * (f * d), ww - share * (f * f)
+    steady = Normal((n, e, x, y), (nn, en, ee, xn, xe, xx, yn, ye, yx, yy))
+    corrected = Normal((*steady.mean, w), (*steady.covariance, wn, we, wx, wy, ww)) if turns else steady
+    return corrected, distance, spread
 
 
 def blended(one: Normal, other: Normal, share: float) -> Normal:
@@ -199,17 +215,17 @@ def blended(one: Normal, other: Normal, share: float) -> Normal:
 
     `blended(*modes)` is the mixture of both models: north, east and their rates.
     """
-    rest, apart = 1.0 - share, [there - here for here, there in zip(one.mean, other.mean, strict=False)]
-    rows, spread = zip(one.covariance, other.covariance, _square(*apart), strict=False), rest * share
+    rest = 1.0 - share
+    spread = rest * share
+    n, e, x, y, *turn = [there - here for here, there in zip(one.mean, other.mean, strict=False)]
+    squares = (n * n, e * n, e * e, x * n, x * e, x * x, y * n, y * e, y * x, y * y)
+    for w in turn:
+        squares += (w * n, w * e, w * x, w * y, w * w)
+    rows = zip(one.covariance, other.covariance, squares, strict=False)
     return Normal(
         [rest * here + share * there for here, there in zip(one.mean, other.mean, strict=False)],
         [rest * here + share * there + spread * square for here, there, square in rows],
     )
-
-
-def _square(a: float, b: float, c: float, d: float, e: float = 0.0) -> Numbers:
-    """Return the lower triangle of x xᵀ; that of four numbers is its beginning."""
-    return (a * a, b * a, b * b, c * a, c * b, c * c, d * a, d * b, d * c, d * d, e * a, e * b, e * c, e * d, e * e)
 
 
 def _posterior(turning: float, log_ratio: float) -> float:

@@ -7,14 +7,14 @@ bit for bit.
 """
 
 import json
-import math
 import types
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from functools import cache
+from math import isfinite, nan
 from typing import Any, Final, Generic, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic_core import CoreSchema, PydanticSerializationError, SchemaSerializer, SchemaValidator, ValidationError
+from pydantic_core import CoreSchema, PydanticSerializationError, SchemaValidator, ValidationError, to_json
 from pydantic_core import core_schema as cs
 
 from guidance.errors import ConfigError
@@ -26,20 +26,23 @@ T = TypeVar("T")
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 _TAG: Final = "kind"
 _NUMBER: Final = cs.union_schema(
-    [cs.float_schema(strict=True), cs.no_info_after_validator_function(lambda _: math.nan, cs.none_schema())],
+    [cs.float_schema(strict=True), cs.no_info_after_validator_function(lambda _: nan, cs.none_schema())],
     mode="left_to_right",
     custom_error_type="number",
     custom_error_message="must be a number",
-    serialization=cs.simple_ser_schema("float"),
 )
 _REASONS: Final = {"missing": "is missing", "extra_forbidden": "is unknown to this version"}
 
 
 class Form(NamedTuple):
-    """Conversion (pydantic core schema) and description (JSON Schema) of one type."""
+    """How one type is read (pydantic core schema) and described (JSON Schema), and what is written for a value.
+
+    `write` turns a value into dictionaries and lists of numbers and text; None for values that are written as they are.
+    """
 
     core: Any
     schema: Schema
+    write: Callable[[Any], Any] | None = None
 
 
 _PLAIN: Final[Mapping[Any, Form]] = {
@@ -64,18 +67,18 @@ class Codec(Generic[T]):
     def __init__(self, title: str, kind: Callable[..., T]) -> None:
         self.title = title
         self._name = kind.__name__
-        core, schema = form_of(kind)
+        core, schema, write = form_of(kind)
         self.schema: Schema = {"$schema": DIALECT, "title": title, **schema}
         self._validator = SchemaValidator(core)
-        self._serializer = SchemaSerializer(core, {"ser_json_inf_nan": "null"})
+        self._write = write or (lambda value: value)
 
     def encode(self, value: T) -> bytes:
         """Return a value as JSON; text that is not valid Unicode is written with question marks."""
+        written = self._write(value)
         try:
-            return self._serializer.to_json(value, exclude_none=True, warnings=False)
+            return to_json(written, inf_nan_mode="null")
         except PydanticSerializationError:  # a lone surrogate, which a sender of JSON can produce
-            rows = plain(self._serializer.to_python(value, exclude_none=True, warnings=False))
-            return json.dumps(rows, ensure_ascii=False).encode("utf-8", "replace")
+            return json.dumps(plain(written), ensure_ascii=False).encode("utf-8", "replace")
 
     def plain(self, value: T) -> Any:  # noqa: ANN401 - any JSON
         """Return a value as the dictionaries, lists and numbers of its JSON."""
@@ -112,7 +115,8 @@ def form_of(kind: Any) -> Form:  # noqa: ANN401 - a type annotation can be any o
     if origin in {tuple, Sequence}:
         return _array(parts if origin is tuple else (*parts, ...))
     if isinstance(kind, type) and issubclass(kind, StrEnum):
-        return Form(cs.enum_schema(kind, list(kind)), {"type": "string", "enum": [str(one) for one in kind]})
+        words = [str(one) for one in kind]
+        return Form(cs.enum_schema(kind, list(kind)), {"type": "string", "enum": words}, str.__str__)
     kinds = parts or (kind,)
     if not all(hasattr(one, "_fields") for one in kinds):
         raise TypeError(f"{kind}: viewers cannot read this type")
@@ -131,11 +135,10 @@ def _array(kinds: tuple[Any, ...]) -> Form:
     first, endless = kinds[0], kinds[-1] is Ellipsis
     if get_origin(inside(first)) is tuple or len(set(kinds) - {Ellipsis}) > 1:
         raise TypeError(f"tuple{list(kinds)}: viewers cannot read an array of arrays, or of mixed types")
-    core, items = form_of(first)
+    core, items, write = form_of(first)
     if endless:
-        some = cs.tuple_schema([core], variadic_item_index=0)
-        written = cs.plain_serializer_function_ser_schema(tuple, return_schema=some)  # a Sequence may be a list
-        return Form({**some, "serialization": written}, {"type": "array", "items": items})
+        writes = None if write is None else lambda values: [write(value) for value in values]
+        return Form(cs.tuple_schema([core], variadic_item_index=0), {"type": "array", "items": items}, writes)
     each = {"type": [items["type"], "null"]} if first is float else items
     schema = {"type": "array", "items": items, "prefixItems": [each] * len(kinds), "maxItems": len(kinds)}
     return Form(cs.tuple_schema([core] * len(kinds)), schema)
@@ -157,12 +160,36 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     core = (
         cs.tagged_union_schema(choices, _TAG) if tagged else cs.union_schema([*choices.values()], mode="left_to_right")
     )
-    every = cs.typed_dict_schema({name: field for each in fields.values() for name, field in each.items()})
-    as_dict = _tagged_dict if tagged else _dict
+    writers = {kind: _writer(kind, {_TAG: kind.__name__} if tagged else {}) for kind in kinds}
     return Form(
-        {**core, "serialization": cs.plain_serializer_function_ser_schema(as_dict, return_schema=every)},
+        core,
         {"type": "object", "properties": properties, "required": sorted(required), "additionalProperties": False},
+        lambda value: writers[type(value)](value),
     )
+
+
+def _writer(kind: Any, tag: dict[str, str]) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
+    """Return what makes a dictionary of a named tuple, without unknown values."""
+    names, hints = kind._fields, get_type_hints(kind)
+    optional = [name for name in names if inside(hints[name]) is not hints[name]]
+    numbers = [name for name in names if inside(hints[name]) is float]
+    parts = [(name, write) for name in names if (write := form_of(hints[name]).write) is not None]
+
+    def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
+        fields = dict(tag)
+        fields.update(zip(names, value, strict=True))
+        for name in optional:
+            if fields[name] is None:
+                del fields[name]
+        for name in numbers:
+            if not isfinite(fields.get(name, 0.0)):
+                del fields[name]
+        for name, write_part in parts:
+            if name in fields:
+                fields[name] = write_part(fields[name])
+        return fields
+
+    return write
 
 
 def _field(kind: Any, name: str) -> cs.TypedDictField:  # noqa: ANN401
@@ -173,7 +200,7 @@ def _field(kind: Any, name: str) -> cs.TypedDictField:  # noqa: ANN401
     core = form_of(hint).core
     if hint is not float and inside(hint) is hint and name not in kind._field_defaults:
         return cs.typed_dict_field(core, required=True)
-    default = kind._field_defaults.get(name, math.nan if hint is float else None)
+    default = kind._field_defaults.get(name, nan if hint is float else None)
     return cs.typed_dict_field(cs.with_default_schema(core, default=default), required=False)
 
 
@@ -185,21 +212,10 @@ def _built(kind: Any, fields: dict[str, cs.TypedDictField]) -> CoreSchema:  # no
     return cs.no_info_after_validator_function(build, cs.typed_dict_schema(fields, extra_behavior="forbid"))
 
 
-def _dict(value: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Return the fields of a named tuple without unknown numbers; None is left out by the serializer."""
-    isfinite = math.isfinite
-    fields = zip(value._fields, value, strict=True)
-    return {name: item for name, item in fields if not isinstance(item, float) or isfinite(item)}
-
-
-def _tagged_dict(value: Any) -> dict[str, Any]:  # noqa: ANN401
-    return {_TAG: type(value).__name__, **_dict(value)}
-
-
 def plain(value: Any) -> Any:  # noqa: ANN401 - any value
     """Return a value of any type as dictionaries, lists and numbers for JSON; NaN and infinity become None."""
     if isinstance(value, float):
-        return value if math.isfinite(value) else None
+        return value if isfinite(value) else None
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):
