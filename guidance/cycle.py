@@ -102,6 +102,7 @@ class CycleInputs(NamedTuple):
         evader: The estimated evader.
         game_frame: The game's frame, if it is known.
         guided: Whether a HEARTBEAT of this cycle shows the guided mode, so the vehicle has followed the setpoints.
+        battery_needed: Share of the charge needed to fly home from here, for the certificate.
     """
 
     dt_s: float
@@ -110,6 +111,7 @@ class CycleInputs(NamedTuple):
     evader: EvaderEstimate | None
     game_frame: GameFrame | None
     guided: bool = False
+    battery_needed: float = math.nan
 
 
 class CycleMemory(NamedTuple):
@@ -139,7 +141,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     Raises:
         ValueError: If there is no evader or no game frame; the flight hovers then instead.
     """
-    (dt_s, here, walls, evader, frame, guided), envelope = inputs, settings.envelope
+    (dt_s, here, walls, evader, frame, guided, battery_needed), envelope = inputs, settings.envelope
     if evader is None or frame is None:
         raise ValueError("play needs an evader and a game frame; hover without them")
     players = Players(
@@ -156,7 +158,8 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         output = hover(inputs, settings, memory)
         refused = without_game(players, gaps, evader.age_s)
         command_ned_m_s = output.setpoint.velocity_ned_m_s
-        return output._replace(certificate=refused._replace(command_ned_m_s=command_ned_m_s))
+        told = refused._replace(command_ned_m_s=command_ned_m_s, battery_needed=battery_needed)
+        return output._replace(certificate=told)
     vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s)
     solution, certificate = certify(
         game,
@@ -198,6 +201,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         command_ned_m_s=limited.setpoint.velocity_ned_m_s,
         active_limits=tuple(map(str, limited.active)),
         reason=int(Reason.TOO_OLD) if too_old else certificate.reason,
+        battery_needed=battery_needed,
     )
     played = StrategyMemory(np.array(asked), memory.strategy.played_s + dt_s)
     kept = CycleMemory(

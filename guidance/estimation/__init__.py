@@ -99,11 +99,9 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
     if report.timesync is not None:
         observer = compare_clocks(observer, report.timesync)
     clock = hear(observer.clock, report.sent_s, report.received_s)
-    measurement = measure(report, frame, true_at(report, clock, settings), settings)
-    place_ned_m = difference(measurement.position_ned_m, observer.shift_ned_m)
-    measurement = measurement._replace(position_ned_m=place_ned_m)
+    measurement = measure(report, frame, observer.shift_ned_m, true_at(report, clock, settings), settings)
     track = update(observer.track, measurement, settings)
-    if not measurement.is_usable():
+    if track.outcome is ReportOutcome.UNUSABLE:
         return observer._replace(clock=clock, track=track)
     apart_s = 0.0 if clock is None else report.received_s - clock.ours(report.sent_s)
     one = Report(
@@ -124,7 +122,7 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
         margin_m=settings.reach_m,
         noise_m=_NOISE_SIGMAS * math.hypot(settings.position_sd_m, settings.position_sd_m),
     )
-    return observer._replace(clock=clock, track=track, rivals=rivals)
+    return Observer(clock, track, rivals, observer.shift_ned_m)
 
 
 def compare_clocks(observer: Observer, answer: Timesync) -> Observer:

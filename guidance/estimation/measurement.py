@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Final, NamedTuple
 
 from guidance.errors import ConfigError
-from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.frames import Amsl, LocalFrame, Vector, difference
 from guidance.messages import EvaderReport
 
 _LARGEST_SETTING: Final = 1e4
@@ -119,8 +119,10 @@ class Measurement(NamedTuple):
         return values, variances
 
 
-def measure(report: EvaderReport, frame: LocalFrame, time_s: float, settings: TrackSettings) -> Measurement:
-    """Convert a plausible report to the local frame.
+def measure(
+    report: EvaderReport, frame: LocalFrame, shift_ned_m: Vector, time_s: float, settings: TrackSettings
+) -> Measurement:
+    """Convert a plausible report to the frame of the track.
 
     A velocity is unknown if any part is NaN. A spread that is missing or not positive is taken from the settings; very
     small ones are raised to 1 cm.
@@ -128,14 +130,16 @@ def measure(report: EvaderReport, frame: LocalFrame, time_s: float, settings: Tr
     Args:
         report: From the source.
         frame: The vehicle's local frame.
+        shift_ned_m: Position of the track's frame in it.
         time_s: When it was true, on our clock.
         settings: For missing spreads.
     """
-    known = not any(math.isnan(part) for part in report.velocity_ned_m_s)
+    place_ned_m = frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
+    known = not any(map(math.isnan, report.velocity_ned_m_s))
     return Measurement(
         time_s,
         report.received_s,
-        frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)),
+        difference(place_ned_m, shift_ned_m),
         report.velocity_ned_m_s if known else None,
         max(_LEAST_SD, report.position_sd_m) if report.position_sd_m > 0.0 else settings.position_sd_m,
         max(_LEAST_SD, report.velocity_sd_m_s) if report.velocity_sd_m_s > 0.0 else settings.velocity_sd_m_s,
@@ -184,13 +188,8 @@ def hear(clock: ClockOffset | None, sent_s: float, received_s: float) -> ClockOf
     grown_s = _grown(clock, received_s)
     if abs(sample_s - grown_s) > _STEP_S:
         return _suspect(clock, sample_s, received_s)
-    return replace(
-        clock,
-        offset_s=min(grown_s, sample_s),
-        at_s=max(clock.at_s, received_s),
-        candidate_s=math.nan,
-        candidate_reports=0,
-    )
+    offset_s, at_s = min(grown_s, sample_s), max(clock.at_s, received_s)
+    return ClockOffset(offset_s, at_s, clock.round_trip_s, clock.synced_s)
 
 
 def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answered_s: float) -> ClockOffset | None:

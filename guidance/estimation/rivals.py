@@ -108,7 +108,7 @@ def listen(rivals: Rivals, one: Report, *, speed_m_s: float, margin_m: float, no
         first += 1
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     odd_s = now_s if _is_odd(rivals.recent[-1] if rivals.recent else one, one) else rivals.odd_s
-    rivals = rivals._replace(recent=kept[first:], since_s=since_s, odd_s=odd_s)
+    rivals = Rivals(kept[first:], rivals.judged_s, since_s, rivals.usual, odd_s, rivals.seen_s, rivals.why)
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals
     rivals = _learn_rate(rivals._replace(judged_s=now_s), now_s)

@@ -65,6 +65,8 @@ class Frame(NamedTuple):
 
 
 _UNUSED: Final = Frame("", 0, 0, 0, None, b"")
+_frame: Final = partial(tuple.__new__, Frame)
+"""Makes a frame from its values in half the time."""
 
 
 class FrameReader:
@@ -141,7 +143,7 @@ class FrameReader:
                 self.unknown += 1
                 self._unknown_left = len(data)
             return None
-        _, _, crc_extra, wire, fields_of, _ = _layout(message)
+        _, _, crc_extra, wire, by_declaration, texts, make, _ = _layout(message)
         if crc16.mcrf4xx(data[1:end] + crc_extra) != data[end] | data[end + 1] << 8:
             return None
         if number in self._unused:
@@ -151,7 +153,9 @@ class FrameReader:
         # Zeros at the end of a payload may be left out, and extensions that we do not know may follow it.
         size = wire.size
         payload = data[begin:end] if end - begin == size else data[begin : min(end, begin + size)].ljust(size, b"\0")
-        return Frame(message.msgname, system_id, component_id, sequence, fields_of(wire.unpack(payload)), data)
+        values = by_declaration(wire.unpack(payload))
+        fields = make(_with_texts(values, texts) if texts else values)
+        return _frame((message.msgname, system_id, component_id, sequence, fields, data))
 
     def _count(self, skipped: int) -> None:
         unknown = min(skipped, self._unknown_left)
@@ -166,7 +170,9 @@ class _Layout(NamedTuple):
     number: bytes
     crc_extra: bytes
     wire: struct.Struct
-    fields_of: Callable[[tuple[Any, ...]], Fields]
+    by_declaration: Callable[[tuple[Any, ...]], tuple[Any, ...]]
+    texts: Sequence[int]
+    make: Callable[[Iterable[Any]], Fields]
     numbers_of: Callable[[Fields], Iterable[Any]]
 
 
@@ -185,16 +191,6 @@ def _layout(message: Any) -> _Layout:  # noqa: ANN401 - a class of pymavlink
     ]
     arrays = any(length > 1 for length in message.lengths)
     by_declaration, by_wire = _picking(places), _picking([names.index(name) for name in message.ordered_fieldnames])
-    make = partial(tuple.__new__, kind)
-
-    def plain_fields(numbers: tuple[Any, ...]) -> Fields:
-        return make(by_declaration(numbers))
-
-    def fields_with_texts(numbers: tuple[Any, ...]) -> Fields:
-        fields = list(by_declaration(numbers))
-        for field in texts:
-            fields[field] = fields[field].split(b"\0", 1)[0].decode("ascii", errors="replace")
-        return make(fields)
 
     def flat_numbers(fields: Fields) -> Iterable[Any]:
         for value in by_wire(fields):
@@ -208,9 +204,19 @@ def _layout(message: Any) -> _Layout:  # noqa: ANN401 - a class of pymavlink
         message.id.to_bytes(3, "little"),
         bytes((message.crc_extra,)),
         message.unpacker,
-        fields_with_texts if texts else plain_fields,
+        by_declaration,
+        texts,
+        partial(tuple.__new__, kind),
         flat_numbers if texts or arrays else by_wire,
     )
+
+
+def _with_texts(values: tuple[Any, ...], texts: Sequence[int]) -> Iterable[Any]:
+    """Decode the texts at these places."""
+    decoded = list(values)
+    for place in texts:
+        decoded[place] = decoded[place].split(b"\0", 1)[0].decode("ascii", errors="replace")
+    return decoded
 
 
 def _picking(places: Sequence[int | slice]) -> Callable[[Sequence[Any]], tuple[Any, ...]]:
@@ -352,7 +358,7 @@ class Station:
         Raises:
             struct.error: If a field does not fit.
         """
-        _, number, crc_extra, wire, _, numbers_of = _layout(_CLASSES[type(message).__name__])
+        _, number, crc_extra, wire, *_, numbers_of = _layout(_CLASSES[type(message).__name__])
         payload = wire.pack(*numbers_of(message)).rstrip(b"\0") or b"\0"  # zeros at the end are left out
         flags = 0 if self._key is None else SIGNED
         body = _HEAD.pack(len(payload), flags, self._sequence, *self._sender, number) + payload

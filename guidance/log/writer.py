@@ -117,7 +117,6 @@ class Recorder:
         self._metadata = dict(metadata)
         self._rotate_s, self._rotate_bytes = rotate_s, rotate_bytes
         self._scene = Scene()
-        self._sequence = 0
         self._part = 1
         private_folder(path.parent)
         self._file = McapFile(path, self._metadata)
@@ -174,37 +173,35 @@ class Recorder:
         try:
             while waiting and self.failed is None:
                 now_s, topic, what = waiting.popleft()
+                if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
+                    self._rotate()
+                if self._file_ends_s == math.inf:
+                    self._file_ends_s = now_s + self._rotate_s
                 if isinstance(what, bytes):
-                    self._add(now_s, topic, what)
+                    self._file.add(topic, None, now_s, what)
                 elif isinstance(what, CycleEntry):
                     self._add_cycle(what)
                 else:
-                    self._add(now_s, topic, EVENT.encode(what), EVENT)
+                    self._file.add(topic, EVENT, now_s, EVENT.encode(what))
             self._file.flush()
         except (OSError, ValueError, TypeError) as error:
             self.failed = str(error)
             waiting.clear()
 
     def _add_cycle(self, entry: CycleEntry) -> None:
+        add, now_s = self._file.add, entry.now_s
         for report in entry.inputs.reports:
-            self._add(report.received_s, EVADER_TOPIC, REPORT.encode(report), REPORT)
-        self._add(entry.now_s, CYCLE_TOPIC, CYCLE.encode(entry), CYCLE)
+            add(EVADER_TOPIC, REPORT, report.received_s, REPORT.encode(report))
+        add(CYCLE_TOPIC, CYCLE, now_s, CYCLE.encode(entry))
         for drawn in self._scene.of(entry):
-            self._add(entry.now_s, drawn.topic, to_json(drawn.message, inf_nan_mode="null"), drawn.shape)
-
-    def _add(self, now_s: float, topic: str, data: bytes, shape: Shape | Codec[Any] | None = None) -> None:
-        if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
-            self._rotate()
-        if self._file_ends_s == math.inf:
-            self._file_ends_s = now_s + self._rotate_s
-        self._file.add(topic, shape, round(now_s * 1e9), self._sequence, data)
-        self._sequence += 1
+            add(drawn.topic, drawn.shape, now_s, to_json(drawn.message, inf_nan_mode="null"))
 
     def _rotate(self) -> None:
         """Open the next file, then finish the previous one: a program that follows the record always finds a next."""
         before = self._file
         try:
             self._file = McapFile(part_path(self.path, self._part + 1), {**self._metadata, PART: str(self._part + 1)})
+            self._file.sequence = before.sequence
         finally:
             before.close(finish=True)
         self._part += 1
@@ -288,7 +285,7 @@ class McapFile:
     def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
         self._path = path
         self._stream = private_file(path).open("wb", buffering=0)
-        self.size = 0
+        self.size = self.sequence = 0
         self._compressor = zstandard.ZstdCompressor(level=1)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -302,17 +299,17 @@ class McapFile:
         self._metadata_index = records.MetadataIndex(len(head), len(run), "run")
         self._put(head + run)
 
-    def add(self, topic: str, shape: Shape | Codec[Any] | None, time_ns: int, sequence: int, data: bytes) -> int:
-        """Add a message, JSON if it has a shape, else a MAVLink frame; return the size of the chunk in progress."""
+    def add(self, topic: str, shape: Shape | Codec[Any] | None, now_s: float, data: bytes) -> None:
+        """Add a message, JSON if it has a shape, else a MAVLink frame."""
         channel = self._channels.get(topic) or self._channel(topic, shape)
-        chunk = self._chunk
+        chunk, time_ns = self._chunk, round(now_s * 1e9)
         entries = self._entries.get(channel)
         if entries is None:
             entries = self._entries[channel] = []
         entries += (time_ns, len(chunk))
-        chunk += _MESSAGE.pack(_MESSAGE_OPCODE, _MESSAGE_HEAD + len(data), channel, sequence, time_ns, time_ns)
+        chunk += _MESSAGE.pack(_MESSAGE_OPCODE, _MESSAGE_HEAD + len(data), channel, self.sequence, time_ns, time_ns)
         chunk += data
-        return len(chunk)
+        self.sequence += 1
 
     def flush(self) -> None:
         """Write the chunk in progress."""

@@ -212,7 +212,7 @@ def run(
             due_s, missed = next_due(due_s, done_s)
             due_s += nudge_s(flying[0].position_age_s) if world.real_time else 0.0
             _count(flying, worked_s, missed)
-            garbage.between(done_s, due_s - done_s)
+            garbage.between(done_s, due_s - done_s if world.real_time else 0.0)
     finally:
         garbage.end()
 

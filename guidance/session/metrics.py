@@ -52,6 +52,7 @@ class LoopCounts(Collector):
     Attributes:
         late: Cycles that began more than one period late.
         setpoints: Setpoints sent.
+        limits_acted: Cycles in which each limit acted.
         lateness: Delay of the start of each cycle.
         work: Working time of each cycle.
     """
@@ -59,6 +60,7 @@ class LoopCounts(Collector):
     def __init__(self, name: str) -> None:
         self._name = name
         self.late = self.setpoints = 0
+        self.limits_acted: dict[str, int] = {}
         self.lateness, self.work = Durations(), Durations()
 
     def collect(self) -> Iterator[Metric]:
@@ -71,6 +73,12 @@ class LoopCounts(Collector):
             counter = CounterMetricFamily(f"guidance_{key}", words, labels=("vehicle",))
             counter.add_metric((self._name,), value)
             yield counter
+        acted = CounterMetricFamily(
+            "guidance_limits_acted", "cycles in which a limit acted", labels=("vehicle", "limit")
+        )
+        for limit, count in self.limits_acted.copy().items():  # the loop may add one meanwhile
+            acted.add_metric((self._name, limit), count)
+        yield acted
         for key, words, durations in (
             ("lateness_seconds", "delay of the start of a cycle", self.lateness),
             ("work_seconds", "working time of a cycle", self.work),
@@ -100,7 +108,6 @@ class Metrics:
         self._links = gauge("link_total", "counters of links and evader source", "link", "what")
         self._events = counter("events", "events of the flight", "event")
         self._alarms = counter("alarms", "alarms: violations of the guarantee", "broken")
-        self._acted = counter("limits_acted", "cycles in which a limit acted", "limit")
         self._orders = counter("orders", "orders, accepted or refused", "order", "accepted")
         self.loop = LoopCounts(name)
         registry.register(self.loop)
@@ -113,8 +120,9 @@ class Metrics:
         if outputs.alarm is not None:
             self._alarms.labels(self._name, str(outputs.alarm.violation)).inc()
         if outputs.certificate is not None:
+            acted = self.loop.limits_acted
             for limit in outputs.certificate.active_limits:
-                self._acted.labels(self._name, limit).inc()
+                acted[limit] = acted.get(limit, 0) + 1
 
     def show(self, now_s: float, flight: Flight, outputs: Outputs, counters: Mapping[str, Mapping[str, int]]) -> None:
         """Set the gauges. Called once a second.

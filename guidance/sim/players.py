@@ -32,6 +32,9 @@ class EvaderPilot:
     Args:
         link: To the vehicle.
         scenario: Its game, its strategy and its place.
+
+    Attributes:
+        ready: Whether it is armed, in GUIDED, and its position is known.
     """
 
     def __init__(self, link: VehicleLink, scenario: Scenario) -> None:
@@ -43,16 +46,10 @@ class EvaderPilot:
         self._requested_s = self._stood_s = float("-inf")
         self.vehicle = VehicleState()
         self.messages: Sequence[Message] = ()
+        self.ready = False
         self._position_m: Vector | None = None
         self._frame: GameFrame | None = None
         self._frame_sources: tuple[Home | None, Origin | None] = (None, None)
-
-    @property
-    def ready(self) -> bool:
-        """Whether it is armed, in GUIDED, and its position is known."""
-        heartbeat = self.vehicle.last(Heartbeat)
-        guided = heartbeat is not None and ROVER.mode_of(heartbeat.custom_mode) is Mode.GUIDED
-        return guided and self.vehicle.armed and self.position_game_m() is not None
 
     def position_game_m(self) -> Vector | None:
         """Its position in the game frame from its own telemetry, None until known."""
@@ -72,7 +69,10 @@ class EvaderPilot:
         self.messages = self._link.receive()
         self.vehicle = observe(self.vehicle, self.messages)
         position = self._position_m = self._located()
-        if not self.ready or position is None:
+        beat = self.vehicle.last(Heartbeat)
+        guided = beat is not None and beat.armed and beat.custom_mode == ROVER.custom_modes[Mode.GUIDED]
+        self.ready = guided and position is not None
+        if not guided or position is None:
             self._make_ready(now_s)
         elif playing and pursuers_game_m:
             self._began_s = now_s if self._began_s is None else self._began_s
