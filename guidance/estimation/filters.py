@@ -218,9 +218,9 @@ def blended(one: Normal, other: Normal, share: float) -> Normal:
     rest = 1.0 - share
     spread = rest * share
     n, e, x, y, *turn = [there - here for here, there in zip(one.mean, other.mean, strict=False)]
-    squares = (n * n, e * n, e * e, x * n, x * e, x * x, y * n, y * e, y * x, y * y)
+    squares: Sequence[float] = (n * n, e * n, e * e, x * n, x * e, x * x, y * n, y * e, y * x, y * y)
     for w in turn:
-        squares += (w * n, w * e, w * x, w * y, w * w)
+        squares = (*squares, w * n, w * e, w * x, w * y, w * w)
     rows = zip(one.covariance, other.covariance, squares, strict=False)
     return Normal(
         [rest * here + share * there for here, there in zip(one.mean, other.mean, strict=False)],

@@ -173,10 +173,10 @@ def _writer(kind: Any, tag: dict[str, str]) -> Callable[[Any], dict[str, Any]]: 
     names, hints = kind._fields, get_type_hints(kind)
     optional = [name for name in names if inside(hints[name]) is not hints[name]]
     numbers = [name for name in names if inside(hints[name]) is float]
-    parts = [(name, write) for name in names if (write := form_of(hints[name]).write) is not None]
+    parts = [(name, form.write) for name in names if (form := form_of(hints[name])).write is not None]
 
     def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
-        fields = dict(tag)
+        fields: dict[str, Any] = dict(tag)
         fields.update(zip(names, value, strict=True))
         for name in optional:
             if fields[name] is None:
