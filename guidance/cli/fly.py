@@ -11,7 +11,9 @@ import typer
 from guidance.cli import INTERRUPTED
 from guidance.cli.arguments import Expected, FlightFolder, Json, Link, Panel, Port, Scenario, Seed, Yes, agree, refuse
 from guidance.cli.viewers import CommandBeside, panel_beside
-from guidance.extras import require
+from guidance.extras import how_to_add, require
+from guidance.sim.scenario_file import load_any
+from guidance.sim.teams import TeamScenario
 
 
 def fly(
@@ -54,6 +56,7 @@ def fly(
     - `guidance fly --panel`: with the operator's page, its picture and its orders
     - `guidance fly hover_chase --vehicle udpin://127.0.0.1:14540`: PX4's SITL
     - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
+    - `guidance fly teams_guard`: a team, with one page for all of it, which ends with the flight
     - `guidance fly teams_guard --vehicle URL1 --vehicle URL2 --vehicle URL3`: a team
     """
     if not vehicle:
@@ -65,7 +68,10 @@ def fly(
         refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with contextlib.ExitStack() as closing:
-        beside = _Beside(closing, view=view, panel=panel, folder=Path("flights") if out is None else out.parent)
+        team = isinstance(load_any(scenario)[1], TeamScenario)
+        page = panel or (team and not (fast or as_json) and how_to_add("panel") is None)
+        folder = Path("flights") if out is None else out.parent
+        beside = _Beside(closing, view=view, panel=page, folder=folder)
         try:
             from guidance.cli.fly_scenario import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
             from guidance.session.fly import Asked, MockOptions  # noqa: PLC0415
@@ -80,7 +86,8 @@ def fly(
             kept = f"the record so far is {beside.records[0]}" if beside.records else nothing
             typer.echo(f"interrupted: {'' if vehicle else 'the mock was ended; '}{kept}", err=True)
             raise typer.Exit(INTERRUPTED) from None
-        beside.stay()
+        if view or panel:
+            beside.stay()
     raise typer.Exit(code)
 
 

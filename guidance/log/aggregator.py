@@ -79,6 +79,7 @@ class Aggregator:
         self.vehicle = VehicleState()
         self._evader_m: Vector = _UNKNOWN
         self._report_s = math.nan
+        self._playing: str | None = None
         self._home_ned_m: Vector | None = None
         self.flights += 1
         self.cycle = Cycle(math.nan)
@@ -109,8 +110,10 @@ class Aggregator:
         inputs = row.inputs
         self.vehicle = observe(self.vehicle, inputs.messages)
         self._tracking.observe(self.vehicle, ())
+        self._playing = self._playing if inputs.role is None else inputs.role.evader
         for report in inputs.reports:
-            self._add(report)
+            if self._playing in {None, report.evader}:
+                self._add(report)
         frame = self._tracking.game_frame
         self._place_home(self._tracking.home_ned_m, frame, self._tracking.local_frame)
         local, setpoint, certificate = self.vehicle.last(LocalPosition), row.setpoint, row.certificate

@@ -10,7 +10,7 @@ import json
 import threading
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import zenoh
 
@@ -18,6 +18,9 @@ from guidance.errors import ConfigError, LinkError
 from guidance.links.zenoh_wire import is_over
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, InputsEntry
 from guidance.log.reader import Idle, Item
+
+if TYPE_CHECKING:
+    from guidance.messages import Role
 
 MAX_WAITING: Final = 256
 """Five seconds of cycles; further entries are dropped and counted."""
@@ -55,6 +58,7 @@ class Broadcast:
         self._metadata = dict(metadata)
         self._latest: dict[type, Any] = {}
         self._last: CycleEntry | None = None
+        self._role: Role | None = None
         self._waiting: deque[tuple[str, CycleEntry | EventEntry]] = deque()
         self._queries: deque[Any] = deque(maxlen=_MAX_QUERIES)
         self.dropped = 0
@@ -117,7 +121,7 @@ class Broadcast:
     def _remember(self, entry: CycleEntry | EventEntry) -> None:
         """Keep what viewers that join later need."""
         if isinstance(entry, CycleEntry):
-            self._last = entry
+            self._last, self._role = entry, entry.inputs.role or self._role
             self._latest.update((type(message), message) for message in entry.inputs.messages)
         elif entry.event == RELOADED:
             self._metadata["config"] = entry.detail
@@ -127,7 +131,7 @@ class Broadcast:
             query = self._queries.popleft()
             answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
             if self._last is not None:
-                inputs = InputsEntry(tuple(self._latest.values()), (), ())
+                inputs = InputsEntry(tuple(self._latest.values()), (), (), role=self._role)
                 answer["heard"] = CYCLE.plain(CycleEntry(self._last.now_s, self._last.state, inputs, ()))
             data = json.dumps(answer, allow_nan=False).encode()
             query.reply(broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON)

@@ -132,7 +132,10 @@ class ControlBus:
         mates: Sequence[str] = (),
     ) -> None:
         self._name = name
-        self._team, self._shown = team, {"name": name} | ({"vehicles": sorted([name, *mates])} if team else {})
+        self._team, self._shown = (
+            team,
+            {"name": name} | ({"team": team, "vehicles": sorted([name, *mates])} if team else {}),
+        )
         self._mailbox = mailbox
         self._orders, self._queries = Exchanges(MOST_ORDERS), Exchanges(MOST_QUERIES)
         with contextlib.ExitStack() as closing:
@@ -323,37 +326,60 @@ def ask_team(
 ) -> list[dict[str, Any]]:
     """Give an order to all vehicles of a team, or to the named ones; return an answer for each.
 
-    `start` and `engage` are given only if every one of them would accept it now. Other arguments as of `ask`.
+    Arguments as of `ask` and `order_team`.
 
     Raises:
         ConfigError: If the token may not be read.
         LinkError: If no vehicle of the team answers, or the token is wrong.
     """
     session = join_session(endpoint, token_file, credentials)
+    try:
+        return order_team(session, order, team, names, by=by, timeout_s=timeout_s)
+    except LinkError as error:
+        raise LinkError(f"{error} at {endpoint}; is `guidance run` running?") from error
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def order_team(
+    session: "zenoh.Session", order: str, team: str, names: Collection[str], *, by: str, timeout_s: float
+) -> list[dict[str, Any]]:
+    """Give an order to a team on a session; return an answer for each vehicle.
+
+    `start` and `engage` are given only if every one of them would accept it now.
+
+    Args:
+        session: On the bus of the daemons.
+        order: One of `WORDS`.
+        team: Its name.
+        names: Of vehicles; empty for all.
+        by: Name of the person or program, for log and record.
+        timeout_s: Time limit for the answers.
+
+    Raises:
+        LinkError: If no vehicle of the team answers.
+    """
 
     def asked(word: str) -> dict[str, dict[str, Any]]:
         keys = [control_key(name, word) for name in names or "*"]
         found = [one for key in keys for one in answers(session, f"{key}?{_TEAM}={team}", timeout_s, by)]
         if not found:
-            raise LinkError(f"--team {team}: no vehicle of it answers at {endpoint}; is `guidance run` running?")
+            raise LinkError(f"--team {team}: no vehicle of it answers")
         silent = {"accepted": False, "order": word, "state": "not heard", "reason": f"no answer in {timeout_s:g} s"}
         there = {str(one["name"]): one for one in found}
         return {name: there.get(name, {"name": name, **silent}) for name in sorted(names or found[0]["vehicles"])}
 
-    try:
-        if order in {Event.START, Event.ENGAGE}:
-            found = asked(STATUS)
-            why = {name: one.get("reason") or one["refused_orders"][order] for name, one in found.items()}
-            if any(why.values()):
-                others = f"waits for {', '.join(name for name, reason in why.items() if reason)}"
-                common = {"accepted": False, "order": order}
-                return [
-                    {"name": name, "state": one["state"], **common, "reason": why[name] or others}
-                    for name, one in found.items()
-                ]
-        return list(asked(order).values())
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
+    if order in {Event.START, Event.ENGAGE}:
+        found = asked(STATUS)
+        why = {name: one.get("reason") or one["refused_orders"][order] for name, one in found.items()}
+        if any(why.values()):
+            others = f"waits for {', '.join(name for name, reason in why.items() if reason)}"
+            common = {"accepted": False, "order": order}
+            return [
+                {"name": name, "state": one["state"], **common, "reason": why[name] or others}
+                for name, one in found.items()
+            ]
+    return list(asked(order).values())
 
 
 def answers(session: Any, key: str, timeout_s: float, by: str = "") -> list[dict[str, Any]]:  # noqa: ANN401 - zenoh.Session

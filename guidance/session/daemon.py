@@ -305,6 +305,7 @@ class Daemon:
         if queries:
             words = self.recording.words
             shown = status(self.name, now_s, self.flight, outputs, self.rows, barred=self._barred(), recording=words)
+            shown |= {} if self.team is None else {"assignment": self.team.assignment(self.flight)}
             for query in queries:
                 query.answer({"accepted": True, "order": query.order, **shown})
 

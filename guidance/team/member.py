@@ -117,6 +117,22 @@ class Member:
             return before if flight.role is None else None
         return role
 
+    def assignment(self, flight: Flight) -> dict[str, Any]:
+        """Return its role, the coordinator, all promises and the evaders out of play, for displays."""
+        roles, role = self.board.roles, flight.role or self._first
+        unit = "s" if flight.settings.cycle.target_game_m is None else "m"
+        return {
+            "evader": role.evader,
+            "above_m": role.above_m,
+            "coordinator": "" if roles is None else roles.vehicle,
+            "over": sorted(self.board.over),
+            "promises": [
+                {"evader": one.evader, "first": one.first, "second": one.second}
+                | {"standing": one.standing, "words": one.words(unit)}
+                for one in (() if roles is None else roles.promises)
+            ],
+        }
+
     def tell(self, now_s: float, flight: Flight, outputs: Outputs) -> None:
         """Tell the mates about the vehicle and the evaders, and assign roles as the coordinator."""
         ends = {Event.CAPTURED, Event.ESCAPED}

@@ -149,6 +149,32 @@ def test_the_page_is_whole_without_a_browser():
 
 
 @pytest.mark.slow
+def test_a_team_is_on_one_page_and_one_button_holds_all(browser, tmp_path):
+    if browser is None:
+        print("no chromium here: the page was checked for its structure only")
+        return
+    command = [GUIDANCE, "fly", "teams_guard", "--out", tmp_path / "guard"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as flight:
+        url = next(line.split()[1] for line in flight.stdout if line.startswith("panel"))
+        page = browser.new_page()
+        page.set_viewport_size({"width": 390, "height": 844})
+        page.goto(url)
+        vehicles = page.locator("#daemons button", has_text=re.compile("engaged → rover[12]$"))
+        vehicles.nth(2).wait_for()
+        assert page.locator("#promises .lamp", has_text="m promised").count() == 2
+        page.locator("#whom button", has_text="ALL 3").click()
+        assert page.locator("#next", has_text="uav1, uav2, uav3: Flies to the stand-off disc").count() == 1
+        page.locator("[data-order=hold-all]").click()
+        answered(page, "ALL 3 · HOLD: accepted")
+        page.locator("#daemons button", has_text="holding").nth(2).wait_for()
+        hold_down(page, "engage")
+        answered(page, "ALL 3 · ENGAGE: accepted")
+        vehicles.nth(2).wait_for()
+        assert browser.said == []
+        flight.send_signal(signal.SIGINT)
+
+
+@pytest.mark.slow
 def test_a_whole_flight_by_buttons_and_lost_connections_are_shown(parts, browser, certificate):
     """One long test, because browser, mock, daemon and panel take long to start."""
     if browser is None:

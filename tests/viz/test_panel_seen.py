@@ -61,9 +61,9 @@ class StubBus:
         taken, self.waiting = self.waiting, []
         return taken
 
-    def order(self, name, order, by):
-        self.ordered.append((name, order, by))
-        return {"accepted": True, "order": order, "name": name}
+    def order(self, name, order, by, team=""):
+        self.ordered.append((name, order, by, team))
+        return [{"accepted": True, "order": order, "name": name}]
 
     def note_operator(self, name):
         self.vouched.append(name)
@@ -311,7 +311,10 @@ def test_signs_of_life_go_to_the_watched_daemon_and_their_age_is_shown(told):
 
 def test_orders_go_to_the_chosen_daemon(told):
     (daemon,) = told.read(whole=True)["daemons"]
-    assert told.hub.order(daemon["key"], "hold", "panel, Ana")["accepted"]
-    assert told.bus.ordered == [("uav1", "hold", "panel, Ana")]
+    assert told.hub.order(daemon["key"], "hold", "panel, Ana")[0]["accepted"]
+    assert told.bus.ordered == [("uav1", "hold", "panel, Ana", "")]
+    told.tell(News("uav1", 100.0, {"team": "north", "vehicles": ["uav1", "uav2"]}))
+    told.hub.order(daemon["key"], "hold", "panel, Ana", team=True)
+    assert told.bus.ordered[1:] == [("uav1", "hold", "panel, Ana", "north")]
     with pytest.raises(LinkError, match="no daemon 'uav9' is known"):
         told.hub.order("uav9", "hold", "")

@@ -48,11 +48,11 @@ class StubHub:
     def note_operator(self, daemon):
         self.vouched.append(daemon)
 
-    def order(self, daemon, order, by):
+    def order(self, daemon, order, by, *, team=False):
         if daemon == "gone":
             raise LinkError("gone: no answer within 4 s")
-        self.ordered.append((daemon, order, by))
-        return {"accepted": False, "order": order, "reason": "on the ground: order start first"}
+        self.ordered.append((daemon, order, by, team))
+        return [{"accepted": False, "order": order, "reason": "on the ground: order start first"}]
 
 
 @pytest.fixture
@@ -152,10 +152,10 @@ async def test_an_order_reaches_the_daemon_with_its_author_and_returns_the_reaso
     panel = await let_in(await opened())
     order = {"daemon": "uav1@x", "order": "engage", "by": "Ana" + 90 * "a"}
     async with panel.client.post("order", json=order, headers=panel.origin) as answer:
-        assert (await answer.json())["reason"] == "on the ground: order start first"
-    assert panel.hub.ordered == [("uav1@x", "engage", f"panel, Ana{21 * 'a'} at 127.0.0.1")]
+        assert (await answer.json())[0]["reason"] == "on the ground: order start first"
+    assert panel.hub.ordered == [("uav1@x", "engage", f"panel, Ana{21 * 'a'} at 127.0.0.1", False)]
     async with panel.client.post("order", json={**order, "daemon": "gone"}, headers=panel.origin) as answer:
-        assert await answer.json() == {"accepted": False, "order": "engage", "reason": "gone: no answer within 4 s"}
+        assert (await answer.json())[0]["reason"] == "gone: no answer within 4 s"
     for body in (b"", b"[]", b"{}", b'{"daemon": 1}', b"[[[[", b"[" * 4000, b"\xff", b"x" * 100_000):
         async with panel.client.post("order", data=body, headers=panel.origin) as answer:
             assert answer.status in {400, 413}
@@ -168,7 +168,7 @@ async def test_a_panel_with_look_takes_no_order(opened):
     order = {"daemon": "uav1", "order": "hold", "by": ""}
     async with panel.client.post("order", json=order, headers=panel.origin) as answer:
         assert answer.status == 403
-        assert (await answer.json())["reason"] == "this panel takes no orders (--look)"
+        assert (await answer.json())[0]["reason"] == "this panel takes no orders (--look)"
     assert panel.hub.ordered == []
 
 

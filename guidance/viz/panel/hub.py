@@ -23,7 +23,7 @@ from guidance.links.zenoh_wire import is_over
 from guidance.log import EventEntry, Item, SettingsOf
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER
-from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session
+from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session, order_team
 from guidance.session.control_socket import ALIVE, STATUS
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold, event_row, history_row, of_age, of_operator
 
@@ -94,8 +94,8 @@ class DaemonBus:
         """Take the news since the last call, oldest first."""
         return [self._news.popleft() for _ in range(len(self._news))]
 
-    def order(self, name: str, order: str, by: str) -> Mapping[str, Any]:
-        """Send an order and return the daemon's answer. Blocks until it arrives.
+    def order(self, name: str, order: str, by: str, team: str = "") -> Sequence[Mapping[str, Any]]:
+        """Send an order to a daemon, or to all of a team; return an answer of each. Blocks until they arrive.
 
         Raises:
             LinkError: If no answer arrives in time.
@@ -104,6 +104,8 @@ class DaemonBus:
         if session is None:
             raise LinkError(f"no daemon at {self.endpoint}: {self.reason}")
         try:
+            if team:
+                return order_team(session, order, team, (), by=by, timeout_s=ORDER_LIMIT_S)
             answered = answers(session, control_key(name, order), ORDER_LIMIT_S, by)
         except (zenoh.ZError, ValueError) as error:
             raise LinkError(f"{name} at {self.endpoint}: the order was not sent ({error})") from error
@@ -111,7 +113,7 @@ class DaemonBus:
             raise LinkError(
                 f"{name} at {self.endpoint}: no answer within {ORDER_LIMIT_S:g} s; repeat it, or take over by radio"
             )
-        return answered[0]
+        return answered
 
     def note_operator(self, name: str) -> None:
         """Send signs of life to a daemon for the next `OPERATOR_LIMIT_S`: an operator is watching it."""
@@ -253,6 +255,11 @@ class DaemonView:
             if seen is not None:
                 self._history.append(history_row(seen))
 
+    @property
+    def team(self) -> str:
+        """Name of the vehicle's team; empty without one."""
+        return str(self._status.get("team", ""))
+
     def message(self, now_s: float, *, whole: bool) -> Plain:
         """Return the changes since `mark_sent`, or everything."""
         silent_s = max(0.0, now_s - self._heard_s)
@@ -322,8 +329,8 @@ class Hub:
         buses = [{"endpoint": bus.endpoint, "reason": bus.reason} for bus in self._buses]
         return json.dumps({"whole": whole, "daemons": daemons, "buses": buses}, separators=(",", ":"), allow_nan=False)
 
-    def order(self, key: str, order: str, by: str) -> Mapping[str, Any]:
-        """Send an order to a daemon and wait for the answer.
+    def order(self, key: str, order: str, by: str, *, team: bool = False) -> Sequence[Mapping[str, Any]]:
+        """Send an order to a daemon, or to all vehicles of its team, and wait for an answer of each.
 
         Raises:
             LinkError: If the daemon is unknown or does not answer.
@@ -331,7 +338,7 @@ class Hub:
         view = self._views.get(key)
         if view is None:
             raise LinkError(f"no daemon {key!r} is known")
-        return view.bus.order(view.name, order, by)
+        return view.bus.order(view.name, order, by, view.team if team else "")
 
     def note_operator(self, key: str) -> None:
         """Send signs of life to a daemon for a short time; unknown keys are ignored."""

@@ -8,6 +8,7 @@ import signal
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import parse_qs
@@ -277,21 +278,22 @@ class PanelServer:
         return page
 
     async def _order(self, request: web.Request) -> web.StreamResponse:
-        """Send an order, and answer with the daemon's answer."""
+        """Send an order to a daemon, or to its `team`, and return the list of answers."""
         if self._options.look:
-            return web.json_response({"accepted": False, "reason": "this panel takes no orders (--look)"}, status=403)
+            return web.json_response([{"accepted": False, "reason": "this panel takes no orders (--look)"}], status=403)
         try:
             form = json.loads(await request.read())
             daemon, order, name = (str(form[key]) for key in ("daemon", "order", "by"))
+            send = partial(self._hub.order, team=bool(form.get("team")))
         except (ValueError, KeyError, TypeError, RecursionError):
             return web.Response(status=400)
         by = f"panel, {name[:_MAX_NAME_LENGTH]} at {request.remote}"
         loop = asyncio.get_running_loop()
         try:
-            answer: Any = await loop.run_in_executor(self._order_threads, self._hub.order, daemon, order, by)
+            answers: Any = await loop.run_in_executor(self._order_threads, send, daemon, order, by)
         except LinkError as error:
-            answer = {"accepted": False, "order": order, "reason": str(error)}
-        return web.json_response(answer)
+            answers = [{"accepted": False, "order": order, "reason": str(error)}]
+        return web.json_response(answers)
 
     async def _send_changes(self) -> None:
         while True:

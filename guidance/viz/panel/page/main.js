@@ -9,6 +9,7 @@ import { Records, link } from "./records.js";
 import { Replay } from "./replay.js";
 import { Space } from "./space.js";
 import { forgetInks } from "./surface.js";
+import { showPromises, teamOf } from "./team.js";
 import { TEXTS } from "./texts.js";
 
 const CHARTS_EVERY_MS = 500;
@@ -31,9 +32,9 @@ class Pictures {
     return at("plan").hidden ? this.space : this.plan;
   }
 
-  draw(daemon, window_s) {
+  draw(daemon, window_s, team = []) {
     this.glance.show(daemon);
-    this.shown.show(daemon);
+    this.shown.show(daemon, team);
     this.profile.show(daemon);
     if (performance.now() - this.chartsMs > CHARTS_EVERY_MS || window_s) {
       this.chartsMs = performance.now();
@@ -58,13 +59,19 @@ class Live {
     if (!lookOnly) setInterval(() => this.sendSignOfLife(), SIGN_OF_LIFE_MS);
   }
 
-  // An operator's sign of life to the shown daemon, while this page is visible.
+  // An operator's sign of life to the shown daemon, or to its whole team, while this page is visible.
   sendSignOfLife() {
-    if (this.daemon && document.visibilityState === "visible") this.feed.say(this.daemon.key);
+    if (!this.daemon || document.visibilityState !== "visible") return;
+    for (const { key } of this.team.length ? this.team : [this.daemon]) this.feed.say(key);
+  }
+
+  get team() {
+    return teamOf(this.daemon, [...this.feed.daemons.values()]);
   }
 
   get daemon() {
-    return this.feed.daemons.get(this.chosen) ?? this.feed.daemons.values().next().value;
+    const names = [...this.feed.daemons.keys()].sort();
+    return this.feed.daemons.get(this.chosen) ?? this.feed.daemons.get(names[0]);
   }
 
   changed() {
@@ -88,8 +95,10 @@ class Live {
     this.tabs(daemon);
     this.banner();
     if (!daemon) return;
-    this.orders.show(daemon);
-    this.pictures.draw(daemon);
+    const { team } = this;
+    showPromises(at("promises"), daemon);
+    this.orders.show(daemon, team);
+    this.pictures.draw(daemon, undefined, team);
     const drawn_s = daemon.snapshot?.now_s;
     if (drawn_s === undefined || drawn_s === this.drawn_s) return;
     this.drawn_s = drawn_s;
@@ -103,7 +112,9 @@ class Live {
 
   tabs(daemon) {
     const daemons = [...this.feed.daemons.values()];
-    const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state_words ?? one.status.state ?? "–"}`);
+    daemons.sort((one, other) => one.name.localeCompare(other.name));
+    const against = (one) => (one.status.assignment ? ` → ${one.status.assignment.evader}` : "");
+    const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state_words ?? one.status.state ?? "–"}${against(one)}`);
     const shown = JSON.stringify([words, daemon?.key]);
     if (shown !== this.shownTabs) {
       this.shownTabs = shown;

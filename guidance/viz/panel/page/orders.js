@@ -6,63 +6,105 @@ const LOOKS = { start: "go", engage: "go", hold: "stop", land: "stop", abort: "l
 const SLOW = new Set(["start", "engage", "abort"]);
 const KEYS = { h: "hold", l: "land" };
 const ALWAYS = ["hold", "land", "return", "abort"];
+const TOGETHER = new Set(["start", "engage"]); // given to a team only if every vehicle accepts
 
 // The next order in each state. The daemon's `refused_orders` gives the reason if it would refuse it.
 const NEXT = {
   connecting: "start", checking: "start", ready: "start", waiting: "start", "standing by": "engage", holding: "engage",
   landed: "reset", yielded: "reset", failed: "reset",
 };
+const FIRST = ["start", "engage", "reset"]; // of vehicles in different states
 
 export class Orders {
   constructor(element, lookOnly) {
     this.next = element.querySelector("#next");
     this.answer = element.querySelector("#answer");
     this.lookOnly = lookOnly;
+    this.whom = element.querySelector("#whom");
     this.daemon = null;
+    this.team = [];
+    this.toAll = false;
     this.shown = "";
     this.pressed = ""; // the order whose button is pressed; the button is not replaced meanwhile
     if (lookOnly) return;
+    this.holdAll = this.button("hold", true);
     this.always = ALWAYS.map((order) => this.button(order));
-    element.querySelector("#buttons").append(...this.always);
+    element.querySelector("#buttons").append(this.holdAll, ...this.always);
     document.addEventListener("keydown", (event) => this.key(event));
   }
 
-  show(daemon) {
-    this.daemon = daemon;
-    const state = daemon.snapshot?.state ?? daemon.status.state ?? "connecting";
-    const status = daemon.status;
-    const gone = lost(daemon);
-    const words = daemon.snapshot?.state_words ?? state;
-    this.always?.forEach((button) => disable(button, gone || refusal(daemon, words, button.dataset.order)));
-    const order = gone ? undefined : NEXT[state];
-    const reason = status.refused_orders?.[order] ?? status.reason ?? "";
-    const after = TEXTS.after[status.after_capture] ?? TEXTS.after.hold;
-    const about = gone || (TEXTS.about[state]?.(after) ?? "");
-    const what = JSON.stringify([daemon.key, state, order, reason, status.to_do, status.waiting_for, about]);
+  show(daemon, team) {
+    [this.daemon, this.team] = [daemon, team];
+    this.choose();
+    const targets = this.toAll ? team : [daemon];
+    this.always?.forEach((button) => disable(button, against(targets, button.dataset.order)));
+    if (this.holdAll) {
+      this.holdAll.hidden = !team.length;
+      disable(this.holdAll, against(team, "hold"));
+    }
+    const gone = targets.every(lost) && lost(daemon);
+    const nexts = targets.map((one) => NEXT[stateOf(one)]);
+    const order = gone || nexts.includes(undefined) ? undefined : FIRST.find((one) => nexts.includes(one));
+    const reason = order ? against(targets, order) : "";
+    const about = gone || this.about(targets);
+    const lists = targets.map(({ status }) => [status.to_do, status.waiting_for]);
+    const what = JSON.stringify([targets.map((one) => one.key), nexts, order, reason, lists, about]);
     if (what === this.shown) return;
-    const blocked = order !== "reset" && (reason || !status.refused_orders);
+    const blocked = order !== "reset" && (reason || targets.some((one) => !one.status.refused_orders));
     if (this.pressed && this.pressed === order && !blocked) return;
     this.shown = what;
     const parts = [];
     if (order && !blocked && this.lookOnly) parts.push(said("p", TEXTS.awaits(TEXTS.orders[order][0])));
     else if (order && !blocked) parts.push(this.button(order), said("p", TEXTS.ready[order] ?? ""));
-    else if (order) parts.push(...this.missing(order, status, reason));
+    else if (order) parts.push(...this.missing(order, targets, reason));
     else parts.push(said("p", about));
-    if (order === "start") parts.push(...this.listed(status.to_do, "warn", TEXTS.advised, "caution"));
+    if (order === "start") parts.push(...this.listed(toDo(targets), "warn", TEXTS.advised, "caution"));
     this.next.replaceChildren(...parts);
+  }
+
+  // What guidance does next; of a team with the names of those that do it.
+  about(targets) {
+    const doing = new Map();
+    for (const one of targets) {
+      const words = TEXTS.about[stateOf(one)]?.(TEXTS.after[one.status.after_capture] ?? TEXTS.after.hold);
+      if (words) doing.set(words, [...(doing.get(words) ?? []), one.name]);
+    }
+    const named = ([words, names]) => (this.toAll ? `${names.join(", ")}: ${words}` : words);
+    return [...doing].map(named).join(" ");
+  }
+
+  // The choice between one vehicle and all of its team.
+  choose() {
+    this.whom.hidden = !this.team.length;
+    this.toAll &&= this.team.length > 0;
+    const shown = JSON.stringify([this.daemon.name, this.team.length, this.toAll]);
+    if (this.whom.dataset.shown === shown) return;
+    this.whom.dataset.shown = shown;
+    const choices = [[this.daemon.name, false], [TEXTS.all(this.team.length), true]].map(([words, toAll]) => {
+      const button = said("button", words);
+      button.className = "quiet";
+      button.setAttribute("aria-pressed", this.toAll === toAll);
+      button.addEventListener("click", () => {
+        this.toAll = toAll;
+        this.show(this.daemon, this.team);
+      });
+      return button;
+    });
+    this.whom.replaceChildren(said("span", TEXTS.whom), ...choices);
   }
 
   // No contact with the panel: disable all orders until the next message.
   lose(reason) {
-    this.always?.forEach((button) => disable(button, reason));
+    [this.holdAll, ...(this.always ?? [])].forEach((button) => button && disable(button, reason));
     this.next.querySelectorAll("button").forEach((button) => disable(button, reason));
     this.shown = "";
   }
 
   // The reasons against an order and what to do, in place of its button.
-  missing(order, status, reason) {
-    const list = this.listed(status.to_do, "refuse", TEXTS.missing[order], "warning");
-    const words = status.waiting_for ? TEXTS.waiting(status.waiting_for) : reason;
+  missing(order, targets, reason) {
+    const list = this.listed(toDo(targets), "refuse", TEXTS.missing[order], "warning");
+    const waits = targets.find(({ status }) => status.waiting_for)?.status.waiting_for;
+    const words = waits ? TEXTS.waiting(waits) : reason;
     return list.length ? list : [said("h2", TEXTS.missing[order]), said("p", words)];
   }
 
@@ -81,16 +123,17 @@ export class Orders {
     return [said("h2", TEXTS.counted(heading, kept.length)), list];
   }
 
-  button(order) {
+  // A button of an order to the chosen vehicle or vehicles; `all` is always to the whole team.
+  button(order, all = false) {
     const button = document.createElement("button");
-    const [name, what, key] = TEXTS.orders[order];
-    button.className = `order ${order} ${LOOKS[order] ?? ""}`;
-    button.dataset.order = order;
+    const [name, what, key] = all ? TEXTS.holdAll : TEXTS.orders[order];
+    button.className = `order ${order} ${LOOKS[order] ?? ""} ${all ? "all" : ""}`;
+    button.dataset.order = all ? `${order}-all` : order;
     const small = said("small", SLOW.has(order) ? TEXTS.holdDown : what);
     if (key) small.append(said("span", ` · ${key}`));
     button.append(document.createElement("i"), name, small);
     if (SLOW.has(order)) this.slow(button, order, name);
-    else button.addEventListener("click", () => this.give(order));
+    else button.addEventListener("click", () => this.give(order, all || this.toAll));
     return button;
   }
 
@@ -130,22 +173,27 @@ export class Orders {
     if (order) this.give(order);
   }
 
-  async give(order) {
+  async give(order, toAll = this.toAll) {
     const daemon = this.daemon;
     if (!daemon) {
       this.say("warning", TEXTS.noDaemon);
       return;
     }
-    const name = `${daemon.name} · ${TEXTS.orders[order][0]}`;
+    const name = `${toAll ? TEXTS.all(this.team.length) : daemon.name} · ${TEXTS.orders[order][0]}`;
     this.say("unknown", TEXTS.given(name));
     try {
       const answer = await fetch("order", {
         method: "POST",
         headers: { "Content-Type": "application/json" },
-        body: JSON.stringify({ daemon: daemon.key, order, by: document.querySelector("#by").value }),
+        body: JSON.stringify({ daemon: daemon.key, order, by: document.querySelector("#by").value, team: toAll }),
       });
-      const { accepted, reason } = await answer.json();
-      this.say(accepted ? "ok" : "warning", accepted ? TEXTS.accepted(name) : TEXTS.refused(name, reason));
+      const answers = await answer.json();
+      const refused = answers.filter((one) => !one.accepted);
+      const why = refused.map((one) => (toAll && one.name ? `${one.name}: ${one.reason}` : one.reason)).join("; ");
+      const words = refused.length ? TEXTS.refused(name, why) : TEXTS.accepted(name);
+      const rest = answers.length - refused.length;
+      const some = refused.length && rest ? ` ${TEXTS.others(rest)}` : "";
+      this.say(refused.length ? "warning" : "ok", words + some);
     } catch {
       this.say("warning", TEXTS.unanswered(name));
     }
@@ -163,10 +211,26 @@ function lost(daemon) {
   return daemon.contact === "warning" ? TEXTS.noContact : "";
 }
 
-// Reason why the daemon would refuse an order; empty if it would accept it, or if its status is of another state.
-function refusal(daemon, state, order) {
+const stateOf = (daemon) => daemon.snapshot?.state ?? daemon.status.state ?? "connecting";
+
+// Everything to do before an order, with the vehicle's name if there are several.
+function toDo(targets) {
+  const named = (one, row) => (targets.length > 1 ? { ...row, name: `${one.name}, ${row.name}` } : row);
+  return targets.flatMap((one) => (one.status.to_do ?? []).map((row) => named(one, row)));
+}
+
+// Reason why an order would be refused; empty if it would be accepted: by one vehicle at least, or START and ENGAGE by all.
+function against(targets, order) {
+  const reasons = targets.map((one) => lost(one) || refusal(one, order));
+  const at = TOGETHER.has(order) || reasons.every(Boolean) ? reasons.findIndex(Boolean) : -1;
+  if (at < 0) return "";
+  return targets.length > 1 ? `${targets[at].name}: ${reasons[at]}` : reasons[at];
+}
+
+// Reason why a daemon would refuse an order; empty if it would accept it, or if its status is of another state.
+function refusal(daemon, order) {
   const { status } = daemon;
-  if (status.refused_orders && status.state !== state) return "";
+  if (status.refused_orders && status.state !== (daemon.snapshot?.state_words ?? stateOf(daemon))) return "";
   return status.refused_orders ? status.refused_orders[order] ?? "" : status.reason ?? status.waiting_for ?? "";
 }
 

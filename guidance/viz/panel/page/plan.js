@@ -1,10 +1,12 @@
 // The plan view, to scale: x east, y north, m. It shows everything until the user zooms or drags.
 import { EVADER, PURSUER, Surface, ink, placeIn, roundStep } from "./surface.js";
 import { TEXTS } from "./texts.js";
+import { playersOf } from "./team.js";
 import { Tiles } from "./tiles.js";
 
 const LEAST_M = 30;
 const MARGIN_PX = 34;
+const JUMP_M = 15; // a track that jumps farther belongs to another evader from there on
 
 export class Plan {
   constructor(canvas) {
@@ -21,8 +23,8 @@ export class Plan {
     });
   }
 
-  show(daemon) {
-    this.daemon = daemon;
+  show(daemon, team) {
+    [this.daemon, this.team] = [daemon, team];
     this.draw();
   }
 
@@ -58,24 +60,27 @@ export class Plan {
 
   draw() {
     if (!this.surface.begin() || !this.daemon) return;
-    const { snapshot: seen, scene, rows } = this.daemon;
-    if (this.framing) this.frame(this.worth(seen, scene, rows));
+    const { scene } = this.daemon;
+    const players = playersOf(this.daemon, this.team);
+    if (this.framing) this.frame(players.flatMap((one) => this.worth(one)));
     if (scene?.home_deg && scene.home_m) this.tiles.draw(this, scene);
     this.grid();
     if (scene) this.still(scene);
-    for (const [from, colour, dash] of [[EVADER, "--evader", [6, 4]], [PURSUER, "--pursuer", []]]) {
-      this.surface.line(rows.map((row) => onScreen(this, placeIn(row, from))), ink(colour), 2, dash);
+    for (const { rows } of players) {
+      for (const [from, colour, dash] of [[EVADER, "--evader", [6, 4]], [PURSUER, "--pursuer", []]]) {
+        this.surface.line(track(rows, from).map((place) => onScreen(this, place)), ink(colour), 2, dash);
+      }
     }
-    if (seen) this.moving(seen, scene);
-    if (!seen?.pursuer_m) this.surface.text(TEXTS.map.wait, this.surface.width / 2, 24, ink("--faint"), "center");
+    this.moving(players);
+    if (!players.some((one) => one.pursuer)) this.surface.text(TEXTS.map.wait, this.surface.width / 2, 24, ink("--faint"), "center");
     this.scaleBar();
   }
 
-  // Points to show: both players, meeting point, disc, home, and the recent part of the tracks.
-  worth(seen, scene, rows) {
-    const places = [seen?.pursuer_m, seen?.evader_m, seen?.game?.meeting_m, scene?.home_m, scene?.target_m].filter(Boolean);
+  // Points to show of a vehicle: both players, meeting point, disc, home, and the recent part of the tracks.
+  worth({ pursuer, target, meeting, scene, rows }) {
+    const places = [pursuer, target, meeting, this.daemon.scene?.home_m, this.daemon.scene?.target_m].filter(Boolean);
     const radius = scene?.standoff_m.radius ?? 0;
-    if (seen?.evader_m) for (const by of [-radius, radius]) places.push([seen.evader_m[0] + by, seen.evader_m[1] + by]);
+    if (target) for (const by of [-radius, radius]) places.push([target[0] + by, target[1] + by]);
     for (const row of rows.slice(-240)) for (const from of [PURSUER, EVADER]) places.push(placeIn(row, from));
     return places.filter(Boolean);
   }
@@ -138,32 +143,40 @@ export class Plan {
     }
   }
 
-  moving(seen, scene) {
+  moving(players) {
     const { surface } = this;
-    const { game, evader_m: evader, pursuer_m: pursuer } = seen;
-    if (game?.isochron_m) surface.line(game.isochron_m.map((place) => this.pixel(place)), ink("--isochron"), 1.5, [2, 4]);
-    if (evader && scene) {
-      const [at, radius] = [this.pixel(evader), scene.standoff_m.radius * this.scale];
-      const rim = circle(at, radius);
-      surface.fill(rim, ink("--disc"), 0.16);
-      surface.line(rim, ink("--disc"), 2.5);
+    const evaders = new Map(players.filter((one) => one.target).map((one) => [one.evaderName, one]));
+    for (const [name, { target, scene, out }] of evaders) {
+      const curves = players.filter((one) => one.evaderName === name && one.isochron?.length);
+      const paths = curves.map((one) => one.isochron.map((place) => this.pixel(place)));
+      if (paths.length > 1) surface.fillCommon(paths, ink("--isochron"), 0.22); // reached before all of its vehicles
+      for (const path of paths) surface.line(path, ink("--isochron"), 1.5, [2, 4]);
+      if (scene && !out) {
+        const rim = circle(this.pixel(target), scene.standoff_m.radius * this.scale);
+        surface.fill(rim, ink("--disc"), 0.16);
+        surface.line(rim, ink("--disc"), 2.5);
+      }
     }
-    if (game?.meeting_m && pursuer && evader) {
-      const meeting = this.pixel(game.meeting_m);
-      surface.line([this.pixel(pursuer), meeting, null, this.pixel(evader), meeting], ink("--meeting"), 1.5, [5, 4]);
-      surface.star(meeting, 9, ink("--meeting"));
-      surface.text(TEXTS.map.meeting[scene?.unit ?? "s"], meeting[0] + 12, meeting[1] - 4, ink("--meeting"));
+    for (const { meeting, pursuer, target, scene } of players) {
+      if (!meeting || !pursuer || !target) continue;
+      const at = this.pixel(meeting);
+      surface.line([this.pixel(pursuer), at, null, this.pixel(target), at], ink("--meeting"), 1.5, [5, 4]);
+      surface.star(at, 9, ink("--meeting"));
+      surface.text(TEXTS.map.meeting[scene?.unit ?? "s"], at[0] + 12, at[1] - 4, ink("--meeting"));
     }
-    if (evader) {
-      const [x, y] = this.pixel(evader);
-      surface.fill([[x - 7, y], [x, y - 7], [x + 7, y], [x, y + 7]], ink("--evader"));
-      surface.text(TEXTS.map.evader, x + 8, y + 15, ink("--evader"));
+    for (const [name, { target, out }] of evaders) {
+      const [x, y] = this.pixel(target);
+      surface.fill([[x - 7, y], [x, y - 7], [x + 7, y], [x, y + 7]], ink("--evader"), out ? 0.4 : 1);
+      surface.text(out ? TEXTS.out(name) : name, x + 8, y + 15, ink("--evader"));
     }
-    if (pursuer) this.vehicle(this.pixel(pursuer), seen.yaw_rad ?? 0, evader && this.pixel(evader));
+    // The shown vehicle is drawn last, above the others.
+    for (const { pursuer, target, seen, name } of [...players].reverse()) {
+      if (pursuer) this.vehicle(this.pixel(pursuer), seen.yaw_rad ?? 0, target && this.pixel(target), name);
+    }
   }
 
   // The label is on the side away from the evader.
-  vehicle([x, y], yaw, evader) {
+  vehicle([x, y], yaw, evader, name) {
     const turned = (right, ahead) => [
       x + right * Math.cos(yaw) + ahead * Math.sin(yaw),
       y + right * Math.sin(yaw) - ahead * Math.cos(yaw),
@@ -173,7 +186,7 @@ export class Plan {
     this.surface.line([...shape, shape[0]], ink("--card"), 1.5);
     this.surface.font(13, 700);
     const [right, above] = evader ? [evader[0] < x, evader[1] > y] : [true, true];
-    this.surface.text(TEXTS.map.pursuer, x + (right ? 14 : -14), y + (above ? -12 : 14), ink("--pursuer"), right ? "left" : "right");
+    this.surface.text(name, x + (right ? 14 : -14), y + (above ? -12 : 14), ink("--pursuer"), right ? "left" : "right");
     this.surface.font(12);
   }
 
@@ -188,6 +201,13 @@ export class Plan {
     surface.fill([[north[0], 8], [north[0] + 6, 24], [north[0] - 6, 24]], ink("--ink"));
     surface.text(TEXTS.map.north, ...north, ink("--ink"), "center");
   }
+}
+
+// A track of the history, broken where it jumps.
+export function track(rows, from) {
+  const places = rows.map((row) => placeIn(row, from));
+  const jumps = (one, other) => one && other && Math.hypot(one[0] - other[0], one[1] - other[1]) > JUMP_M;
+  return places.flatMap((place, at) => (jumps(place, places[at - 1]) ? [null, place] : [place]));
 }
 
 const onScreen = (plan, place) => (place === null ? null : plan.pixel(place));

@@ -1,6 +1,7 @@
 // The 3D view: lines and points in perspective, with a camera that is turned by dragging.
-import { EVADER, PURSUER, Surface, ink, placeIn, roundStep } from "./surface.js";
-import { circle, steer } from "./plan.js";
+import { EVADER, PURSUER, Surface, ink, roundStep } from "./surface.js";
+import { circle, steer, track } from "./plan.js";
+import { playersOf } from "./team.js";
 import { TEXTS } from "./texts.js";
 
 const NEAR = 0.05;
@@ -35,28 +36,32 @@ export class Space {
     this.draw();
   }
 
-  show(daemon) {
-    this.daemon = daemon;
+  show(daemon, team) {
+    [this.daemon, this.team] = [daemon, team];
     this.draw();
   }
 
   draw() {
     if (!this.surface.begin() || !this.daemon) return;
-    const { snapshot: seen, scene, rows } = this.daemon;
+    const { snapshot: seen, scene } = this.daemon;
+    const players = playersOf(this.daemon, this.team);
     if (!seen?.pursuer_m || !scene) {
       this.surface.text(TEXTS.map.wait, this.surface.width / 2, 24, ink("--faint"), "center");
       return;
     }
     this.ground = scene.home_m?.[2] ?? 0;
-    this.aim([seen.pursuer_m, seen.evader_m, scene.home_m, seen.game?.meeting_m, scene.target_m].filter(Boolean));
+    const places = players.flatMap((one) => [one.pursuer, one.target, one.meeting]);
+    this.aim([...places, scene.home_m, scene.target_m].filter((place) => place?.length === 3));
     this.floor();
     this.still(scene);
-    for (const [from, colour, dash] of [[EVADER, "--evader", [6, 4]], [PURSUER, "--pursuer", []]]) {
-      const track = rows.map((row) => placeIn(row, from));
-      this.curve(track.map((place) => place && [place[0], place[1], this.ground]), "--line", 2);
-      this.curve(track, colour, 2, dash);
+    for (const { rows } of players) {
+      for (const [from, colour, dash] of [[EVADER, "--evader", [6, 4]], [PURSUER, "--pursuer", []]]) {
+        const flown = track(rows, from);
+        this.curve(flown.map((place) => place && [place[0], place[1], this.ground]), "--line", 2);
+        this.curve(flown, colour, 2, dash);
+      }
     }
-    this.moving(seen, scene);
+    for (const one of [...players].reverse()) if (one.pursuer && one.scene) this.moving(one);
   }
 
   aim(places) {
@@ -118,26 +123,26 @@ export class Space {
     if (scene.target_m) this.mark([scene.target_m[0], scene.target_m[1], this.ground], "--ink", TEXTS.map.target);
   }
 
-  moving(seen, scene) {
-    const { pursuer_m: pursuer, evader_m: evader, game } = seen;
-    if (game?.isochron_m) this.curve(game.isochron_m.map(([x, y]) => [x, y, evader?.[2] ?? this.ground]), "--isochron", 1.5, [2, 4]);
-    if (evader) {
+  moving({ pursuer, target: evader, meeting: met, isochron, scene, name, evaderName, out }) {
+    if (isochron) this.curve(isochron.map(([x, y]) => [x, y, evader?.[2] ?? this.ground]), "--isochron", 1.5, [2, 4]);
+    if (evader && out) this.mark(evader, "--evader", TEXTS.out(evaderName), 4, 14);
+    else if (evader) {
       const { radius, height } = scene.standoff_m;
       const rim = circle(evader, radius).map(([x, y]) => [x, y, evader[2] + height]);
       const seenRim = rim.map((place) => this.pixel(place));
       if (seenRim.every(Boolean)) this.surface.fill(seenRim, ink("--disc"), 0.18);
       this.curve(rim, "--disc", 2.5);
       for (const at of [0, 18, 36, 54]) this.curve([rim[at], [rim[at][0], rim[at][1], evader[2]]], "--disc", 1, [3, 4]);
-      this.mark(evader, "--evader", TEXTS.map.evader, 5, 14);
+      this.mark(evader, "--evader", evaderName, 5, 14);
     }
-    if (game?.meeting_m) {
-      const meeting = [game.meeting_m[0], game.meeting_m[1], evader?.[2] ?? this.ground];
+    if (met) {
+      const meeting = [met[0], met[1], evader?.[2] ?? this.ground];
       this.curve([pursuer, meeting], "--meeting", 1.5, [5, 4]);
       const at = this.pixel(meeting);
       if (at) this.surface.star(at, 8, ink("--meeting"));
     }
     this.curve([pursuer, [pursuer[0], pursuer[1], this.ground]], "--pursuer", 1, [3, 3]);
-    this.mark(pursuer, "--pursuer", TEXTS.map.pursuer, 7);
+    this.mark(pursuer, "--pursuer", name, 7);
   }
 
   mark(place, colour, words, radius = 5, below = -9) {

@@ -59,6 +59,19 @@ export class Surface {
     context.globalAlpha = 1;
   }
 
+  // Fill what several closed curves have in common.
+  fillCommon(curves, colour, opacity) {
+    const { context } = this;
+    context.save();
+    for (const points of curves.slice(1)) {
+      context.beginPath();
+      points.forEach(([x, y], at) => (at ? context.lineTo(x, y) : context.moveTo(x, y)));
+      context.clip();
+    }
+    this.fill(curves[0], colour, opacity);
+    context.restore();
+  }
+
   dot([x, y], radius, colour) {
     this.context.beginPath();
     this.context.arc(x, y, radius, 0, 2 * Math.PI);
