@@ -26,11 +26,11 @@ def report_team(
 ) -> list[TeamOutcome]:
     """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
     from guidance.session.flight_files import OUTCOME, RECORD  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.session.fly_team import least_distance_m, team_rows  # noqa: PLC0415
+    from guidance.session.fly_team import team_rows  # noqa: PLC0415
 
     rows, wanted = team_rows(scenario, way, result), scenario.flight
     tell_players(rows, console, result)
-    least_m = least_distance_m(result, wanted.separation_height_m)
+    least_m = result.least_distance_m(wanted.separation_height_m)
     kept = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
     console.print(
         f"least distance of two vehicles less than {wanted.separation_height_m:g} m apart in height: {kept} "

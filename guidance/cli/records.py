@@ -76,7 +76,7 @@ def events(file: File, as_json: Json = False) -> None:
     if as_json:
         typer.echo(json.dumps([event._asdict() for event in events], indent=2))
         return
-    rows = [(f"{event.now_s:.3f}", Text(printable(event.event)), Text(printable(event.detail))) for event in events]
+    rows = [(f"{event.now_s:.3f}", Text(printable(event.event)), Text(printable(event.words))) for event in events]
     console().print(sheet(("time, s", "event", "detail"), rows, left=(1, 2)))
 
 
@@ -175,7 +175,7 @@ def _first(step: "ReplayedCycle") -> str:
 
 
 def report(
-    files: Annotated[list[Path], typer.Argument(help="One or more record.mcap of flights.")],
+    files: Annotated[list[Path], typer.Argument(help="One or more record.mcap of flights, or a flight's folder.")],
     out: Annotated[
         Path | None, typer.Option(help="Folder for page and pictures; one folder in it for each of several records.")
     ] = None,
@@ -183,23 +183,30 @@ def report(
         bool, typer.Option("--animate", help="Write flight.webp too: the game from above, and the height.")
     ] = False,
 ) -> None:
-    """Draw records: one self-contained HTML page for each, and its pictures as PNG.
+    """Draw records: one self-contained HTML page for each, and its pictures as PNG. A team flight has one for all.
 
     Tracks in space and from above with fence, stand-off and isochrons, the game and its guarantee over time, commanded
     and flown velocities, ages and latencies, events, and a summary. They go next to a flight's record.mcap; for a
     daemon's record, into a folder of its name.
 
     - `guidance report flights/pe-001/record.mcap`
+    - `guidance report flights/teams_guard-001`: the merged report of a team flight
     - `guidance report records/*.mcap --animate`
     """
     require("guidance report", "plot")
     from guidance.log import record_errors  # noqa: PLC0415
     from guidance.session.flight_files import RECORD, recorded_settings  # noqa: PLC0415
     from guidance.viz.report import write_report  # noqa: PLC0415 - matplotlib loads slowly
+    from guidance.viz.team_report import write_team_report  # noqa: PLC0415
 
-    for file in files:
+    for given in files:
+        of_vehicles = {path.parent.name: path for path in sorted(given.glob(f"*/{RECORD}"))}
+        file = given / RECORD if given.is_dir() else given
         own = file.parent if file.name == RECORD else file.with_suffix("")
         folder = own if out is None else out if len(files) == 1 else out / own.name
         with record_errors(file):
-            paths = write_report(file, folder, recorded_settings, animate=animate)
+            if of_vehicles:
+                paths = write_team_report(of_vehicles, folder, recorded_settings)
+            else:
+                paths = write_report(file, folder, recorded_settings, animate=animate)
         typer.echo("\n".join(map(str, paths)))

@@ -59,6 +59,8 @@ class Aggregator:
         settings: Of the present flight.
         flights: Number of flights begun. Each starts without the state of the last.
         cycle: Numbers of the last cycle.
+        playing: In a team, the evader that the vehicle plays against.
+        evaders_m: Last place of each evader in the game frame, by name; "" is the only one of a vehicle without a team.
         vehicle: Last known state of the vehicle.
         home_m: Home in the game frame; None until known.
         envelope: The limits of the flight. A fence given in degrees is included once home is known.
@@ -79,7 +81,8 @@ class Aggregator:
         self.vehicle = VehicleState()
         self._evader_m: Vector = _UNKNOWN
         self._report_s = math.nan
-        self._playing: str | None = None
+        self.playing: str | None = None
+        self.evaders_m: dict[str, Vector] = {}
         self._home_ned_m: Vector | None = None
         self.flights += 1
         self.cycle = Cycle(math.nan)
@@ -110,10 +113,9 @@ class Aggregator:
         inputs = row.inputs
         self.vehicle = observe(self.vehicle, inputs.messages)
         self._tracking.observe(self.vehicle, ())
-        self._playing = self._playing if inputs.role is None else inputs.role.evader
+        self.playing = self.playing if inputs.role is None else inputs.role.evader
         for report in inputs.reports:
-            if self._playing in {None, report.evader}:
-                self._add(report)
+            self._add(report)
         frame = self._tracking.game_frame
         self._place_home(self._tracking.home_ned_m, frame, self._tracking.local_frame)
         local, setpoint, certificate = self.vehicle.last(LocalPosition), row.setpoint, row.certificate
@@ -148,9 +150,12 @@ class Aggregator:
             self.envelope = replace(self.envelope, fence_polygon=polygon)
 
     def _add(self, report: EvaderReport) -> None:
-        self._report_s = report.received_s
+        plays = self.playing in {None, report.evader}
+        self._report_s = report.received_s if plays else self._report_s
         local, game = self._tracking.local_frame, self._tracking.game_frame
         if local is None or game is None:
             return
         amsl = Amsl(report.altitude_amsl_m)
-        self._evader_m = game.position_from_ned(local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl))
+        place = game.position_from_ned(local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl))
+        self._evader_m = place if plays else self._evader_m
+        self.evaders_m[report.evader or ""] = place

@@ -9,6 +9,7 @@ from guidance.flight import Authority, Event, Inputs, Outputs, State
 from guidance.log.codec import Codec
 from guidance.messages import EvaderReport, MateState, Message, Request, Role, Setpoint
 from guidance.monitor import Alarm
+from guidance.team.messages import RolesMessage
 
 CYCLE_TOPIC: Final = "guidance/cycle"
 EVENT_TOPIC: Final = "guidance/event"
@@ -29,6 +30,9 @@ ORDERED: Final = "ordered"
 
 TEAM_NEWS: Final = "team"
 """Event of what a vehicle noticed about its mates, such as a position that jumped."""
+
+ASSIGNED: Final = "team assignment"
+"""Event of an assignment that differs from the last one, or in which the vehicle engages; the detail is its JSON."""
 
 STOPPED: Final = "recording has stopped; the flight goes on"
 """Event of a failed record; it goes to the log, the metrics and the bus."""
@@ -73,6 +77,16 @@ class EventEntry(NamedTuple):
     now_s: float
     event: str
     detail: str
+
+    @property
+    def words(self) -> str:
+        """The detail for people."""
+        if self.event != ASSIGNED:
+            return self.detail
+        try:
+            return RolesMessage.model_validate_json(self.detail).words
+        except ValueError:  # a stranger's record
+            return self.detail
 
 
 CYCLE: Final = Codec("guidance.Cycle", CycleEntry)

@@ -10,7 +10,7 @@ from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is_done
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.log.entries import ORDERED, RELOADED, STOPPED, TEAM_NEWS
+from guidance.log.entries import ASSIGNED, ORDERED, RELOADED, STOPPED, TEAM_NEWS
 from guidance.log.writer import Record
 from guidance.messages import EvaderReport, LocalPosition, Message
 from guidance.preflight import Facts, PreflightMemory, advice, parameter_names, refusals, rows
@@ -233,6 +233,8 @@ class Daemon:
     def _tell(self, team: Member, now_s: float, outputs: Outputs) -> None:
         """Tell the mates about this cycle, and people what the mates told."""
         team.tell(now_s, self.flight, outputs)
+        if (assigned := team.changed(outputs)) is not None:
+            self.recording.event(now_s, ASSIGNED, assigned.model_dump_json())
         for words in team.board.news:
             self._log.say(logging.WARNING, words)
             self.recording.event(now_s, TEAM_NEWS, words)

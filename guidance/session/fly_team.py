@@ -5,13 +5,11 @@ import json
 import math
 import random
 from collections.abc import Callable, Mapping, Sequence
-from itertools import combinations
 from typing import Final
 
 from guidance.clock import Clock
 from guidance.flight import Event
 from guidance.flight.settings import TeamSection
-from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.session.control_bus import ControlBus
@@ -101,20 +99,3 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
 def _at(track: Sequence[tuple[float, Vector]], now_s: float) -> Vector:
     """Return the last place of a track until a time."""
     return next((place for at_s, place in reversed(track) if at_s <= now_s), track[0][1])
-
-
-def least_distance_m(result: MissionResult, height_m: float) -> float:
-    """Return the least horizontal distance of two flying vehicles whose heights differed by less than `height_m`."""
-    tracks = [
-        {one.now_s: one.pursuer_m for one in each.samples if one.state in SETPOINT_STATES}
-        for each in result.vehicles.values()
-    ]
-    return min(
-        (
-            math.dist(one[now_s][:2], other[now_s][:2])
-            for one, other in combinations(tracks, 2)
-            for now_s in one.keys() & other.keys()
-            if abs(one[now_s][2] - other[now_s][2]) < height_m
-        ),
-        default=math.inf,
-    )

@@ -6,8 +6,9 @@ an autopilot holds the speed over the ground against the wind, and the pursuer k
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from guidance.certificate import Certificate
 from guidance.flight import Authority, Event, Happening, Outputs, State
+from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
 from guidance.game import solve
 from guidance.monitor import Alarm
@@ -99,6 +101,35 @@ class MissionResult(NamedTuple):
     vehicles: dict[str, FlightResult]
     evaders: dict[str, EvaderResult]
     members: Mapping[str, Member]
+
+    def least_distance_m(self, height_m: float) -> float:
+        """Return the least horizontal distance of two flying vehicles at less than `height_m` of height."""
+        tracks = [
+            {one.now_s: one.pursuer_m for one in each.samples if one.state in SETPOINT_STATES}
+            for each in self.vehicles.values()
+        ]
+        return least_distance_m(tracks, height_m)
+
+
+def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) -> float:
+    """Return the least horizontal distance of two vehicles whose heights differed by less than `height_m`.
+
+    Args:
+        tracks: Of each vehicle while it flew by setpoints: time, s, and place, m.
+        height_m: Vehicles farther apart in height do not count.
+
+    Returns:
+        Infinity if heights always separated them.
+    """
+    return min(
+        (
+            math.dist(one[now_s][:2], other[now_s][:2])
+            for one, other in combinations(tracks, 2)
+            for now_s in one.keys() & other.keys()
+            if abs(one[now_s][2] - other[now_s][2]) < height_m
+        ),
+        default=math.inf,
+    )
 
 
 class Ending(NamedTuple):

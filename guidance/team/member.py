@@ -14,7 +14,7 @@ from guidance.game import Cylinder
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board, place_of
 from guidance.team.coordinator import SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
-from guidance.team.messages import EvaderMessage, StateMessage, encode
+from guidance.team.messages import EvaderMessage, RolesMessage, StateMessage, encode
 from guidance.team.transport import Transport
 
 EVERY_S: Final = 0.1
@@ -75,6 +75,7 @@ class Member:
         self._epoch += 1
         self.board = Board(self.vehicle, self._mates, self._evaders)
         self.coordinator = Coordinator(self.board, self._epoch, self._slot_m)
+        self._noted: RolesMessage | None = None
         self._seq = 0
         self._told_s = -math.inf
         self._heard_s: dict[str, float] = {}
@@ -116,6 +117,15 @@ class Member:
             self.board.counts["roles_left_out"] += not waits
             return before if flight.role is None else None
         return role
+
+    def changed(self, outputs: Outputs) -> RolesMessage | None:
+        """Return the assignment if it differs from that of the last call, or if the vehicle begins to play."""
+        roles = self.board.roles
+        begins = any(one.after is State.ENGAGED and one.before is not State.ENGAGED for one in outputs.happenings)
+        if roles is None or (roles is self._noted and not begins):
+            return None
+        before, self._noted = self._noted, roles
+        return roles if begins or before is None or _contents(before) != _contents(roles) else None
 
     def assignment(self, flight: Flight) -> dict[str, Any]:
         """Return its role, the coordinator, all promises and the evaders out of play, for displays."""
@@ -212,6 +222,12 @@ class Member:
                 x, y, z = game_frame.position_from_ned((north, east, down))
                 vehicles[name] = (x, y, z - plane_m), state
         return Scene(vehicles, evaders, cycle.target_game_m, cycle.standoff)
+
+
+def _contents(roles: RolesMessage) -> tuple[Any, ...]:
+    """What of an assignment is worth a note: not the values, which change all the time until the game begins."""
+    promises = [(one.evader, one.first, one.second, one.cause, one.value is None) for one in roles.promises]
+    return roles.term, roles.roles, promises
 
 
 def _placed(sent_s: float, place: tuple[float, float, Amsl]) -> dict[str, Any]:

@@ -155,6 +155,15 @@ class RolesMessage(Message):
         """Its key without the prefix."""
         return f"{ROLES}/{self.vehicle}"
 
+    @property
+    def words(self) -> str:
+        """The assignment for people; values are metres in TAD and seconds in PE."""
+        above = {role.vehicle: f" ({role.above_m:g} m above)" if role.above_m else "" for role in self.roles}
+        roles = [f"{role.vehicle} → {role.evader}{above[role.vehicle]}" for role in self.roles]
+        promises = [f"{one.evader}: {one.words('').replace('  ', ' ')}" for one in self.promises]
+        assigned = ", ".join(roles) or "no evader in play"
+        return "; ".join((assigned, *promises, f"coordinator {self.vehicle}, term {self.term}"))
+
 
 KINDS: Final[Mapping[str, type[Message]]] = {STATE: StateMessage, EVADER: EvaderMessage, ROLES: RolesMessage}
 

@@ -5,14 +5,14 @@ The pictures show tracks, the game and its guarantee, velocities, ages and laten
 
 import base64
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib import resources
 from io import BytesIO
-from itertools import pairwise
+from itertools import pairwise, starmap
 from pathlib import Path
 from string import Template
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -42,7 +42,7 @@ from guidance.viz.figures import (
     save,
     thinned,
 )
-from guidance.viz.story import Story, opening, story_of, summary
+from guidance.viz.story import Rows, Story, opening, story_of, summary
 
 FRAMES: Final = 90
 FRAME_MS: Final = 80
@@ -53,6 +53,9 @@ _TAIL_S: Final = 2.0
 """Time after the capture that is shown."""
 
 _MOST_EVENTS = 60
+Told = TypeVar("Told")
+"""What a report tells: the story of a flight, or of a team."""
+
 _THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
 _SHADES = ("0.96", "0.86", "0.91", "0.82")
 
@@ -199,7 +202,7 @@ def events(story: Story) -> Figure:
     for row, event in enumerate(shown):
         axes.plot([event.now_s], [row], "ko", ms=4)
         side, shift = ("left", 7) if event.now_s < middle_s else ("right", -7)
-        words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.detail})" if event.detail else "")
+        words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.words[:110]})" if event.detail else "")
         beside: dict[str, Any] = {"xytext": (shift, 0), "textcoords": "offset points", "ha": side, "va": "center"}
         axes.annotate(words, (event.now_s, row), **beside, fontsize=8.5)
     axes.set(xlabel="time, s", ylim=(len(shown) - 0.4, -0.6), yticks=[])
@@ -297,15 +300,15 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
     return figure, draw
 
 
-class Picture(NamedTuple):
+class Picture(NamedTuple, Generic[Told]):
     """A picture of a report: heading, caption and drawing function."""
 
     heading: str
     caption: str
-    draw: Callable[[Story], Figure]
+    draw: Callable[[Told], Figure]
 
 
-PICTURES: Final[Mapping[str, Picture]] = {
+PICTURES: Final[Mapping[str, Picture[Story]]] = {
     "tracks": Picture(
         "Tracks",
         "Pursuer (solid) and evader (dashed) in the game frame. The isochron is where an evader that runs straight is "
@@ -342,22 +345,58 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
         OutputError: If the folder cannot be written, or contains the report of another record.
     """
     story = story_of(path, settings_of)
-    page, mark = folder / "report.html", _mark(path, story)
+    written = write_page(folder, [(path, story)], story, PICTURES, opening(story), summary(story))
+    if animate:
+        written.append(folder / "flight.webp")
+        with writing(folder):
+            write_animation(story, private_file(written[-1]))
+    return written
+
+
+def write_page(
+    folder: Path,
+    records: Sequence[tuple[Path, Story]],
+    told: Told,
+    pictures: "Mapping[str, Picture[Told]]",
+    opening: str,
+    rows: Rows,
+) -> list[Path]:
+    """Write a page and its pictures; return the files, the page first.
+
+    Args:
+        folder: Made if it does not exist.
+        records: What the page is about; an earlier report of the same records is replaced.
+        told: What the pictures draw.
+        pictures: By the name of their files.
+        opening: The first paragraph.
+        rows: Of the table.
+
+    Raises:
+        OutputError: If the folder cannot be written, or contains the report of other records.
+    """
+    page, mark = folder / "report.html", "\n".join(starmap(_mark, records))
     with writing(folder):
         if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
             raise OutputError(f"{page}: is the report of another record; give --out another folder")
         private_folder(folder)
-        written, images = [page], {}
-        for name, picture in PICTURES.items():
-            figure = picture.draw(story)
+        written, sections = [page], []
+        for name, picture in pictures.items():
+            figure = picture.draw(told)
             written.append(folder / f"{name}.png")
             figure.savefig(private_file(written[-1]), dpi=130)
             figure.set_layout_engine(None)  # keep this layout for the SVG
-            images[name] = svg_of(figure)
-        if animate:
-            written.append(folder / "flight.webp")
-            write_animation(story, private_file(written[-1]))
-        private_file(page).write_text(page_of(story, images, mark), encoding="utf-8")
+            sections.append(_section(name, picture, svg_of(figure)))
+        template = Template(resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8"))
+        filled = template.substitute(
+            mark=mark,
+            title=escape(records[0][1].title),
+            opening=escape(opening),
+            rows="\n".join(
+                f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows
+            ),
+            sections="\n".join(sections),
+        )
+        private_file(page).write_text(filled, encoding="utf-8")
     return written
 
 
@@ -376,21 +415,7 @@ def svg_of(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def page_of(story: Story, pictures: Mapping[str, bytes], mark: str) -> str:
-    """Return the page: the template `report.html` with its places filled."""
-    rows = (f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in summary(story))
-    template = Template(resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8"))
-    return template.substitute(
-        mark=mark,
-        title=escape(story.title),
-        opening=escape(opening(story)),
-        rows="\n".join(rows),
-        sections="\n".join(_section(name, image) for name, image in pictures.items()),
-    )
-
-
-def _section(name: str, image: bytes) -> str:
-    picture = PICTURES[name]
+def _section(name: str, picture: "Picture[Any]", image: bytes) -> str:
     data = base64.b64encode(image).decode("ascii")
     return (
         f'<h2 id="{name}">{escape(picture.heading)}</h2>\n'

@@ -12,6 +12,7 @@ import numpy as np
 from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
+from guidance.frames import Vector
 from guidance.game import solve
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, SettingsOf, Survey, metadata_of, scan, title_of
 from guidance.log.entries import EVENT_TOPIC
@@ -32,6 +33,7 @@ class Story(NamedTuple):
         events: All of them.
         rows: One of each cycle, as recorded.
         cycles: The numbers of each.
+        evaders: Track of each evader by name: time and place in the game frame.
     """
 
     title: str
@@ -41,6 +43,7 @@ class Story(NamedTuple):
     events: list[EventEntry]
     rows: list[CycleEntry]
     cycles: list[Cycle]
+    evaders: dict[str, list[tuple[float, Vector]]]
 
     def column(self, name: str) -> Array:
         """Return one field of all cycles, shape (n,) or (n, 3)."""
@@ -99,7 +102,7 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
     """
     metadata, survey = metadata_of(path), Survey()
     flight = Aggregator(settings_of, metadata, str(path))
-    story = Story(title_of(metadata), survey, flight.settings, flight, [], [], [])
+    story = Story(title_of(metadata), survey, flight.settings, flight, [], [], [], {})
     for item in scan(path, survey):
         entry = flight.take(item)
         if isinstance(entry, EventEntry):
@@ -107,6 +110,8 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
         elif entry is not None:
             story.rows.append(entry)
             story.cycles.append(flight.cycle)
+            for name in {report.evader or "" for report in entry.inputs.reports} & flight.evaders_m.keys():
+                story.evaders.setdefault(name, []).append((entry.now_s, flight.evaders_m[name]))
     if not story.cycles:
         raise ConfigError(f"{path}: contains no guidance cycle, so there is nothing to report")
     return story

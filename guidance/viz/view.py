@@ -170,7 +170,7 @@ class Painter:
                 self._begin()
                 for name in (DISC, ISOCHRON, MEETING):
                     self._log(entry.now_s, name, rr.Clear(recursive=False))
-            text = f"{entry.event}  {entry.detail}".rstrip()
+            text = f"{entry.event}  {entry.words}".rstrip()
             level = "WARN" if any(word in text for word in _WARNINGS) else "INFO"
             self._log(entry.now_s, EVENTS, rr.TextLog(text, level=level))
         elif entry is not None:

@@ -7,10 +7,11 @@ from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
-from guidance.session.fly_team import least_distance_m, team_rows
+from guidance.session.fly_team import team_rows
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.team import MemoryNetwork
+from guidance.viz.team_report import opening, rows_of, team_story, write_team_report
 
 GUARD = load_any("teams_guard")[1]
 
@@ -47,7 +48,7 @@ def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by
 @pytest.mark.flight
 def test_the_separation_is_kept(guard):
     flown, _ = guard
-    assert least_distance_m(flown, GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
+    assert flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
 
 
 @pytest.mark.flight
@@ -76,6 +77,36 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
 
 
 @pytest.mark.flight
+def test_one_report_tells_the_flight_of_the_whole_team(guard, tmp_path):
+    flown, folder = guard
+    records = {name: folder / name / "record.mcap" for name in flown.vehicles}
+    told = team_story(records, recorded_settings)
+    assert told.evaders == ["rover1", "rover2"]
+    for name, evader in flown.evaders.items():
+        capture = told.captures[name]
+        assert (capture.vehicle, capture.now_s) == (evader.captured_by, evader.captured_s)
+        assert "; kept: " in told.verdict(name)
+    assert [name for name, _ in rows_of(told)] == ["uav1", "uav2", "uav3", "rover1", "rover2"]
+    words = opening(told)
+    assert "promised 2 captures; 2 promises were kept" in words
+    assert f"{flown.least_distance_m(3.0):.1f} m apart" in words
+    assert "replays bit for bit" in words
+    page, picture = write_team_report(records, tmp_path, recorded_settings)
+    assert picture.name == "plan.png"
+    assert words in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.flight
+def test_a_broken_promise_is_told_with_its_cause(guard):
+    flown, folder = guard
+    told = team_story({name: folder / name / "record.mcap" for name in flown.vehicles}, recorded_settings)
+    lost = told.promised["rover1"].model_copy(update={"cause": "vehicle lost"})
+    missed = told._replace(captures={}, promised={"rover1": lost})
+    assert missed.verdict("rover1").endswith("not captured; broken: vehicle lost")
+    assert missed.verdict("rover2") == "no capture could be promised; not captured"
+
+
+@pytest.mark.flight
 def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_captures():
     networks, engaged_s = [], []
 
@@ -91,7 +122,7 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
 
     flown = fly_recorded(GUARD, None, MockOptions(fast=True), Onlooker(cut), join=join)
     assert [row.end for row in team_rows(GUARD, "fast", flown)] == ["captured", "captured"]
-    assert least_distance_m(flown, GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
+    assert flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
     boards = [member.board for member in flown.members.values()]
     assert len({(board.roles.vehicle, board.roles.term) for board in boards}) == 1
     assert boards[0].roles.term >= 2

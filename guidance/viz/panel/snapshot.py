@@ -111,7 +111,7 @@ HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
 
 def event_row(event: EventEntry) -> Plain:
     """Return an event as the page lists it."""
-    return {"now_s": round(event.now_s, 2), "event": event.event, "detail": event.detail[:300]}
+    return {"now_s": round(event.now_s, 2), "event": event.event, "detail": event.words[:300]}
 
 
 def history_row(snapshot: Plain) -> list[float | None]:
