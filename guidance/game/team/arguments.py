@@ -89,6 +89,8 @@ def _played(game: Game) -> Game:
 
 def pair_axes(team: TeamGame) -> tuple[int, ...]:
     """Return the common shape of a game's numbers."""
+    if not team.game.varies and team.plays.ndim == 0:
+        return ()
     shapes: dict[str, tuple[int, ...]] = {name: np.shape(value) for name, value in parameters(team.game).items()}
     return fitting(shapes | {"game": team.plays.shape})
 
@@ -132,7 +134,8 @@ def in_play_of(given: ArrayLike | None, m: int) -> Array:
         present = np.asarray(given)
     except ValueError:  # lists of different lengths
         present = np.empty(0)
-    if isinstance(given, np.ma.MaskedArray) or present.shape[-1:] != (m,) or not np.isin(present, (0, 1)).all():
+    truths = (present == 0) | (present == 1)
+    if isinstance(given, np.ma.MaskedArray) or present.shape[-1:] != (m,) or not truths.all():
         raise ConfigError(
             f"in_play = {given!r}: must say for each of {m} evaders whether it is in play, by true or false"
         )

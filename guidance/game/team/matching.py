@@ -27,8 +27,8 @@ from guidance.extras import how_to_add
 from guidance.game.game import Reason, Winner
 from guidance.game.records import require
 from guidance.game.team.arguments import spoiled
-from guidance.game.team.several import TeamSolution, assembled, defence, longest_run, taken
-from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, table_of, worth_of
+from guidance.game.team.several import TeamSolution, assembled, longest_run, nearest_run, placed
+from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, table_of, taken
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -130,7 +130,7 @@ def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
     promised = (kept.first >= 0)[..., None]
     old = promised & (every == kept.first[..., None])
     needed = kept.second >= 0
-    needed &= worth_of(table.worth, kept.first) < kept.worth
+    needed &= taken(table.worth, kept.first) < kept.worth
     partner = needed[..., None] & (every == kept.second[..., None])
     as_good = ~promised | (table.worth >= kept.worth[..., None] + hysteresis)
     free = ~partner.any(axis=1)[:, None] | partner
@@ -145,13 +145,13 @@ def _seconds(table: Table, pairs: Meeting, first: Array, kept: Kept | None, hyst
     busy = (every == first[..., None]).any(axis=1)
     if busy.all() or not matched.any():
         return np.full_like(first, -1)
-    gain = pairs.worth - worth_of(table.worth, first)[..., None]
+    gain = pairs.worth - taken(table.worth, first)[..., None]
     useful = matched[..., None] & ~busy[:, None] & (gain > 0)
     if kept is None:
         return _assigned(np.where(useful, gain, -np.inf))
     old = every == kept.second[..., None]
     promised = (first == kept.first) & (useful & old).any(axis=-1)
-    as_good = gain >= worth_of(gain, kept.second)[..., None] + hysteresis
+    as_good = gain >= taken(gain, kept.second)[..., None] + hysteresis
     useful &= old | as_good | ~promised[..., None]
     return _assigned(np.where(useful, gain + np.where(old, hysteresis, 0.0), -np.inf), promised)
 
@@ -177,7 +177,7 @@ def _assigned(profit: Array, first: Array | None = None) -> Array:
     for row in np.flatnonzero(np.isfinite(worth.sum(axis=(1, 2)))):
         evader, pursuer = linear_sum_assignment(worth[row], maximize=True)
         found[row, evader] = pursuer
-    return np.where((found >= 0) & worth_of(edges, found), found, -1)
+    return np.where((found >= 0) & taken(edges, found), found, -1)
 
 
 def _chased(table: Table, first: Array) -> Matching:
@@ -185,44 +185,42 @@ def _chased(table: Table, first: Array) -> Matching:
     guarded = first >= 0
     run = longest_run(table.all)
     played = assembled(table.all, table.evaders, run, run, table.all.alone.pursuer_velocity_m_s)
-    value = np.where(guarded, -worth_of(table.worth, first), np.inf)
+    value = np.where(guarded, -taken(table.worth, first), np.inf)
     return _answer(table, first, np.full_like(first, -1), played._replace(value=value))
 
 
 def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
     """Put the answer in TAD together, (b, ...)."""
-    b, m, _ = table.worth.shape
-    row, evader, guarded = np.arange(b)[:, None], np.arange(m), first >= 0
-    beside = np.maximum(np.where(second < 0, first, second), 0)
-    team = table.all.pick((row[..., None], evader[:, None], np.stack([np.maximum(first, 0), beside], axis=-1)))
-    x, y, worth, one, other = (part[row, evader, beside] for part in pairs)
-    slots = [(who != first).astype(np.intp) for who in (one, other)]
-    played, _ = defence(team, table.evaders, Meeting(x, y, worth, *slots))
-    value = np.where(guarded, played.value, 0.0)
-    nearest = np.argmax(table.all.alone.margin_s, axis=-1)
+    team, alone, guarded = table.all, table.all.alone, first >= 0
+    every, beside = np.arange(table.worth.shape[-1]), np.where(second < 0, first, second)
+    best = placed(team, table.evaders, Meeting(*(taken(part, beside) for part in pairs)))
+    run = best
+    if team.regions.safe.any():
+        rows, evaders = np.indices((*first.shape, 1), sparse=True)[:2]
+        two = team.pick((rows, evaders, np.maximum(np.stack([first, beside], axis=-1), 0)))
+        run = nearest_run(two, table.evaders, best, guarded)
+    decides = (best.first == best.second)[..., None] & (every == best.first[..., None])
+    flies = ((every == first[..., None]) | (every == second[..., None])) & ~decides
+    flown = np.where(flies[..., None], team.straight((best.x, best.y)), alone.pursuer_velocity_m_s)
+    played = assembled(team, table.evaders, run, best, flown)
+    nearest = np.argmax(alone.margin_s, axis=-1)
     played = played._replace(
-        value=value,
+        value=np.where(guarded, played.value, 0.0),
         lower_bound=np.where(guarded, played.lower_bound, 0.0),
         meeting_point_m=np.where(guarded[..., None], played.meeting_point_m, target),
         evader_velocity_m_s=np.where(guarded[..., None], played.evader_velocity_m_s, _to_target(table, target)),
-        reason=np.where(guarded, played.reason, taken(table.all.alone.reason, nearest)),
+        reason=np.where(guarded, played.reason, taken(alone.reason, nearest)),
     )
     return _answer(table, first, second, played)
 
 
 def _answer(table: Table, first: Array, second: Array, played: TeamSolution) -> Matching:
-    """Put the answer together, (b, ...), from each evader's game; in TAD the game with its own two pursuers."""
+    """Put the answer together, (b, ...), from each evader's game."""
     alone, present, guarded = table.all.alone, table.present, first >= 0
     there = np.where(present, 0.0, np.nan)
     evader_of = _evader_of(table, first, second)
-    flown = worth_of(alone.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
-    flown = np.where((evader_of < 0)[..., None], 0.0 * flown, flown)
-    lost = 0
-    if table.target is not None:
-        lost = int(Winner.EVADER)
-        for slot, who in enumerate((first, second)):
-            row, evader = np.nonzero(who >= 0)
-            flown[row, who[row, evader]] = played.pursuer_velocity_m_s[row, evader, slot]
+    flown = taken(played.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
+    lost = 0 if table.target is None else int(Winner.EVADER)
     return Matching(
         guaranteed=np.count_nonzero(guarded, axis=-1),
         total=_summed(np.where(guarded, played.value, 0.0)),
@@ -235,7 +233,7 @@ def _answer(table: Table, first: Array, second: Array, played: TeamSolution) -> 
         value=played.value + there,
         lower_bound=played.lower_bound + there,
         meeting_point_m=played.meeting_point_m + there[..., None],
-        pursuer_velocity_m_s=flown,
+        pursuer_velocity_m_s=np.where((evader_of < 0)[..., None], 0.0 * flown, flown),
         evader_velocity_m_s=np.where(present[..., None], played.evader_velocity_m_s, 0.0),
         reason=played.reason,
     )

@@ -50,7 +50,7 @@ from guidance.game.game import STILL, Game, Reason
 from guidance.game.solution import Solution, solve
 from guidance.game.team.arguments import Games, fitting, joined, pair_axes, spoiled, vectors
 from guidance.game.team.regions import Array, Point, Regions, corner, cross, edge, length, survived, unit
-from guidance.game.team.table import Goal, Meeting, Team, team_of, together
+from guidance.game.team.table import Goal, Meeting, Team, taken, team_of, together
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -213,34 +213,32 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
     # If the evader wins, the value is that of the pursuer that comes least short, or is there at the same instant.
     least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
     first, second = np.where(won, best.first, least), np.where(won, best.second, least)
-    best = _placed(
-        team, evader, Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second)
-    )
+    best = placed(team, evader, Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second))
     single = (first == second)[..., None] & (np.arange(alone.value.shape[-1]) == first[..., None])
     straight = won[..., None] & ~single
     flown = np.where(straight[..., None], team.straight((best.x, best.y)), alone.pursuer_velocity_m_s)
-    run = _nearest_run(team, evader, best, won) if team.regions.safe.any() else best
+    run = nearest_run(team, evader, best, won) if team.regions.safe.any() else best
     return assembled(team, evader, run, best, flown), best
 
 
 def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
     """Play PE: see `solve_team` and `defence`."""
     run = longest_run(team)
-    best = _placed(team, evader, _chosen(run.worth <= best.worth * (1.0 - ROUNDING), run, best))
+    best = placed(team, evader, _chosen(run.worth <= best.worth * (1.0 - ROUNDING), run, best))
     every, both = np.arange(team.own.shape[-1]), (best.first != best.second)[..., None]
     flies = both & ((every == best.first[..., None]) | (every == best.second[..., None]))
     flown = np.where(flies[..., None], team.straight((best.x, best.y)), team.alone.pursuer_velocity_m_s)
     return assembled(team, evader, run, best, flown), best
 
 
-def _placed(team: Team, evader: Array, best: Meeting) -> Meeting:
+def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
     """Return a meeting at the first pursuer's own end of the game if that decides it alone."""
-    end = _own(team.alone.meeting_point_m, best.first) - evader
+    end = taken(team.alone.meeting_point_m, best.first) - evader
     single = best.first == best.second
     return best._replace(x=np.where(single, end[..., 0], best.x), y=np.where(single, end[..., 1], best.y))
 
 
-def _nearest_run(team: Team, evader: Array, best: Meeting, won: Array) -> Meeting:
+def nearest_run(team: Team, evader: Array, best: Meeting, won: Array) -> Meeting:
     """Return the straight run of TAD that ends closest to the target, and its worth.
 
     Runs are tried to the pursuers' own ends of the game, to that of the best pair, and straight to the target until a
@@ -349,11 +347,6 @@ def _chosen(rows: Array, one: Meeting, other: Meeting) -> Meeting:
     return Meeting(*(np.where(rows, a, b) for a, b in zip(one, other, strict=True)))
 
 
-def _own(part: Array, who: Array) -> Array:
-    """Return the vector of one pursuer, (..., n, 3) → (..., 3)."""
-    return np.take_along_axis(part, np.maximum(who, 0)[..., None, None], axis=-2)[..., 0, :]
-
-
 def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flown: Array) -> TeamSolution:
     """Return an answer.
 
@@ -369,18 +362,18 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flown: Arr
     rate = team.v / np.where(far > 0, far, 1.0)
     to = np.stack([run.x, run.y, np.zeros_like(far)], axis=-1)
     every = np.arange(alone.value.shape[-1])
-    reason = np.where(single, taken(alone.reason, np.maximum(first, 0)), np.int8(Reason.SOLVED))
+    reason = np.where(single, taken(alone.reason, first), np.int8(Reason.SOLVED))
     return TeamSolution(
-        winner=np.max(alone.winner, axis=-1),
+        winner=alone.winner.max(axis=-1),
         value=sign * best.worth,
         lower_bound=sign * run.worth,
-        margin_s=np.max(alone.margin_s, axis=-1),
-        meeting_point_m=np.where(single[..., None], _own(alone.meeting_point_m, first), evader + to),
-        meeting_time_s=np.where(single, taken(alone.meeting_time_s, np.maximum(first, 0)), far / team.v),
+        margin_s=alone.margin_s.max(axis=-1),
+        meeting_point_m=np.where(single[..., None], taken(alone.meeting_point_m, first), evader + to),
+        meeting_time_s=np.where(single, taken(alone.meeting_time_s, first), far / team.v),
         binds=(every == best.first[..., None]) | (every == best.second[..., None]),
         multipliers=np.zeros(alone.value.shape),
         pursuer_velocity_m_s=flown,
-        evader_velocity_m_s=np.where(single[..., None], _own(alone.evader_velocity_m_s, first), rate[..., None] * to),
+        evader_velocity_m_s=np.where(single[..., None], taken(alone.evader_velocity_m_s, first), rate[..., None] * to),
         reason=np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
     )
 
@@ -433,13 +426,6 @@ def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
     to = (best.x[..., None], best.y[..., None]) if team.goal is None else team.goal.towards(reach)
     x, y = (reach[..., 0] * part[..., 0] for part in unit(to))
     return _chosen(decides, Meeting(x, y, best.worth, later[..., 0], later[..., 0]), best), decides
-
-
-def taken(array: Array, index: Array) -> Array:
-    """Take one element along the last axis, (..., n) → (...)."""
-    rows = index.size
-    flat = array.reshape(rows, array.shape[-1])
-    return np.asarray(flat[np.arange(rows), index.reshape(rows)].reshape(index.shape))
 
 
 @lru_cache

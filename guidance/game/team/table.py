@@ -131,7 +131,7 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, alone: Solution) ->
         alone: each pursuer's own game, (..., n).
     """
     own, regions = worth_in(alone, T), regions_of(game, P, E)
-    v = np.max(game.evader_speed_m_s + 0.0 * regions.x, axis=-1)
+    v = (game.evader_speed_m_s + 0.0 * regions.x).max(axis=-1)
     level, worth = alone, own
     if regions.safe.any():
         reach, ground = game.standoff.radius_m + game.capture_radius_m, np.array([1.0, 1.0, 0.0])
@@ -175,17 +175,17 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
         bind = np.zeros_like(bind)  # no value of two pursuers is proven in wind
     better = worth[..., 1] > worth[..., 0]
     x, y = (np.where(better, part[..., 1], part[..., 0]) for part in end)
-    found = np.max(worth, axis=-1)
+    found = worth.max(axis=-1)
     rows = np.nonzero(bind)
     if len(rows[0]):
         ways = [(heading[0][rows][:, side], heading[1][rows][:, side]) for side in (0, 1)]
         x[rows], y[rows] = corner(regions.pick(rows), *ways)
         far = length((x, y))
         found = np.where(bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found)
-    safe = np.max(regions.safe, axis=-1)
+    safe = regions.safe.max(axis=-1)
     if safe.any():
         found = np.minimum(found, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe))
-    alone = np.max(own, axis=-1)
+    alone = own.max(axis=-1)
     single = ~bind | (alone >= found)
     best = own[..., 1] > own[..., 0]
     one, other = (np.broadcast_to(who[..., slot], single.shape) for slot in (0, 1))
@@ -255,13 +255,13 @@ def table_of(
     shape = fitting(leading | {"game": one["game"][:-2], "target": () if T is None else T.shape[:-2]})
     b = math.prod(shape)
 
-    def rows(value: Array) -> Array:
-        return np.broadcast_to(value, (*shape, n, m)).reshape(b, n, m).swapaxes(1, 2)
+    def spread(value: Array, *axes: int) -> Array:
+        whole = (*shape, *axes)
+        return (value if value.shape == whole else np.broadcast_to(value, whole)).reshape((b, *axes))
 
-    team = team.rows(rows)
-    P, E = (np.broadcast_to(one, (*shape, *one.shape[-2:])).reshape(b, one.shape[-2], 3) for one in (P, E))
-    T = None if T is None else np.broadcast_to(T, (*shape, m, 3)).reshape(b, m, 3)
-    present = np.broadcast_to(present, (*shape, m)).reshape(b, m)
+    team = team.rows(lambda value: spread(value, n, m).swapaxes(1, 2))
+    P, E, present = spread(P, n, 3), spread(E, m, 3), spread(present, m)
+    T = None if T is None else spread(T, m, 3)
     P, alike = P[:, None], E[:, :, None]
     goal = None if T is None else T[:, :, None]
     alone = solve(team.game, P, alike, goal)
@@ -290,24 +290,26 @@ def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
     first, second = (np.broadcast_to(who, (*table.shape, m)).reshape(b, m) for who in teams)
     first = np.where((first < n) & table.present, first, -1)
     second = np.where((second < n) & (first >= 0), second, -1)
-    worth, wins, pairs = worth_of(table.worth, first), worth_of(table.beats, first), None
+    worth, wins, pairs = taken(table.worth, first), taken(table.beats, first), None
     if table.target is not None:
         pairs = pairs_with(table, first)
-        worth = np.where(second < 0, worth, worth_of(pairs.worth, second))
-        wins |= (second >= 0) & worth_of(table.beats, second)
+        worth = np.where(second < 0, worth, taken(pairs.worth, second))
+        wins |= (second >= 0) & taken(table.beats, second)
     stays = (first >= 0) & wins
     return Kept(np.where(stays, first, -1), np.where(stays, second, -1), worth, first, pairs)
 
 
 def pairs_with(table: Table, first: Array) -> Meeting:
-    """Return what the first of each evader guarantees together with each other pursuer, (b, m, n)."""
+    """Return what the first of each evader guarantees with each pursuer, (b, m, n); alone beside another's first."""
     b, m, n = table.worth.shape
-    who = np.empty((b, m, n, 2), dtype=np.intp)
-    who[..., 0], who[..., 1] = np.maximum(first, 0)[..., None], np.arange(n)
+    every, own = np.arange(n), np.maximum(first, 0)[..., None]
+    busy = (every == first[..., None]).any(axis=1)[:, None] | (first < 0)[..., None]
+    who = np.stack([np.broadcast_to(own, (b, m, n)), np.where(busy, own, every)], axis=-1)
     return together(table.all, who, (np.arange(b)[:, None, None, None], np.arange(m)[:, None, None], who))
 
 
-def worth_of(table: Array, who: Array) -> Array:
-    """Take from a table (b, m, n) or (b, m, n, 3) what belongs to one pursuer of each evader, (b, m)."""
-    b, m = who.shape
-    return np.asarray(table[np.arange(b)[:, None], np.arange(m), np.maximum(who, 0)])
+def taken(array: Array, index: Array) -> Array:
+    """Take one element along the axis behind those of the index, (..., n) or (..., n, 3); the first one for −1."""
+    rows, (n, *rest) = index.size, array.shape[index.ndim :]
+    flat = array.reshape((rows, n, *rest))
+    return np.asarray(flat[np.arange(rows), np.maximum(index, 0).reshape(rows)].reshape((*index.shape, *rest)))
