@@ -14,7 +14,6 @@ import math
 from typing import Final, NamedTuple
 
 from guidance.control import Acceleration, Envelope, Gaps, late_start
-from guidance.control.braking_law import approach_speed
 from guidance.frames import Vector, difference
 from guidance.game import Ball, Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
@@ -122,7 +121,7 @@ def certify(
     *,
     evader_age_s: float,
     tolerance_m: float,
-) -> tuple[StateSolution, Certificate]:
+) -> tuple[StateSolution, Vector | None, Certificate]:
     """Solve the game from here, and find its value from where a pursuer starts that does as well as this vehicle.
 
     In PE that value is a capture time. In TAD it is another game, with the speed that the vehicle has shown.
@@ -160,21 +159,15 @@ def certify(
     )
     if T is None:
         time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late, E, None))
-        return here, certificate._replace(time_needed_s=time_s, allowance=time_s - here.value)
+        return here, None, certificate._replace(time_needed_s=time_s, allowance=time_s - here.value)
     shown = _demonstrated(game, vehicle.shown_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
     margin_s = there.margin_s - _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
-    if margin_s > 0.0 and _height_s(game, gaps.height_m, tolerance_m, vehicle.envelope) > _meeting_s(game, gaps):
-        x, y, z = optimal_m_s
-        turned = late_start(P, (-x, -y, z), optimal_m_s, vehicle.acceleration)
-        passed = solve_state(shown, turned, E, T, evader_velocity_m_s=seen)
-        margin_s = min(margin_s, passed.margin_s - vehicle.envelope.reaction_s)
-        if gaps.ground_m < shown.pursuer.horizontal_m_s**2 / (2.0 * vehicle.envelope.braking_m_s2):
-            margin_s = min(margin_s, 0.0)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
-    return here, certificate._replace(
+    waiting_m_s = _waiting(shown, there, P, late, here.pursuer_velocity_m_s)
+    return here, waiting_m_s, certificate._replace(
         evader_arrived=not certificate.captured and game.target_extent.distance_m(T, E) <= tolerance_m,
         time_needed_s=there.meeting_time_s,
         assured_distance_m=assured_m,
@@ -217,25 +210,18 @@ def _demonstrated(game: Game, shown_m_s: float) -> Game:
     return game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
 
 
-def _meeting_s(game: Game, gaps: Gaps) -> float:
-    """Return the least time until vehicle and evader can meet, s."""
-    return max(0.0, gaps.ground_m) / (game.pursuer.horizontal_m_s + game.evader_speed_m_s)
-
-
-def _height_s(game: Game, height_m: float, tolerance_m: float, envelope: Envelope) -> float:
-    """Return how long the vehicle needs to the disc's height, s.
-
-    It brakes as `approach_speed` allows until it is within the tolerance. From v0 to v1 that takes
-    (v0 - v1)/a + s ln(v0/v1).
-    """
-    away_m, speeds = abs(height_m), game.pursuer
-    if away_m <= tolerance_m or isinstance(speeds, Ball):
-        return 0.0
-    most_m_s = speeds.descent_m_s if height_m > 0.0 else speeds.climb_m_s
-    a, s = envelope.vertical_braking_m_s2, envelope.reaction_s
-    begin_m_s, end_m_s = (min(most_m_s, approach_speed(gap_m, a, s)) for gap_m in (away_m, tolerance_m))
-    braking_m = max(tolerance_m, most_m_s * (s + most_m_s / (2.0 * a)))
-    return max(0.0, away_m - braking_m) / most_m_s + (begin_m_s - end_m_s) / a + s * math.log(begin_m_s / end_m_s)
+def _waiting(game: Game, there: StateSolution, P: Vector, late: Vector, optimal_m_s: Vector) -> Vector | None:
+    """Return the velocity that reaches the meeting point together with the height, if the height decides; or None."""
+    if there.winner != Winner.PURSUER or isinstance(game.pursuer, Ball):
+        return None
+    (x, y, _), (from_x, from_y, _), (late_x, late_y, _) = there.meeting_point_m, P, late
+    radius_m, reach_m = game.standoff.radius_m, game.pursuer.horizontal_m_s * there.meeting_time_s
+    missing_m = max(0.0, math.hypot(x - late_x, y - late_y) - radius_m)
+    if missing_m >= (1.0 - 1e-6) * reach_m:
+        return None
+    away_m = math.hypot(x - from_x, y - from_y)
+    pace = math.hypot(*optimal_m_s[:2]) * missing_m / reach_m / away_m if away_m > radius_m else 0.0
+    return (pace * (x - from_x), pace * (y - from_y), optimal_m_s[2])
 
 
 def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:

@@ -161,7 +161,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         told = refused._replace(command_ned_m_s=command_ned_m_s, battery_needed=battery_needed)
         return output._replace(certificate=told)
     vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s)
-    solution, certificate = certify(
+    solution, waiting, certificate = certify(
         game,
         players,
         vehicle,
@@ -171,10 +171,10 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         tolerance_m=settings.tolerance_m,
     )
     optimal = solution.pursuer_velocity_m_s
-    asked = optimal
+    asked = waiting or optimal
     if settings.strategy.name != OPTIMAL:
-        asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
-    nominal_ned_m_s = ned_from_game(_at_nominal_speed(asked, game, settings))
+        asked, waiting = _pursue(settings.strategy, game, players, memory.strategy, dt_s), None
+    nominal_ned_m_s = ned_from_game(asked if waiting else _at_nominal_speed(asked, game, settings))
     asked_ned_m_s = held_back(nominal_ned_m_s, walls, envelope)
     max_speed_ratio = envelope.speed_m_s / settings.ground_speed_m_s
     at_wall = memory.limits is not None and memory.limits.held_back
@@ -187,9 +187,10 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         max_speed_ratio=max_speed_ratio,
         meeting_m_s=envelope.speed_m_s + evader.speed_bound_m_s,
         dt_s=dt_s,
+        hurried=waiting is None,
         held_back=at_wall,
     )
-    unslowed = followed.unslowed and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
+    unslowed = followed.unslowed and waiting is None and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
     flown = followed.flown_ned_m_s
     speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, confirmed=guided, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad

@@ -294,6 +294,7 @@ def follow(
     max_speed_ratio: float,
     meeting_m_s: float,
     dt_s: float,
+    hurried: bool = True,
     held_back: bool = False,
 ) -> Followed:
     """Follow the game's velocity for one cycle; without `following` it is sent unchanged.
@@ -307,6 +308,7 @@ def follow(
         max_speed_ratio: Speed limit over the game's speed.
         meeting_m_s: Sum of the largest speeds of vehicle and evader.
         dt_s: Seconds since the last call.
+        hurried: Whether the desired speed is the game's full one; otherwise no way is lost that must be caught up.
         held_back: Whether a limit reduced the last command; the servo learns nothing then.
     """
     if following is None:
@@ -314,17 +316,15 @@ def follow(
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory, flown)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
     flown = less_drift(here.velocity_ned_m_s, drift)
-    wanted, deficit_m = catch_up(
-        desired_ned_m_s,
-        flown,
-        memory.deficit_m,
-        max_speed_ratio=max_speed_ratio,
-        dt_s=dt_s,
-    )
-    wanted = unhurried(wanted, gaps, deficit_m, meeting_m_s)
+    wanted, deficit_m = desired_ned_m_s, 0.0
+    if hurried:
+        wanted, deficit_m = catch_up(
+            desired_ned_m_s, flown, memory.deficit_m, max_speed_ratio=max_speed_ratio, dt_s=dt_s
+        )
+        wanted = unhurried(wanted, gaps, deficit_m, meeting_m_s)
     desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach)
     if braking:
-        deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
+        deficit_m = memory.deficit_m * hurried  # braking at the disc adds nothing to it
     served = serve(desired, flown, memory.servo, following.servo, dt_s=dt_s, held_back=held_back)
     return Followed(
         with_drift(served.velocity_ned_m_s, drift),
