@@ -5,15 +5,20 @@ The game's value and winner are theorems about players that change their velocit
 shown into account; see `guidance.control.capability`.
 
 In TAD the vehicle's verdict is "pursuer" if the game is won even from as far back as accelerating costs, with enough
-time left to react and to brake to the evader's velocity. If the evader can pass below the vehicle before it is at the
-disc's height, the game must also be won by a vehicle that turns round from full speed, and the vehicle must be able to
-stop before the rim. The verdict is "evader" if even the game's pursuer loses, and "undecided" in between.
+time left to react and, over the ground, to brake to the evader's velocity. It is "evader" if even the game's pursuer
+loses, and "undecided" in between.
+
+**Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that used none
+of it would be near the evader before it can capture. An evader that turns then passes below it, because a vehicle does
+not turn at once. So the vehicle flies to the meeting point no faster than it descends, and stays between the evader and
+the target. The time to spare is that of the game from further back, so there is enough of it to accelerate.
 """
 
 import math
 from typing import Final, NamedTuple
 
 from guidance.control import Acceleration, Envelope, Gaps, late_start
+from guidance.control.braking_law import approach_speed
 from guidance.frames import Vector, difference
 from guidance.game import Ball, Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
@@ -25,6 +30,9 @@ _TAKEN_FOR_GRANTED: Final = 0.8
 
 _FASTER: Final = 1.05
 """Least speed that the verdict uses, over the evader's; a slower pursuer has no game."""
+
+_FULL: Final = 0.999
+"""Share of the full speed over the ground that counts as all of it."""
 
 
 class Players(NamedTuple):
@@ -136,7 +144,8 @@ def certify(
         tolerance_m: Distance from the disc that counts as captured.
 
     Returns:
-        The solution from here, and the certificate without a command.
+        The solution from here, the velocity of a vehicle that waits for its height, None if it does not wait, and the
+        certificate without a command.
     """
     P, E, T, seen = players.pursuer_m, players.evader_m, players.target_m, players.evader_m_s
     here = solve_state(game, P, E, T, evader_velocity_m_s=seen)
@@ -163,11 +172,16 @@ def certify(
     shown = _demonstrated(game, vehicle.shown_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
-    margin_s = there.margin_s - _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
+    waiting_m_s, level = None, there
+    if abs(gaps.height_m) > tolerance_m:
+        waiting_m_s = _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)
+    if waiting_m_s is not None:  # braking costs time over the ground only
+        level = solve_state(shown, (late[0], late[1], E[2] + game.standoff.height_m), E, T, evader_velocity_m_s=seen)
+    stopping_s = _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
+    margin_s = min(level.margin_s - stopping_s, there.margin_s - vehicle.envelope.reaction_s)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
-    waiting_m_s = _waiting(shown, there, P, late, here.pursuer_velocity_m_s)
-    return here, waiting_m_s, certificate._replace(
+    certificate = certificate._replace(
         evader_arrived=not certificate.captured and game.target_extent.distance_m(T, E) <= tolerance_m,
         time_needed_s=there.meeting_time_s,
         assured_distance_m=assured_m,
@@ -175,6 +189,7 @@ def certify(
         vehicle_winner=int(Winner.PURSUER if certificate.captured else verdict),
         vehicle_margin_s=margin_s,
     )
+    return here, waiting_m_s, certificate
 
 
 def without_game(players: Players, gaps: Gaps, evader_age_s: float) -> Certificate:
@@ -210,18 +225,20 @@ def _demonstrated(game: Game, shown_m_s: float) -> Game:
     return game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
 
 
-def _waiting(game: Game, there: StateSolution, P: Vector, late: Vector, optimal_m_s: Vector) -> Vector | None:
-    """Return the velocity that reaches the meeting point together with the height, if the height decides; or None."""
-    if there.winner != Winner.PURSUER or isinstance(game.pursuer, Ball):
+def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle, shown_m_s: float) -> Vector | None:
+    """Return the velocity of a vehicle that waits at the meeting point for its height; None if the ground decides."""
+    if here.winner != Winner.PURSUER or isinstance(game.pursuer, Ball):
         return None
-    (x, y, _), (from_x, from_y, _), (late_x, late_y, _) = there.meeting_point_m, P, late
-    radius_m, reach_m = game.standoff.radius_m, game.pursuer.horizontal_m_s * there.meeting_time_s
-    missing_m = max(0.0, math.hypot(x - late_x, y - late_y) - radius_m)
-    if missing_m >= (1.0 - 1e-6) * reach_m:
+    (x, y, _), (x0, y0, _), envelope = here.meeting_point_m, players.pursuer_m, vehicle.envelope
+    radius_m, most_m_s, away_m = game.standoff.radius_m, game.pursuer.horizontal_m_s, math.hypot(x - x0, y - y0)
+    if away_m - radius_m >= _FULL * most_m_s * here.meeting_time_s:
         return None
-    away_m = math.hypot(x - from_x, y - from_y)
-    pace = math.hypot(*optimal_m_s[:2]) * missing_m / reach_m / away_m if away_m > radius_m else 0.0
-    return (pace * (x - from_x), pace * (y - from_y), optimal_m_s[2])
+    speed_m_s = min(most_m_s, approach_speed(away_m, envelope.braking_m_s2, envelope.reaction_s))
+    pace = speed_m_s / away_m if away_m > 0.0 else 0.0
+    waiting_m_s = (pace * (x - x0), pace * (y - y0), here.pursuer_velocity_m_s[2])
+    late_x, late_y, _ = late_start(players.pursuer_m, waiting_m_s, players.pursuer_m_s, vehicle.acceleration)
+    in_time = math.hypot(x - late_x, y - late_y) - radius_m < shown_m_s * here.meeting_time_s
+    return waiting_m_s if in_time else None
 
 
 def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:

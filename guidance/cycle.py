@@ -173,8 +173,9 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     optimal = solution.pursuer_velocity_m_s
     asked = waiting or optimal
     if settings.strategy.name != OPTIMAL:
-        asked, waiting = _pursue(settings.strategy, game, players, memory.strategy, dt_s), None
-    nominal_ned_m_s = ned_from_game(asked if waiting else _at_nominal_speed(asked, game, settings))
+        asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
+    hurried = asked is not waiting
+    nominal_ned_m_s = ned_from_game(_at_nominal_speed(asked, game, settings))
     asked_ned_m_s = held_back(nominal_ned_m_s, walls, envelope)
     max_speed_ratio = envelope.speed_m_s / settings.ground_speed_m_s
     at_wall = memory.limits is not None and memory.limits.held_back
@@ -187,10 +188,10 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         max_speed_ratio=max_speed_ratio,
         meeting_m_s=envelope.speed_m_s + evader.speed_bound_m_s,
         dt_s=dt_s,
-        hurried=waiting is None,
+        hurried=hurried,
         held_back=at_wall,
     )
-    unslowed = followed.unslowed and waiting is None and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
+    unslowed = followed.unslowed and hurried and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
     flown = followed.flown_ned_m_s
     speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, confirmed=guided, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
@@ -251,7 +252,7 @@ def _at_nominal_speed(asked: Vector, game: Game, settings: CycleSettings) -> Vec
         return asked
     ball, scale, (x, y, z) = isinstance(game.pursuer, Ball), nominal_m_s / reached_m_s, asked
     if math.hypot(x, y, z if ball else 0.0) < reached_m_s * (1.0 - 1e-6):
-        return asked  # it keeps up with the evader
+        return asked  # it waits for its height, or keeps up with the evader
     return (scale * x, scale * y, scale * z if ball else z)
 
 

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.certificate import Players, Vehicle, certify
@@ -25,9 +25,13 @@ speeds = st.floats(-4.0, 4.0)
 def certified(
     pursuer_m, pursuer_m_s, evader_m, evader_m_s=(0.0, 0.0, 0.0), *, vehicle=FULL, target_m=TARGET, age_s=0.0
 ):
+    return played(pursuer_m, pursuer_m_s, evader_m, evader_m_s, vehicle=vehicle, target_m=target_m, age_s=age_s)[2]
+
+
+def played(pursuer_m, pursuer_m_s, evader_m, evader_m_s, *, vehicle=FULL, target_m=TARGET, age_s=0.0):
     gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
     players = Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m)
-    return certify(GAME, players, vehicle, gaps, None, evader_age_s=age_s, tolerance_m=0.5)[1]
+    return certify(GAME, players, vehicle, gaps, None, evader_age_s=age_s, tolerance_m=0.5)
 
 
 @given(lengths, lengths, st.floats(5.0, 40.0), lengths, lengths, speeds, speeds, speeds)
@@ -59,18 +63,52 @@ def test_a_vehicle_in_hover_may_lose_what_the_ideal_pursuer_wins():
     assert (says.winner, says.vehicle_winner) == (Winner.PURSUER, Winner.UNDECIDED)
 
 
-@pytest.mark.parametrize(
-    ("height_m", "evader_m", "target_m", "winner"),
-    [
-        (5.0, 18.0, 6.0, Winner.PURSUER),  # at the disc's height, it captures an evader that comes
-        (6.5, 18.0, 6.0, Winner.UNDECIDED),  # too high for that, it flies past and has to turn round
-        (6.5, 18.0, -90.0, Winner.UNDECIDED),  # and could not stop before the rim
-        (9.0, 30.0, -90.0, Winner.PURSUER),  # it can stop, and has enough time to turn
-    ],
+@given(lengths, lengths, st.floats(5.0, 40.0), lengths, lengths, speeds, speeds, speeds)
+def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(x, y, z, e_x, e_y, v_x, v_y, v_z):
+    here, waiting, says = played((x, y, z), (v_x, v_y, v_z), (e_x, e_y, 0.0), (0.0, 0.0, 0.0))
+    if waiting is None:
+        return
+    east, north, up = waiting
+    assert says.assured_distance_m > 0.0
+    assert math.hypot(east, north) < 6.0
+    assert up == here.pursuer_velocity_m_s[2]
+
+
+def test_a_vehicle_that_is_too_high_stays_between_the_evader_and_the_target():
+    # It needs 8/1.5 s for its height. An evader that turns can be at 30 - 3 * 8/1.5 = 14 m then, 3 m from the rim at 17.
+    here, waiting, _ = played((20.0, 0.0, 13.0), (6.0, 0.0, -1.5), (30.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    assert here.pursuer_velocity_m_s == pytest.approx((6.0, 0.0, -1.5))
+    assert waiting == pytest.approx((-3.0 / (8.0 / 1.5), 0.0, -1.5))
+
+
+def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
+    assert played((11.0, 0.0, 5.4), (6.0, 0.0, 0.0), (18.0, 0.0, 0.0), (-3.0, 0.0, 0.0))[1] is None
+
+
+@given(
+    st.floats(-30.0, 30.0),
+    st.floats(-30.0, 30.0),
+    st.floats(6.0, 25.0),
+    st.lists(st.floats(-math.pi, math.pi), min_size=6, max_size=6),
 )
-def test_an_evader_may_pass_below_a_vehicle_that_is_too_high(height_m, evader_m, target_m, winner):
-    says = certified((11.0, 0.0, height_m), (6.0, 0.0, 0.0), (evader_m, 0.0, 0.0), target_m=(target_m, 0.0, 0.0))
-    assert (says.winner, says.vehicle_winner) == (Winner.PURSUER, winner)
+@settings(max_examples=40)
+def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, z, headings):
+    at_once, step_s = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, 6.0), 0.02
+    pursuer_m, evader_m, assured_m = (x, y, z), (35.0, 0.0, 0.0), None
+    for cycle in range(300):
+        here, waiting, says = played(pursuer_m, (0.0, 0.0, 0.0), evader_m, (0.0, 0.0, 0.0), vehicle=at_once)
+        if says.winner != Winner.PURSUER or says.captured:
+            return
+        assured_m = says.value if assured_m is None else max(assured_m, says.value)
+        assert says.value >= assured_m - 0.1
+        heading = headings[cycle // 50]
+        velocity = waiting or here.pursuer_velocity_m_s
+        pursuer_m = tuple(place + speed * step_s for place, speed in zip(pursuer_m, velocity, strict=True))
+        evader_m = (
+            evader_m[0] + 3.0 * math.cos(heading) * step_s,
+            evader_m[1] + 3.0 * math.sin(heading) * step_s,
+            0.0,
+        )
 
 
 def test_a_captured_evader_has_lost_and_has_not_arrived():

@@ -316,7 +316,8 @@ def follow(
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory, flown)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
     flown = less_drift(here.velocity_ned_m_s, drift)
-    wanted, deficit_m = desired_ned_m_s, 0.0
+    north, east, down = desired_ned_m_s
+    wanted, deficit_m = (north, east, down * max_speed_ratio), 0.0
     if hurried:
         wanted, deficit_m = catch_up(
             desired_ned_m_s, flown, memory.deficit_m, max_speed_ratio=max_speed_ratio, dt_s=dt_s
@@ -324,7 +325,7 @@ def follow(
         wanted = unhurried(wanted, gaps, deficit_m, meeting_m_s)
     desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach)
     if braking:
-        deficit_m = memory.deficit_m * hurried  # braking at the disc adds nothing to it
+        deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
     served = serve(desired, flown, memory.servo, following.servo, dt_s=dt_s, held_back=held_back)
     return Followed(
         with_drift(served.velocity_ned_m_s, drift),
