@@ -8,10 +8,10 @@ In TAD the vehicle's verdict is "pursuer" if the game is won even from as far ba
 time left to react and, over the ground, to brake to the evader's velocity. It is "evader" if even the game's pursuer
 loses, and "undecided" in between.
 
-**Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that used none
-of it would be near the evader before it can capture. An evader that turns then passes below it, because a vehicle does
-not turn at once. So the vehicle flies to the meeting point no faster than it descends, and stays between the evader and
-the target. The time to spare is that of the game from further back, so there is enough of it to accelerate.
+**Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that flew at
+full speed all the same would be near the evader before it can capture. An evader that turns then passes below it,
+because a vehicle does not turn at once. So a vehicle that can be at the meeting point in time flies there and brakes
+for it. It stays between the evader and the target, and descends as fast as its limits allow.
 """
 
 import math
@@ -31,8 +31,8 @@ _TAKEN_FOR_GRANTED: Final = 0.8
 _FASTER: Final = 1.05
 """Least speed that the verdict uses, over the evader's; a slower pursuer has no game."""
 
-_FULL: Final = 0.999
-"""Share of the full speed over the ground that counts as all of it."""
+_SURELY: Final = 0.999
+"""Share of the way within reach; at 1, the ground decides."""
 
 
 class Players(NamedTuple):
@@ -175,7 +175,7 @@ def certify(
     waiting_m_s, level = None, there
     if abs(gaps.height_m) > tolerance_m:
         waiting_m_s = _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)
-    if waiting_m_s is not None:  # braking costs time over the ground only
+    if waiting_m_s:  # braking costs time over the ground only
         level = solve_state(shown, (late[0], late[1], E[2] + game.standoff.height_m), E, T, evader_velocity_m_s=seen)
     stopping_s = _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
     margin_s = min(level.margin_s - stopping_s, there.margin_s - vehicle.envelope.reaction_s)
@@ -225,20 +225,18 @@ def _demonstrated(game: Game, shown_m_s: float) -> Game:
     return game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
 
 
-def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle, shown_m_s: float) -> Vector | None:
+def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float) -> Vector | None:
     """Return the velocity of a vehicle that waits at the meeting point for its height; None if the ground decides."""
     if here.winner != Winner.PURSUER or isinstance(game.pursuer, Ball):
         return None
-    (x, y, _), (x0, y0, _), envelope = here.meeting_point_m, players.pursuer_m, vehicle.envelope
-    radius_m, most_m_s, away_m = game.standoff.radius_m, game.pursuer.horizontal_m_s, math.hypot(x - x0, y - y0)
-    if away_m - radius_m >= _FULL * most_m_s * here.meeting_time_s:
-        return None
-    speed_m_s = min(most_m_s, approach_speed(away_m, envelope.braking_m_s2, envelope.reaction_s))
-    pace = speed_m_s / away_m if away_m > 0.0 else 0.0
-    waiting_m_s = (pace * (x - x0), pace * (y - y0), here.pursuer_velocity_m_s[2])
-    late_x, late_y, _ = late_start(players.pursuer_m, waiting_m_s, players.pursuer_m_s, vehicle.acceleration)
-    in_time = math.hypot(x - late_x, y - late_y) - radius_m < shown_m_s * here.meeting_time_s
-    return waiting_m_s if in_time else None
+    P, X, envelope = players.pursuer_m, here.meeting_point_m, vehicle.envelope
+    away_m = math.dist(P[:2], X[:2])
+    allowed_m_s = approach_speed(away_m, envelope.braking_m_s2, envelope.reaction_s)
+    pace = min(game.pursuer.horizontal_m_s, allowed_m_s) / away_m if away_m > 0.0 else 0.0
+    waiting_m_s = (pace * (X[0] - P[0]), pace * (X[1] - P[1]), here.pursuer_velocity_m_s[2])
+    late = late_start(P, waiting_m_s, players.pursuer_m_s, vehicle.acceleration)
+    missing_m = max(away_m, math.dist(late[:2], X[:2])) - game.standoff.radius_m
+    return waiting_m_s if missing_m < _SURELY * trusted_m_s * here.meeting_time_s else None
 
 
 def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:

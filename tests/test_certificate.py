@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from guidance.certificate import Players, Vehicle, certify
 from guidance.control import Acceleration
+from guidance.control.braking_law import approach_speed
 from guidance.control.follow import gaps_to_disc
 from guidance.frames import ned_from_game
 from guidance.game import Cylinder, Game, StandOff, Winner
@@ -69,16 +70,17 @@ def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(x, y, z, e_x
     if waiting is None:
         return
     east, north, up = waiting
-    assert says.assured_distance_m > 0.0
-    assert math.hypot(east, north) < 6.0
+    assert says.winner == Winner.PURSUER
+    assert math.hypot(east, north) <= 6.0 + 1e-9
     assert up == here.pursuer_velocity_m_s[2]
 
 
 def test_a_vehicle_that_is_too_high_stays_between_the_evader_and_the_target():
-    # It needs 8/1.5 s for its height. An evader that turns can be at 30 - 3 * 8/1.5 = 14 m then, 3 m from the rim at 17.
+    # It needs 8/1.5 s for its height. An evader that turns can be at 30 - 3 * 8/1.5 = 14 m then.
     here, waiting, _ = played((20.0, 0.0, 13.0), (6.0, 0.0, -1.5), (30.0, 0.0, 0.0), (3.0, 0.0, 0.0))
     assert here.pursuer_velocity_m_s == pytest.approx((6.0, 0.0, -1.5))
-    assert waiting == pytest.approx((-3.0 / (8.0 / 1.5), 0.0, -1.5))
+    stops_m_s = approach_speed(20.0 - 14.0, ENVELOPE.braking_m_s2, ENVELOPE.reaction_s)
+    assert waiting == pytest.approx((-stops_m_s, 0.0, -1.5))
 
 
 def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
@@ -91,17 +93,17 @@ def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
     st.floats(6.0, 25.0),
     st.lists(st.floats(-math.pi, math.pi), min_size=6, max_size=6),
 )
-@settings(max_examples=40)
+@settings(max_examples=25)
 def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, z, headings):
-    at_once, step_s = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, 6.0), 0.02
+    at_once, step_s = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, 6.0), 0.05
     pursuer_m, evader_m, assured_m = (x, y, z), (35.0, 0.0, 0.0), None
-    for cycle in range(300):
+    for cycle in range(120):
         here, waiting, says = played(pursuer_m, (0.0, 0.0, 0.0), evader_m, (0.0, 0.0, 0.0), vehicle=at_once)
         if says.winner != Winner.PURSUER or says.captured:
             return
         assured_m = says.value if assured_m is None else max(assured_m, says.value)
-        assert says.value >= assured_m - 0.1
-        heading = headings[cycle // 50]
+        assert says.value >= assured_m - 0.2
+        heading = headings[cycle // 20]
         velocity = waiting or here.pursuer_velocity_m_s
         pursuer_m = tuple(place + speed * step_s for place, speed in zip(pursuer_m, velocity, strict=True))
         evader_m = (

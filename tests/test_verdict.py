@@ -9,7 +9,7 @@ from tests.harness.guarded import draw_game, fly
 pytestmark = pytest.mark.flight
 FLIGHTS = [(1, number) if number < 4 else pytest.param(1, number, marks=pytest.mark.long) for number in range(12)]
 PASSED_BELOW = [(3, 179), (3, 359), (3, 703)]
-"""The evader turns when it is 2 to 13 m from the rim and passes below the vehicle, which is 1 to 3 m too high then."""
+"""The evader turns when it is 2 to 13 m from the rim. It passes below a vehicle that flies on while it is too high."""
 
 
 @pytest.mark.parametrize(("seed", "number"), [*FLIGHTS, *PASSED_BELOW])

@@ -308,7 +308,8 @@ def follow(
         max_speed_ratio: Speed limit over the game's speed.
         meeting_m_s: Sum of the largest speeds of vehicle and evader.
         dt_s: Seconds since the last call.
-        hurried: Whether the desired speed is the game's full one; otherwise no way is lost that must be caught up.
+        hurried: Whether the game's full speed is desired. A vehicle that waits for its height catches nothing up over
+            the ground, and uses its whole vertical speed.
         held_back: Whether a limit reduced the last command; the servo learns nothing then.
     """
     if following is None:
