@@ -31,6 +31,9 @@ _TAKEN_FOR_GRANTED: Final = 0.8
 _FASTER: Final = 1.05
 """Least speed that the verdict uses, over the evader's; a slower pursuer has no game."""
 
+_SLOWER_DESCENT: Final = 0.15
+"""Share of the time for the height that may be missing; PX4 near its tilt limit descends at 1.35 m/s instead of 1.5."""
+
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
 
@@ -172,13 +175,15 @@ def certify(
     shown = _demonstrated(game, vehicle.shown_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
-    waiting_m_s, level = None, there
-    if abs(gaps.height_m) > tolerance_m:
-        waiting_m_s = _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)
-    if waiting_m_s:  # braking costs time over the ground only
-        level = solve_state(shown, (late[0], late[1], E[2] + game.standoff.height_m), E, T, evader_velocity_m_s=seen)
     stopping_s = _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
-    margin_s = min(level.margin_s - stopping_s, there.margin_s - vehicle.envelope.reaction_s)
+    margin_s = there.margin_s - stopping_s
+    low = abs(gaps.height_m) <= tolerance_m
+    waiting_m_s = None if low else _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)
+    if waiting_m_s:
+        level_m = (late[0], late[1], E[2] + game.standoff.height_m)
+        ground_s = solve_state(shown, level_m, E, T, evader_velocity_m_s=seen).margin_s - stopping_s
+        lost_s = vehicle.envelope.reaction_s + _SLOWER_DESCENT * here.meeting_time_s
+        margin_s = min(ground_s, there.margin_s - lost_s)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     certificate = certificate._replace(
@@ -218,11 +223,8 @@ def without_game(players: Players, gaps: Gaps, evader_age_s: float) -> Certifica
 
 def _demonstrated(game: Game, shown_m_s: float) -> Game:
     """Return the game with the speed over the ground that the vehicle has shown, or is trusted with before."""
-    full_m_s = game.pursuer.horizontal_m_s
-    trusted_m_s = max(shown_m_s, _TAKEN_FOR_GRANTED * full_m_s, _FASTER * game.evader_speed_m_s)
-    if trusted_m_s >= full_m_s:
-        return game
-    return game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
+    trusted_m_s = max(shown_m_s, _TAKEN_FOR_GRANTED * game.pursuer.horizontal_m_s, _FASTER * game.evader_speed_m_s)
+    return game.against(game.evader_speed_m_s, game.information_age_s, min(trusted_m_s, game.pursuer.horizontal_m_s))
 
 
 def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float) -> Vector | None:
@@ -246,9 +248,7 @@ def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Env
         return envelope.reaction_s
     relative = difference(optimal_m_s, players.evader_m_s)
     x, y, _ = difference(players.evader_m, players.pursuer_m)
-    closing_m_s = (relative[0] * x + relative[1] * y) / math.hypot(x, y)
-    if closing_m_s <= 0.0:
-        return envelope.reaction_s
+    closing_m_s = max(0.0, relative[0] * x + relative[1] * y) / math.hypot(x, y)
     if gap_m >= closing_m_s**2 / (2.0 * deceleration_m_s2):
         return envelope.reaction_s + closing_m_s / (2.0 * deceleration_m_s2)
     return envelope.reaction_s + math.sqrt(2.0 * gap_m / deceleration_m_s2) - gap_m / closing_m_s
