@@ -183,6 +183,30 @@ class FenceRefused(NamedTuple):
     result: int
 
 
+class Aircraft(NamedTuple):
+    """ADSB_VEHICLE, or GLOBAL_POSITION_INT of another system: an aircraft that is neither ours nor of the team.
+
+    Attributes:
+        received_s: When it arrived.
+        name: "ICAO " and its address, or "system " and its id.
+        latitude_deg: WGS-84.
+        longitude_deg: WGS-84.
+        altitude_amsl_m: Above mean sea level; NaN if unknown.
+        velocity_ned_m_s: North, east, down; NaN if unknown.
+        age_s: Time since the sender last heard of it.
+        error_m: Largest error of its place.
+    """
+
+    received_s: float
+    name: str
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    velocity_ned_m_s: Vector
+    age_s: float
+    error_m: float
+
+
 Message = (
     Heartbeat
     | LocalPosition
@@ -203,6 +227,7 @@ Message = (
     | FenceCount
     | FenceItem
     | FenceRefused
+    | Aircraft
 )
 
 

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from guidance.frames import Amsl, LocalFrame, Projection, Vector
 from guidance.messages import (
+    Aircraft,
     Attitude,
     CommandAck,
     EstimatorStatus,
@@ -280,6 +281,11 @@ def _global(place: GlobalPosition) -> bool:
     return _on_earth(place) and height and rate and 0.0 <= place.time_boot_s <= _LATEST_S
 
 
+def _aircraft(one: Aircraft) -> bool:
+    here = abs(one.latitude_deg) < 90.0 and abs(one.longitude_deg) <= 180.0
+    return here and not abs(one.altitude_amsl_m) > HIGHEST_M and not math.hypot(*one.velocity_ned_m_s) > FASTEST_M_S
+
+
 def _status(status: SystemStatus) -> bool:
     return math.isnan(status.battery_remaining) or 0.0 <= status.battery_remaining <= 1.0
 
@@ -289,6 +295,7 @@ def _echo(echo: PositionTarget) -> bool:
 
 
 _JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {
+    Aircraft: _aircraft,
     Attitude: lambda attitude: abs(attitude.yaw_rad) <= _TURNED_RAD,
     EstimatorStatus: lambda status: math.isnan(status.height_sd_m) or 0.0 <= status.height_sd_m <= HIGHEST_M,
     FenceItem: lambda item: abs(item.size) <= FARTHEST_M and abs(item.latitude_deg) < 90.0,

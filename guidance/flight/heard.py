@@ -18,6 +18,7 @@ from guidance.flight.tracking import NOWHERE, Tracking, polygon_about_home
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference
 from guidance.game import StandOff
 from guidance.messages import (
+    Aircraft,
     EstimatorStatus,
     Heartbeat,
     LocalPosition,
@@ -57,6 +58,14 @@ FORGOTTEN_S: Final = 10.0
 
 _SWERVE_M_S2: Final = 5.0
 
+FASTEST_AIRCRAFT_M_S: Final = 60.0
+"""Speed of an aircraft whose velocity is unknown."""
+
+SAME_M: Final = 10.0
+"""An aircraft reported so near to a mate or an evader, beside its error, is that one."""
+
+MOST_AIRCRAFT: Final = 32
+
 
 class View(NamedTuple):
     """The evader, the situation and the walls of one cycle, and how far beyond a wall of each kind the vehicle is."""
@@ -85,6 +94,7 @@ class Heard:
         start_ned_m: Stand-by position, if configured.
         role: In the team; None without one.
         mates: Last state of every other vehicle of the team, by name.
+        aircraft: In a team, the last state of other aircraft, by name.
         switched: Whether this cycle began to play against another evader.
     """
 
@@ -108,6 +118,7 @@ class Heard:
         self._view: View | None = None
         self.start_ned_m: Vector | None = None
         self.mates: dict[str, MateState] = {}
+        self.aircraft: dict[str, MateState] = {}
         self.role: Role | None = None
         self.switched = False
 
@@ -139,6 +150,31 @@ class Heard:
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
         self.foreign = strange and self.echo.foreign
         self._place()
+        if self._settings.team is not None:
+            for message in inputs.messages:
+                if isinstance(message, Aircraft):
+                    self._take_aircraft(message)
+
+    def _take_aircraft(self, one: Aircraft) -> None:
+        """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better."""
+        frame, here, at_s = self.tracking.local_frame, self.position_ned_m, one.received_s - one.age_s
+        if frame is None or here is None:
+            return
+        moves = not any(map(math.isnan, one.velocity_ned_m_s))
+        speed_m_s = math.hypot(*one.velocity_ned_m_s) if moves else FASTEST_AIRCRAFT_M_S
+        level = math.isnan(one.altitude_amsl_m)  # an unknown height is ours
+        altitude_m = frame.wgs84_from_ned(here)[2].metres if level else one.altitude_amsl_m
+        place = (one.latitude_deg, one.longitude_deg, altitude_m)
+        velocity = one.velocity_ned_m_s if moves else NOWHERE
+        state = MateState(one.name, at_s, *place, velocity, speed_m_s, one.error_m, airborne=True)
+        evaders = (self.tracking.evader(one.received_s, name) for name in self._settings.evaders)
+        known = [evader.position_ned_m for evader in evaders if evader is not None]
+        known += [self._around(mate, at_s).position_ned_m for mate in self.mates.values()]
+        apart_m = [math.dist(self._around(state, at_s).position_ned_m, at) for at in known]
+        self.aircraft = {name: was for name, was in self.aircraft.items() if at_s - was.at_s <= FORGOTTEN_S}
+        self.aircraft.pop(one.name, None)
+        if min(apart_m, default=math.inf) > SAME_M + one.error_m and len(self.aircraft) < MOST_AIRCRAFT:
+            self.aircraft[one.name] = state
 
     def _play(self, role: Role) -> None:
         """Take a new role: another evader, or another height above the game's disc."""
@@ -187,7 +223,8 @@ class Heard:
                 self.vehicle.acceleration_ned_m_s2,
                 0.0 if estimator is None else estimator.height_sd_m,
             )
-            mates = [self._around(mate, now_s) for mate in self._near(now_s)] if self.mates else ()
+            others = self.mates | self.aircraft if self.aircraft else self.mates
+            mates = [self._around(mate, now_s) for mate in self._near(now_s, others)] if others else ()
             walls = measure_walls(here, self.cycle.envelope, mates)
             self._view = View(evader, here, walls, _crossed_m(walls))
         return self._view
@@ -201,18 +238,18 @@ class Heard:
         """Return the name of a mate nearby that is silent for longer than `HOLD_S`; empty if there is none."""
         envelope, here = self.cycle.envelope, self.position_ned_m
         stop_m = envelope.speed_m_s * (envelope.reaction_s + envelope.speed_m_s / (2.0 * envelope.braking_m_s2))
-        for mate in self._near(now_s):
+        for mate in self._near(now_s, self.mates):
             around = self._around(mate, now_s)
             beside_m = math.inf if here is None else math.dist(here[:2], around.position_ned_m[:2]) - around.radius_m
             if now_s - mate.at_s > HOLD_S and beside_m < 2.0 * stop_m:
                 return mate.name
         return ""
 
-    def _near(self, now_s: float) -> list[MateState]:
-        """Return the mates to stay away from."""
+    def _near(self, now_s: float, others: Mapping[str, MateState]) -> list[MateState]:
+        """Return which of the others to stay away from."""
         if self.tracking.local_frame is None:
             return []
-        return [mate for mate in self.mates.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S]
+        return [mate for mate in others.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S]
 
     def _around(self, mate: MateState, now_s: float) -> Separation:
         """Return the cylinder that contains a mate with its separation, wherever it went since its last state."""

@@ -11,7 +11,15 @@ from typing import ClassVar, Final, NamedTuple, Protocol
 
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, Ellipsoid, LocalFrame, Vector
-from guidance.links.codec import MAV_FRAME_LOCAL_NED, degrees
+from guidance.links.codec import (
+    ALTITUDE_GEOMETRIC,
+    MAV_FRAME_LOCAL_NED,
+    VALID_ALTITUDE,
+    VALID_COORDINATES,
+    VALID_MOTION,
+    degrees,
+    velocity_over_ground,
+)
 from guidance.links.frames import Fields
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 from guidance.vehicle import FARTHEST_M, is_plausible
@@ -20,10 +28,6 @@ MAV_FRAME_BODY_FRD: Final = 12
 CAPABILITY_VELOCITY: Final = 1 << 1
 _DIAGONAL: Final = (0, 6, 11)  # of the upper right triangle of a 6 x 6 matrix, row by row
 
-VALID_COORDINATES: Final = 1
-VALID_ALTITUDE: Final = 2
-VALID_MOTION: Final = 4 | 8 | 128  # heading, velocity, vertical velocity
-ALTITUDE_GEOMETRIC: Final = 1
 
 UNKNOWN_MOTION: Final = (36100, 25500, 6300)
 """Direction (1/100 degree), horizontal and vertical speed (cm/s) that OPEN_DRONE_ID_LOCATION defines as unknown."""
@@ -290,13 +294,6 @@ def standard_deviation(*variances: float) -> float:
     """Return the largest standard deviation; NaN if no variance is known (positive and finite)."""
     known = [variance for variance in variances if math.isfinite(variance) and variance > 0.0]
     return math.sqrt(max(known)) if known else math.nan
-
-
-def velocity_over_ground(course_cdeg: float, speed_cm_s: float, climb_cm_s: float) -> Vector:
-    """Return north, east, down in m/s from the course (1/100 degree clockwise from north), ground speed and climb."""
-    course_rad = math.radians(course_cdeg / 100.0)
-    speed_m_s = speed_cm_s / 100.0
-    return speed_m_s * math.cos(course_rad), speed_m_s * math.sin(course_rad), -climb_cm_s / 100.0
 
 
 def rotate(quaternion_wxyz: Sequence[float], vector: Vector) -> Vector:

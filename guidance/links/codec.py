@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from guidance import messages
+from guidance.frames import Vector
 from guidance.links.frames import MAGIC_V1, Fields, Frame, outgoing
 from guidance.vehicle import is_plausible
 
@@ -25,6 +26,15 @@ IGNORE_POSITION: Final = 1 | 2 | 4
 IGNORE_ACCELERATION: Final = 64 | 128 | 256
 IGNORE_YAW: Final = 1024
 IGNORE_YAW_RATE: Final = 2048
+
+VALID_COORDINATES: Final = 1
+VALID_ALTITUDE: Final = 2
+VALID_MOTION: Final = 4 | 8 | 128  # heading, velocity, vertical velocity
+ALTITUDE_GEOMETRIC: Final = 1
+"""Flags and altitude type of ADSB_VEHICLE."""
+
+ADSB_ERROR_M: Final = 30.0
+"""Largest error of an aircraft's reported place, and of its pressure altitude."""
 
 _UNKNOWN_U8, _UNKNOWN_U16 = 0xFF, 0xFFFF
 _ZERO: Final = (0.0, 0.0, 0.0)
@@ -71,6 +81,45 @@ def _fence_item(m: Fields, received_s: float) -> messages.Message:
     return messages.FenceItem(received_s, m.seq, m.command, m.param1, *degrees(m.x, m.y))
 
 
+def velocity_over_ground(course_cdeg: float, speed_cm_s: float, climb_cm_s: float) -> Vector:
+    """Return north, east, down in m/s from the course (1/100 degree clockwise from north), ground speed and climb."""
+    course_rad = math.radians(course_cdeg / 100.0)
+    speed_m_s = speed_cm_s / 100.0
+    return speed_m_s * math.cos(course_rad), speed_m_s * math.sin(course_rad), -climb_cm_s / 100.0
+
+
+def _adsb_vehicle(m: Fields, received_s: float) -> messages.Message:
+    """An ellipsoidal altitude counts as unknown: the undulation is not known here."""
+    if not m.flags & VALID_COORDINATES:
+        raise ValueError("an aircraft without a place")
+    known = m.flags & VALID_ALTITUDE and m.altitude_type != ALTITUDE_GEOMETRIC
+    moves = m.flags & VALID_MOTION == VALID_MOTION
+    return messages.Aircraft(
+        received_s,
+        f"ICAO {m.ICAO_address:06X}",
+        *degrees(m.lat, m.lon),
+        m.altitude / 1e3 if known else math.nan,
+        velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if moves else messages.UNKNOWN_VELOCITY,
+        float(m.tslc),
+        ADSB_ERROR_M,
+    )
+
+
+def other_aircraft(frame: Frame, received_s: float) -> messages.Aircraft:
+    """Convert a GLOBAL_POSITION_INT of another system.
+
+    Raises:
+        ValueError: If its place is unknown or implausible.
+    """
+    m = frame.fields
+    velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
+    place = *degrees(m.lat, m.lon), m.alt / 1e3
+    value = messages.Aircraft(received_s, f"system {frame.system_id}", *place, velocity, 0.0, 0.0)
+    if not is_plausible(value):
+        raise ValueError(f"{value}: implausible")
+    return value
+
+
 DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     "HEARTBEAT": lambda m, at_s: messages.Heartbeat(
         at_s, m.custom_mode, bool(m.base_mode & MAV_MODE_FLAG_SAFETY_ARMED), m.system_status, m.autopilot
@@ -96,6 +145,7 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     "MISSION_COUNT": lambda m, at_s: messages.FenceCount(at_s, m.count),
     "MISSION_ITEM_INT": _fence_item,
     "MISSION_ACK": lambda m, at_s: messages.FenceRefused(at_s, m.type),
+    "ADSB_VEHICLE": _adsb_vehicle,
 }
 """Messages that can be converted alone; STATUSTEXT, TIMESYNC and PARAM_VALUE need the state of the link."""
 

@@ -4,6 +4,7 @@ It listens to one vehicle on one wire. Messages of others are dropped and counte
 arrives in chunks; they are joined here.
 """
 
+import contextlib
 import math
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
@@ -13,7 +14,7 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import common
 
 from guidance.links import codec
-from guidance.links.codec import DECODERS, decode, parameter
+from guidance.links.codec import DECODERS, decode, other_aircraft, parameter
 from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station, outgoing
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
@@ -181,6 +182,9 @@ class PymavlinkLink:
         if frame[1:3] != self._vehicle:
             self.counts["foreign"] += 1
             self.others.add(frame.system_id)
+            if frame.name == "GLOBAL_POSITION_INT" and frame.system_id != self._vehicle.system_id and not self._signed:
+                with contextlib.suppress(ValueError):
+                    self._inbox.append(other_aircraft(frame, received_s))
         elif self._signed and (problem := self._station.problem(frame)) is not None:
             self.counts[problem] += 1
         else:

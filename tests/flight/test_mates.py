@@ -9,7 +9,7 @@ from guidance.control import Limiter
 from guidance.flight.heard import FORGOTTEN_S, HOLD_S, Heard
 from guidance.flight.settings import Inputs, TeamSection
 from guidance.frames import Amsl, LocalFrame
-from guidance.messages import EvaderReport, MateState, Origin, Role
+from guidance.messages import Aircraft, EvaderReport, MateState, Origin, Role
 from tests.flight.scenes import HOME_DOWN_M, SETTINGS, home, local
 
 HERE = (47.397742, 8.545594)
@@ -44,6 +44,45 @@ def test_a_mate_is_a_wall_at_the_separation():
     assert gap_m(heard(mate(30.0))) == pytest.approx(22.0, abs=0.01)
     assert gap_m(heard(mate(30.0, doubt_m=5.0))) == pytest.approx(17.0, abs=0.01)
     assert gap_m(heard(mate(30.0, airborne=False))) == math.inf
+
+
+def aircraft(north_m, *, name="ICAO 3C6444", velocity=(0.0, 0.0, 0.0), error_m=0.0, **changes):
+    latitude, longitude, altitude = ZERO.wgs84_from_ned((north_m, 0.0, UP_M))
+    known = Aircraft(AT_S, name, latitude, longitude, altitude.metres, velocity, 0.0, error_m)
+    return known._replace(**changes)
+
+
+def flown_beside(*others, mates=(), now_s=AT_S, reports=(), settings=TEAM):
+    one = Heard(settings)
+    messages = [home(AT_S), Origin(AT_S, *HERE, 488.0), local(AT_S, (0.0, 0.0, UP_M)), *others]
+    one.take_in(Inputs(AT_S, messages, reports, mates=mates, role=Role("red")), in_flight=True)
+    if now_s != AT_S:
+        one.take_in(Inputs(now_s), in_flight=True)
+    return one
+
+
+def test_another_aircraft_is_a_disc_that_grows_until_it_is_forgotten():
+    assert gap_m(flown_beside(aircraft(90.0))) == pytest.approx(82.0, abs=0.01)
+    assert gap_m(flown_beside(aircraft(90.0, error_m=30.0))) == pytest.approx(52.0, abs=0.01)
+    moving = [gap_m(flown_beside(aircraft(90.0, velocity=(0.0, 8.0, 0.0), age_s=age_s))) for age_s in (1.0, 2.0)]
+    assert 6.0 < moving[0] - moving[1] <= 8.01
+    unknown = aircraft(300.0, velocity=(math.nan, math.nan, math.nan), altitude_amsl_m=math.nan, age_s=2.0)
+    assert gap_m(flown_beside(unknown)) == pytest.approx(300.0 - 8.0 - 0.5 * 5.0 * 0.25 - 60.0 * 1.5, abs=0.1)
+    late = AT_S + FORGOTTEN_S + 0.1
+    assert gap_m(flown_beside(aircraft(90.0), now_s=late), late) == math.inf
+
+
+def test_another_aircraft_pauses_nothing_and_a_vehicle_alone_keeps_no_distance_to_it():
+    near = flown_beside(aircraft(15.0))
+    assert near.silent_mate(AT_S + HOLD_S + 0.1) == ""
+    assert gap_m(flown_beside(aircraft(90.0), settings=SETTINGS)) == math.inf
+
+
+def test_an_aircraft_where_a_mate_or_an_evader_is_is_that_one():
+    report = EvaderReport(AT_S, AT_S, "test", HERE[0] + 5e-4, HERE[1], 488.0 - UP_M, (0.0, 0.0, 0.0), evader="red")
+    assert flown_beside(aircraft(90.0), mates=(mate(85.0),)).aircraft == {}
+    assert flown_beside(aircraft(90.0), mates=(mate(60.0),)).aircraft.keys() == {"ICAO 3C6444"}
+    assert flown_beside(aircraft(55.0), reports=(report,)).aircraft == {}
 
 
 def test_a_silent_mate_becomes_a_disc_that_grows_with_its_top_speed():

@@ -38,7 +38,7 @@ def frame_of(message):
 
 def test_every_decoded_message_exists_with_these_fields_in_the_dialect():
     for name in DECODERS:
-        assert decode(message_of(name, lat=1, latitude=1, x=1, mission_type=1), 3.0).received_s == 3.0
+        assert decode(message_of(name, lat=1, latitude=1, x=1, mission_type=1, flags=1), 3.0).received_s == 3.0
 
 
 def test_a_heartbeat_has_mode_and_armed():

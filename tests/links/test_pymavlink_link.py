@@ -4,11 +4,13 @@ import math
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import common
 
 from guidance.autopilots import ARDUCOPTER, PX4, AutopilotProfile, Mode
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import (
+    Aircraft,
     CommandAck,
     GlobalPosition,
     Heartbeat,
@@ -74,6 +76,25 @@ class Flight:
 
 
 FLAVOURS = [("px4", PX4), ("arducopter", ARDUCOPTER)]
+
+
+def test_other_systems_positions_and_relayed_adsb_are_other_aircraft():
+    flight = Flight("px4", PX4)
+    place = {"lat": 473977000, "lon": 85455000}
+    known = {"altitude": 520_000, "altitude_type": 0, "heading": 9000, "hor_velocity": 800, "ver_velocity": 100}
+    adsb = {"ICAO_address": 0x3C6444, **place, **known, "callsign": b"", "emitter_type": 0, "tslc": 1, "squawk": 0}
+    position = {"time_boot_ms": 1, **place, "alt": 500_000, "relative_alt": 0, "vx": 100, "vy": 0, "vz": -50, "hdg": 0}
+    own, other = (common.MAVLink(None, srcSystem=number, srcComponent=1) for number in (1, 7))
+    for sender, flags in ((own, 143), (own, 1), (own, 0)):
+        flight.theirs.send(common.MAVLink_adsb_vehicle_message(**adsb, flags=flags).pack(sender))
+    flight.theirs.send(common.MAVLink_global_position_int_message(**position).pack(other))
+    heard = [one for one in flight.run(STEP_S) if isinstance(one, Aircraft)]
+    assert [one.name for one in heard] == ["ICAO 3C6444", "ICAO 3C6444", "system 7"]
+    assert heard[0].altitude_amsl_m == 520.0
+    assert heard[0].velocity_ned_m_s == pytest.approx((0.0, 8.0, -1.0))
+    assert math.isnan(heard[1].altitude_amsl_m)
+    assert all(map(math.isnan, heard[1].velocity_ned_m_s))
+    assert heard[2].velocity_ned_m_s == (1.0, 0.0, -0.5)
 
 
 @pytest.mark.parametrize(("flavour", "profile"), FLAVOURS)
