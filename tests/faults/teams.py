@@ -12,16 +12,16 @@ import random
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import Any, Final, NamedTuple, cast
 
-import numpy as np
-
+from guidance.certificate import Players, Vehicle, certify
 from guidance.clock import VirtualClock
+from guidance.control.follow import gaps_to_disc
 from guidance.flight import Event, State
 from guidance.flight.table import SETPOINT_STATES
-from guidance.game import Cylinder, Game, StandOff
-from guidance.game.team import match_teams
+from guidance.frames import ned_from_game
+from guidance.game import Game, Winner
 from guidance.links.port import EvaderSource
 from guidance.messages import EvaderReport
 from guidance.session.daemon import Daemon, Equipment
@@ -43,8 +43,7 @@ LONGEST_S, AFTER_S, ON_GROUND_S = 45.0, 3.0, 120.0
 NEAR_M: Final = 0.5
 """Allowed below the separation, besides the true errors of both estimates."""
 
-SHARE: Final = 0.8
-"""Share of its speed that a vehicle has on the average of a short game: it accelerates first."""
+STILL: Final = (0.0, 0.0, 0.0)
 
 KINDS: Final = (
     "mate killed", "coordinator killed", "cut 1 s", "cut 3 s", "cut 10 s", "loss", "clock", "forged", "misreport",
@@ -190,9 +189,12 @@ class Sortie:
         self.due = sorted(case.faults, key=lambda fault: fault[1])
         self.later: list[tuple[float, Callable[[], None]]] = []
         self.unable: set[str] = set()
+        self.stopped: set[str] = set()
         self.promised: set[str] = set()
         self.wrongs: list[Violation] = []
         self.least_m, self.guaranteed = math.inf, 0
+        self.first: dict[str, str] = {}
+        self.winning: set[tuple[str, str]] = set()
 
     def fly(self) -> None:
         """Fly to the end."""
@@ -276,10 +278,13 @@ class Sortie:
         if self.engaged_s == math.inf and all(
             one.outputs is not None and one.outputs.state is State.ENGAGED for one in self.daemons.values()
         ):
-            self.engaged_s, self.guaranteed = now_s, self._guaranteed(list(self.members))
+            self.engaged_s = now_s
+            self._note_guarantees()
         for name, daemon in self.daemons.items():
             if daemon.outputs is None or daemon.finished:
                 continue
+            if self.engaged_s < now_s < self.over_s and daemon.flight.state not in {State.ENGAGED, State.ON_STATION}:
+                self.stopped.add(name)
             watch, frames = self.watches[name], f"{name}/mavlink_raw/in"
             role = daemon.flight.role
             if role is not None:
@@ -316,22 +321,37 @@ class Sortie:
                 if missing_m > NEAR_M:
                     self.wrong("separation", missing_m, f"{one} and {other} {level_m:.1f} m")
 
-    def _guaranteed(self, able: Sequence[str]) -> int:
-        """Return how many captures these vehicles guarantee from where all are now, with `SHARE` of their speed."""
-        if not able:
-            return 0
-        states = [self.members[name].board.own for name in able]
-        places = [one.position_game_m for one in self.mission._vehicles if one.daemon.name in able]
-        there = [player.position_game_m() for player in self.world.players.values()]
-        if None in places or None in there or None in states:
-            return 0
-        speeds = [(SHARE * one.speed_m_s, one.climb_m_s, one.descent_m_s) for one in states if one is not None]
-        flight, ground = self.case.scenario.flight, np.array(there) * [1.0, 1.0, 0.0]
-        standoff = StandOff(flight.standoff.radius_m, flight.standoff.height_m)
-        evaders_m_s = np.array([one.speed_m_s for one in self.case.scenario.evader])
-        game = Game(Cylinder(*np.array(speeds).T[..., None]), evaders_m_s, standoff=standoff)
-        target = None if self.case.scenario.target is None else np.zeros(3)
-        return int(match_teams(game, np.array(places), ground, target).guaranteed)
+    def _note_guarantees(self) -> None:
+        """Note which vehicle wins against which evader by its own certificate, from where both are now."""
+        target = None if self.case.scenario.target is None else (0.0, 0.0, 0.0)
+        for one in self.mission._vehicles:
+            name, flight = one.daemon.name, one.daemon.flight
+            cycle, here = flight.settings.cycle, one.position_game_m
+            self.first[name] = one.evader
+            vehicle = Vehicle(cycle.acceleration, cycle.envelope, cycle.ground_speed_m_s)
+            for evader, speed_m_s in flight.settings.evaders.items():
+                there = self.world.players[evader].position_game_m()
+                if here is None or there is None:
+                    continue
+                game = Game(cycle.speed_set, speed_m_s, standoff=cycle.standoff)
+                players = Players(here, STILL, (*there[:2], 0.0), STILL, target)
+                gaps = gaps_to_disc(ned_from_game(here), ned_from_game(players.evader_m), cycle.standoff)
+                _, told = certify(game, players, vehicle, gaps, None, evader_age_s=0.0, tolerance_m=cycle.tolerance_m)
+                if told.vehicle_winner == Winner.PURSUER:
+                    self.winning.add((name, evader))
+
+    def _guaranteed(self) -> int:
+        """Return how many captures were guaranteed at engagement by the vehicles that were able to the end.
+
+        All together guarantee as many as they could share among them; without the others, each its first evader.
+        """
+        able = self.members.keys() - self.unable - self.stopped
+        if able != self.members.keys():
+            return len(
+                {evader for name, evader in self.first.items() if name in able and (name, evader) in self.winning}
+            )
+        shares = permutations([*self.world.players, *[""] * len(able)], len(able))
+        return max(sum(pair in self.winning for pair in zip(self.members, share, strict=True)) for share in shares)
 
     def _follow_promises(self) -> None:
         """Check that no promise of the game is withdrawn without a cause, nor with one that no fault explains."""
@@ -349,8 +369,8 @@ class Sortie:
         captured = [name for name, one in self.mission.result.evaders.items() if one.captured_by is not None]
         if self.engaged_s == math.inf:
             self.wrong("all engage", 1.0, str({name: str(one.flight.state) for name, one in self.daemons.items()}))
-        disturbed = self.unable or set(self.case.kinds) & {"cut 3 s", "cut 10 s", "misreport", "clock"}
-        if not disturbed and len(captured) < self.guaranteed:
+        self.guaranteed = self._guaranteed()
+        if len(captured) < self.guaranteed:
             self.wrong("guaranteed captures", self.guaranteed - len(captured), f"{len(captured)} of {self.guaranteed}")
         forged_s = next((at_s for kind, at_s, _ in self.case.faults if kind == "forged"), math.inf)
         cut_off = {name for kind, _, name in self.case.faults if kind.startswith("cut")}
