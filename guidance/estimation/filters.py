@@ -62,11 +62,14 @@ def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
     gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
     steady, turning, was_turning = modes
     share = (1.0 - was_turning) * begins * gone + was_turning * (1.0 - ends * gone)
-    turn_rate, variance = turning.mean[4], turning.covariance[14]
-    with_turn_rate = Normal((*steady.mean, turn_rate), (*steady.covariance, 0.0, 0.0, 0.0, 0.0, variance))
-    steady = blended(steady, turning, was_turning * ends * gone / (1.0 - share))
-    turning = blended(with_turn_rate, turning, was_turning * (1.0 - ends * gone) / share)
-    return Modes(steady_after(steady, dt_s, settings), turning_after(turning, dt_s, settings), share)
+    into_steady = blended(steady, turning, was_turning * ends * gone / (1.0 - share))
+    kept = was_turning * (1.0 - ends * gone) / share
+    place, turn_rate, (wn, we, wx, wy, ww) = blended(steady, turning, kept), turning.mean[4], turning.covariance[10:]
+    into_turning = Normal(
+        (*place.mean, (1.0 - kept) * turn_rate + kept * turn_rate),
+        (*place.covariance, kept * wn, kept * we, kept * wx, kept * wy, (1.0 - kept) * ww + kept * ww),
+    )
+    return Modes(steady_after(into_steady, dt_s, settings), turning_after(into_turning, dt_s, settings), share)
 
 
 def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
@@ -211,20 +214,27 @@ def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[No
 
 
 def blended(one: Normal, other: Normal, share: float) -> Normal:
-    """Return mean and covariance of a mixture with this share of the other, as long as the shorter state.
-
-    `blended(*modes)` is the mixture of both models: north, east and their rates.
-    """
+    """Return the mixture with this share of the other: mean and covariance of north, east and their rates."""
     rest = 1.0 - share
     spread = rest * share
-    n, e, x, y, *turn = [there - here for here, there in zip(one.mean, other.mean, strict=False)]
-    squares: Sequence[float] = (n * n, e * n, e * e, x * n, x * e, x * x, y * n, y * e, y * x, y * y)
-    for w in turn:
-        squares = (*squares, w * n, w * e, w * x, w * y, w * w)
-    rows = zip(one.covariance, other.covariance, squares, strict=False)
+    (n, e, x, y, *_), (N, E, X, Y, *_) = one.mean, other.mean
+    nn, en, ee, xn, xe, xx, yn, ye, yx, yy, *_ = one.covariance
+    NN, EN, EE, XN, XE, XX, YN, YE, YX, YY, *_ = other.covariance
+    by_n, by_e, by_x, by_y = N - n, E - e, X - x, Y - y
     return Normal(
-        [rest * here + share * there for here, there in zip(one.mean, other.mean, strict=False)],
-        [rest * here + share * there + spread * square for here, there, square in rows],
+        (rest * n + share * N, rest * e + share * E, rest * x + share * X, rest * y + share * Y),
+        (
+            rest * nn + share * NN + spread * (by_n * by_n),
+            rest * en + share * EN + spread * (by_e * by_n),
+            rest * ee + share * EE + spread * (by_e * by_e),
+            rest * xn + share * XN + spread * (by_x * by_n),
+            rest * xe + share * XE + spread * (by_x * by_e),
+            rest * xx + share * XX + spread * (by_x * by_x),
+            rest * yn + share * YN + spread * (by_y * by_n),
+            rest * ye + share * YE + spread * (by_y * by_e),
+            rest * yx + share * YX + spread * (by_y * by_x),
+            rest * yy + share * YY + spread * (by_y * by_y),
+        ),
     )
 
 
