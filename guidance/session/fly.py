@@ -71,7 +71,7 @@ def fly(
         plans: Flight plans by vehicle; by default the scenario's own.
         equipment: Of the daemons, by vehicle.
         policy: Which orders the mission may give, and how vehicles are handed over.
-        show: Called for each vehicle in every cycle; None shows nothing.
+        show: Called for each vehicle ten times a second and at every event; None shows nothing.
         signals: Of the operating system; None leaves them to the process.
 
     Raises:
@@ -89,7 +89,7 @@ class Onlooker(NamedTuple):
     """Who watches a flight and gives it orders.
 
     Attributes:
-        show: Called in every cycle.
+        show: Called ten times a second and at every event.
         on_record: Called with the record's path when it is open.
         control: Endpoint for orders and broadcasts; a free one if that is in use. None opens none.
         on_control: Called with the endpoint.

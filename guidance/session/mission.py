@@ -33,6 +33,9 @@ JUDGED_FOR_S: Final = 3.0
 """The run ends after preflight has refused an otherwise ready vehicle for this long."""
 
 ASK_EVERY_S: Final = 1.0
+SHOWN_EVERY_S: Final = 0.1
+"""Period of the live line; events are shown at once."""
+
 _ARM_DISARM: Final = 400
 _WARNING: Final = 4
 """MAV_SEVERITY; lower numbers are more severe."""
@@ -200,7 +203,7 @@ class Mission:
         plans: Flight plans by vehicle; by default the scenario's own.
         equipment: Of the daemons, by vehicle.
         policy: Which orders the mission may give.
-        show: Called for each vehicle in every cycle; None shows nothing.
+        show: Called for each vehicle ten times a second and at every event; None shows nothing.
         ready_within_s: Longest wait for a vehicle that is fit to fly.
 
     Attributes:
@@ -319,7 +322,7 @@ class VehicleMission:
         self._begun_s: float | None = None
         self._limit_from_s = 0.0
         self._refused_s = math.inf
-        self._asked_s = -math.inf
+        self._asked_s = self._shown_s = -math.inf
 
     @property
     def evader(self) -> str:
@@ -389,7 +392,8 @@ class VehicleMission:
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
         if self.sequencer.finished or given_up:
             self._leave(now_s)
-        if self._mission.show is not None:
+        if self._mission.show is not None and (outputs.happenings or now_s - self._shown_s >= SHOWN_EVERY_S):
+            self._shown_s = now_s
             self._mission.show(self._progress(now_s, outputs, waiting))
 
     def _engage(self, now_s: float) -> None:

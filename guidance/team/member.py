@@ -152,6 +152,8 @@ class Member:
         if now_s - self._told_s >= EVERY_S - _ROUNDING_S:
             self._told_s = now_s
             self._publish(flight, outputs)
+        elif not ended:
+            return
         alive = self.board.alive(now_s, self._transport.present())
         if self.coordinator.elect(now_s, alive) and (scene := self._scene(now_s, flight, alive)) is not None:
             made = self.coordinator.assign(now_s, scene)

@@ -39,7 +39,10 @@ from tests.faults.drawing import Case
 from tests.faults.invariants import Violation, Watch
 
 SIZES: Final = ((2, 1), (2, 2), (3, 2), (3, 3))
-LONGEST_S, AFTER_S, ON_GROUND_S = 45.0, 3.0, 120.0
+LONGEST_S, AFTER_S, ON_GROUND_S = 75.0, 3.0, 120.0
+PLAYED: Final = frozenset({State.ENGAGED, State.ON_STATION})
+"""A vehicle is able while it is in one of these states. In PE a pause only delays the capture."""
+
 NEAR_M: Final = 0.5
 """Allowed below the separation, besides the true errors of both estimates."""
 
@@ -101,7 +104,7 @@ def draw(seed: int, number: int) -> TeamCase:
     scenario = TeamScenario.model_validate(
         {
             "title": f"team {seed} {number}", "game": game, "pursuer": pursuers, "evader": rovers, "seed": number,
-            "target": {"position_m": (0.0, 0.0)} if game == "tad" else None, "time_limit_s": 60.0,
+            "target": {"position_m": (0.0, 0.0)} if game == "tad" else None, "time_limit_s": 90.0,
             "flight": {
                 "separation_m": chance.uniform(6.0, 10.0), "takeoff_height_m": 12.0, "sensor": noise, "hold_s": 20.0,
                 "standoff": {"radius_m": 3.0, "height_m": 8.0},
@@ -214,17 +217,20 @@ class Sortie:
     def finished(self) -> bool:
         """True some seconds after all evaders are out of play, or when it took too long."""
         now_s = self.clock.now_s()
-        return now_s - self.over_s > AFTER_S or now_s - self.engaged_s > LONGEST_S or now_s > ON_GROUND_S
+        return now_s - self.over_s > AFTER_S or now_s - self.engaged_s > LONGEST_S or now_s > ON_GROUND_S + LONGEST_S
 
     def before(self, now_s: float) -> None:
-        """Let the mission give its orders, and the faults act."""
+        """Let the mission give its orders."""
+        self.mission.before(now_s)
+
+    def _disturb(self, now_s: float) -> None:
+        """Let the faults act that are due, from the next cycle on."""
         for due in [one for one in self.later if one[0] <= now_s]:
             self.later.remove(due)
             due[1]()
         while self.due and now_s - self.engaged_s >= self.due[0][1]:
             kind, _, vehicle = self.due.pop(0)
             self._begin(kind, vehicle, now_s)
-        self.mission.before(now_s)
 
     def _begin(self, kind: str, vehicle: str, now_s: float) -> None:
         """Begin a fault. One vehicle at least stays able."""
@@ -283,7 +289,8 @@ class Sortie:
         for name, daemon in self.daemons.items():
             if daemon.outputs is None or daemon.finished:
                 continue
-            if self.engaged_s < now_s < self.over_s and daemon.flight.state not in {State.ENGAGED, State.ON_STATION}:
+            paused = daemon.flight.state is State.PAUSED and self.case.scenario.target is None
+            if self.engaged_s < now_s < self.over_s and not paused and daemon.flight.state not in PLAYED:
                 self.stopped.add(name)
             watch, frames = self.watches[name], f"{name}/mavlink_raw/in"
             role = daemon.flight.role
@@ -299,6 +306,7 @@ class Sortie:
             over = [one.board.over for name, one in self.members.items() if name not in self.unable]
             done = all(len(one) == len(self.world.players) for one in over)
             self.over_s = min(self.over_s, now_s) if done else math.inf
+        self._disturb(now_s)
 
     def _separated(self) -> None:
         """Compare the true distances of vehicles that both fly our setpoints with the separation."""
