@@ -210,6 +210,7 @@ class Playing:
     def switch(self) -> None:
         """Play against another evader: nothing was promised about that one."""
         self.certificate, self._monitor = None, self._monitor.anew()
+        self._memory = self._memory._replace(optimal_game_m_s=None)
 
     def move(self, by_ned_m: Vector) -> None:
         """Move the remembered positions (of the hover and the drift estimate) with the local frame.
