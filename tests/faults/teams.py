@@ -250,8 +250,7 @@ class Sortie:
             case "clock":
                 self.bent[vehicle].change = lambda said: said.update(sent_s=said["sent_s"] + 5.0)
             case "misreport":
-                if self.network.cut:  # nobody saw the jump: motion may explain it
-                    self.unseen.add(vehicle)
+                self.unseen |= {vehicle} if self.network.cut else set()  # motion may explain a jump that nobody saw
                 off_deg = 20.0 / 111_195.0
                 self.bent[vehicle].change = lambda said: said.update(latitude_deg=said["latitude_deg"] + off_deg)
             case "forged":
