@@ -44,9 +44,10 @@ from guidance.game.game import (
     Winner,
     guaranteed_age_s,
 )
+from guidance.game.pe import StateSolution
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.rollout import End, Exact, Paper, Rollout, rollout
-from guidance.game.solution import Solution, StateSolution, solve, solve_state
+from guidance.game.solution import Solution, solve, solve_state
 
 __all__ = [
     "EVADER_POLICIES",

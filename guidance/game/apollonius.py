@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Library, Real, Space, Truth, component, is_array, select, vectors
-from guidance.game.pe import Geometry, Play, pursuit
+from guidance.game.pe import Geometry, StateSolution, pursuit
 from guidance.game.records import is_finite
 from guidance.game.tad import defence
 
@@ -112,8 +112,8 @@ def _centre(P: Array, E: Array, ratio: Array) -> Array:
     return (ratio * ratio * E - P) / hand
 
 
-def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> Play:
-    """Play the game of an evader in space; see `solve` for the meaning of the answer.
+def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> StateSolution:
+    """StateSolution the game of an evader in space; see `solve` for the meaning of the answer.
 
     Args:
         xp: array library.
@@ -142,12 +142,13 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
             v[0] * first[2] + v[1] * second[2],
         )
 
-    run = unfold(play.meeting)
+    run = unfold(play.meeting_point_m)
     meeting = (E[0] + run[0], E[1] + run[1], E[2] + run[2])
-    flown = unfold(play.pursuer)
+    flown = unfold(play.pursuer_velocity_m_s)
     if seen is not None:
-        flown = _follow(xp, game, play.time <= 0, seen, flown)
-    return play._replace(meeting=meeting, pursuer=flown, evader=unfold(play.evader))
+        flown = _follow(xp, game, play.meeting_time_s <= 0, seen, flown)
+    evading = unfold(play.evader_velocity_m_s)
+    return play._replace(meeting_point_m=meeting, pursuer_velocity_m_s=flown, evader_velocity_m_s=evading)
 
 
 def _across(xp: Library, v: Space, first: Space, along: Real) -> tuple[Space, Real]:

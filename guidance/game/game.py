@@ -332,20 +332,9 @@ def least_square_in_hand(game: Game) -> Real:
 
 def parameters(game: Game) -> dict[str, Real]:
     """Return every number of a game that may be an array, by name."""
-    own = {
-        "evader_speed_m_s": game.evader_speed_m_s,
-        "capture_radius_m": game.capture_radius_m,
-        "information_age_s": game.information_age_s,
-        "radius_m": game.standoff.radius_m,
-        "height_m": game.standoff.height_m,
-        "wind_x_m_s": game.wind_m_s[0],
-        "wind_y_m_s": game.wind_m_s[1],
-    }
-    pursuer = game.pursuer
-    if isinstance(pursuer, Ball):
-        return own | {"speed_m_s": pursuer.speed_m_s}
+    names = ("evader_speed_m_s", "capture_radius_m", "information_age_s")
+    wind_x, wind_y = game.wind_m_s
+    own = {name: getattr(game, name) for name in names} | {"wind_x_m_s": wind_x, "wind_y_m_s": wind_y}
     return own | {
-        "horizontal_m_s": pursuer.horizontal_m_s,
-        "climb_m_s": pursuer.climb_m_s,
-        "descent_m_s": pursuer.descent_m_s,
+        name: getattr(record, name) for record in (game.standoff, game.pursuer) for name in record.__dataclass_fields__
     }

@@ -28,7 +28,7 @@ its velocity is unknown, the pursuer goes straight down. The evader keeps its ob
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -74,17 +74,17 @@ class Geometry(NamedTuple):
     """Velocity of a pursuer that has reached its goal: the evader's, or zero."""
 
 
-class Play(NamedTuple):
-    """A kernel's answer by components; see `Solution`."""
+class StateSolution(NamedTuple):
+    """A `Solution` by components: kernels return it, and `solve_state` that of one state in plain numbers."""
 
-    winner: Real
+    winner: int | Any
     value: Real
-    margin: Real
-    meeting: Space
-    time: Real
-    pursuer: Space
-    evader: Space
-    reason: Real
+    margin_s: Real
+    meeting_point_m: Space
+    meeting_time_s: Real
+    pursuer_velocity_m_s: Space
+    evader_velocity_m_s: Space
+    reason: int | Any
 
 
 def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) -> Geometry:
@@ -274,8 +274,8 @@ def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Pla
     return (pace * y[0], pace * y[1]), -z * rate
 
 
-def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
-    """Play PE; see `solve` for the meaning of the answer."""
+def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
+    """StateSolution PE; see `solve` for the meaning of the answer."""
     v, age = game.evader_speed_m_s, game.information_age_s
     t, direction, distance = escape(xp, game, state)
     gap = (distance if game.calm else norm2(xp, state.to_evader)) + (v * age - game.standoff.radius_m)
@@ -291,14 +291,14 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     reason: Real = int(Reason.SOLVED)
     if free is not False and (xp is not np or np.any(free)):
         flown, reason = _overhead(xp, game, state, free & (t > 0) & (gap + v * t > 0), flown)
-    return Play(
+    return StateSolution(
         winner=int(Winner.PURSUER),
         value=t,
-        margin=float("inf"),
-        meeting=(state.evader[0] + dash[0], state.evader[1] + dash[1], state.ground),
-        time=t,
-        pursuer=flown,
-        evader=(v * direction[0], v * direction[1], 0.0),
+        margin_s=float("inf"),
+        meeting_point_m=(state.evader[0] + dash[0], state.evader[1] + dash[1], state.ground),
+        meeting_time_s=t,
+        pursuer_velocity_m_s=flown,
+        evader_velocity_m_s=(v * direction[0], v * direction[1], 0.0),
         reason=select(xp, t > 0, reason, int(Reason.CAPTURED)),
     )
 

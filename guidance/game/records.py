@@ -5,7 +5,7 @@ Records are equal, and have the same hash, if their numbers are equal, whatever 
 
 import math
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,10 +38,18 @@ def _key(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds
     return (value.shape, (np.asarray(value) + 0.0).tobytes()) if is_array(value) else value
 
 
-def rows_of(record: "DataclassInstance", rows: Callable[[Array], Array]) -> dict[str, Any]:
-    """Return every number of a record that is an array, as `rows` takes its rows from it."""
-    values = {part.name: getattr(record, part.name) for part in fields(record) if part.init}
-    return {name: rows(value) for name, value in values.items() if is_array(value)}
+def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 - a record, a tuple, a number
+    """Return a record of numbers and arrays with the rows that `rows` takes from each array, also in records in it."""
+    if is_array(value):
+        return rows(value)
+    if isinstance(value, tuple):
+        parts = [rows_of(part, rows) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(
+            value, **{part.name: rows_of(getattr(value, part.name), rows) for part in fields(value) if part.init}
+        )
+    return value
 
 
 def take_fields(record: "DataclassInstance", *, zero_allowed: bool = False) -> None:

@@ -30,7 +30,7 @@ from guidance.game.arrays import (
 from guidance.game.game import STILL, Game
 from guidance.game.headings import Aim, Hunt, Way, across, aimed_at, bounded, follow, hunt_for, in_plane, judge, turned
 from guidance.game.pe import Geometry
-from guidance.game.records import is_zero
+from guidance.game.records import is_zero, rows_of
 
 STEPS = 3
 """Newton steps of every row."""
@@ -261,12 +261,7 @@ def _settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
 
 def _rows(value: Any, shape: tuple[int, ...], rows: tuple[Array, ...]) -> Any:  # noqa: ANN401 - a record of numbers and arrays
     """Return some rows of a record of arrays; a number is the same for all rows."""
-    if isinstance(value, tuple):
-        parts = [_rows(part, shape, rows) for part in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    if not isinstance(value, np.ndarray):
-        return value
-    return (value if value.shape == shape else np.broadcast_to(value, shape))[rows]
+    return rows_of(value, lambda array: (array if array.shape == shape else np.broadcast_to(array, shape))[rows])
 
 
 def _put(whole: Any, shape: tuple[int, ...], rows: tuple[Array, ...], part: Any) -> Any:  # noqa: ANN401 - as above

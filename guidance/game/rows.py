@@ -1,12 +1,11 @@
 """Rows of a batch: their shape, the game of some rows, and which rows are refused."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, components, is_array, select
+from guidance.game.arrays import Array, Library, Real, components, select
 from guidance.game.game import Game, Reason, parameters, speed_in_hand
 from guidance.game.records import rows_of
 
@@ -39,12 +38,8 @@ def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
 
 def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
     """Return the game of some rows; `rows` takes them from each parameter that is an array."""
-    if not game.varies:
-        return game
-    pursuer = replace(game.pursuer, **rows_of(game.pursuer, rows))
-    standoff = replace(game.standoff, **rows_of(game.standoff, rows))
-    x, y = (rows(part) if is_array(part) else part for part in game.wind_m_s)
-    return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=(x, y), **rows_of(game, rows))
+    few: Game = rows_of(game, rows) if game.varies else game
+    return few
 
 
 def simplified(game: Game) -> Game:

@@ -35,7 +35,7 @@ from guidance.game.arrays import (
     vectors,
 )
 from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
-from guidance.game.pe import Play, pursuit, take_apart
+from guidance.game.pe import StateSolution, pursuit, take_apart
 from guidance.game.records import is_finite
 from guidance.game.rows import for_rows, leading_shape, most_squares, refused_rows, simplified, squares
 from guidance.game.tad import defence
@@ -85,19 +85,6 @@ class Solution(NamedTuple):
     pursuer_velocity_m_s: Array
     evader_velocity_m_s: Array
     reason: Array
-
-
-class StateSolution(NamedTuple):
-    """The answer of `solve_state`: a `Solution` of one state in plain numbers."""
-
-    winner: int
-    value: float
-    margin_s: float
-    meeting_point_m: Place
-    meeting_time_s: float
-    pursuer_velocity_m_s: Place
-    evader_velocity_m_s: Place
-    reason: int
 
 
 def solve(
@@ -198,13 +185,13 @@ def solve_state(
     contested = target is not None
     if not _is_sound(game, play, squares, contested=contested) or (contested and _has_no_region(game, play)):
         return _row_of_one(game, known)
-    (x, y, z), (px, py, pz), (ex, ey, ez) = play.meeting, play.pursuer, play.evader
+    (x, y, z), (px, py, pz), (ex, ey, ez) = play.meeting_point_m, play.pursuer_velocity_m_s, play.evader_velocity_m_s
     return StateSolution(
         int(play.winner),
         play.value + 0.0,
-        play.margin + 0.0,
+        play.margin_s + 0.0,
         (x + 0.0, y + 0.0, z + 0.0),
-        play.time + 0.0,
+        play.meeting_time_s + 0.0,
         (px + 0.0, py + 0.0, pz + 0.0),
         (ex + 0.0, ey + 0.0, ez + 0.0),
         int(_doubted(FLOATS, game, play)),
@@ -241,14 +228,14 @@ def _solve_rows(game: Game, shape: tuple[int, ...], given: dict[str, Array], out
     return out
 
 
-def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> Play:
+def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> StateSolution:
     if game.evader_space == "space":
         return play_in_space(xp, game, P, E, T, seen)
     state = take_apart(xp, game, P, E, seen)
     return pursuit(xp, game, state) if T is None else defence(xp, game, state, T[:2])
 
 
-def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real:
+def _fault(xp: Library, game: Game, given: dict[str, Array], play: StateSolution) -> Real:
     """Return 0, or the reason why a row can have no answer."""
     contested = "target" in given
     sound = _is_sound(game, play, most_squares(given) if xp is np else squares(given), contested=contested)
@@ -263,7 +250,7 @@ def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real
     return refused_rows(xp, game, fault) if game.varies else fault
 
 
-def _is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Truth:
+def _is_sound(game: Game, play: StateSolution, squares: Real, *, contested: bool) -> Truth:
     """Return whether an answer is finite, and no square inside the kernels can have been infinite.
 
     Args:
@@ -272,10 +259,10 @@ def _is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Trut
         squares: sum of the squares of all positions and velocities, or more.
         contested: whether it is TAD; in PE the margin is infinite.
     """
-    x, y, _ = play.meeting
-    answered = play.value + play.time + x + y
+    x, y, _ = play.meeting_point_m
+    answered = play.value + play.meeting_time_s + x + y
     if contested:
-        answered = answered + play.margin
+        answered = answered + play.margin_s
     standoff, u = game.standoff, game.pursuer.horizontal_m_s
     length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
     square = u * u
@@ -283,7 +270,7 @@ def _is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Trut
     return total - total == 0
 
 
-def _has_no_region(game: Game, play: Play) -> Truth:
+def _has_no_region(game: Game, play: StateSolution) -> Truth:
     """Return where the evader of TAD was seen too long ago for a convex region, and the pursuer would win."""
     old = game.information_age_s > guaranteed_age_s(game)
     return old if old is False else old & (play.winner > 0) & (play.reason != int(Reason.CAPTURED))
@@ -297,7 +284,7 @@ def _refuse(fault: Real, given: dict[str, Array]) -> None:
 
 
 def _put_together(
-    xp: Library, game: Game, shape: tuple[int, ...], like: Array, play: Play, fault: Real, out: Solution | None
+    xp: Library, game: Game, shape: tuple[int, ...], like: Array, play: StateSolution, fault: Real, out: Solution | None
 ) -> Solution:
     """Build an answer from its components, with NaN in rows without an answer."""
     sound = fault == 0
@@ -305,19 +292,13 @@ def _put_together(
     winner = select(xp, sound, play.winner, int(Winner.UNDECIDED))
     reason = select(xp, sound, _doubted(xp, game, play), fault)
     if not is_numpy(xp):
-        return Solution(
-            codes(xp, shape, like, winner),
-            spread(xp, shape, like, play.value + spoil),
-            spread(xp, shape, like, play.margin + spoil),
-            pack(xp, shape, like, play.meeting, spoil),
-            spread(xp, shape, like, play.time + spoil),
-            pack(xp, shape, like, play.pursuer, spoil),
-            pack(xp, shape, like, play.evader, spoil),
-            codes(xp, shape, like, reason),
-        )
+        fields = [
+            pack(xp, shape, like, part, spoil) if isinstance(part, tuple) else spread(xp, shape, like, part + spoil)
+            for part in play[1:-1]
+        ]
+        return Solution(*[codes(xp, shape, like, winner), *fields, codes(xp, shape, like, reason)])
     out = out or _empty(shape, like)
-    parts = (winner, play.value, play.margin, play.meeting, play.time, play.pursuer, play.evader, reason)
-    for field, part in zip(out, parts, strict=True):
+    for field, part in zip(out, (winner, *play[1:-1], reason), strict=True):
         if isinstance(part, tuple):
             for index, one in enumerate(part):
                 fill(field[..., index], one, spoil)
@@ -328,9 +309,9 @@ def _put_together(
     return out
 
 
-def _doubted(xp: Library, game: Game, play: Play) -> Real:
+def _doubted(xp: Library, game: Game, play: StateSolution) -> Real:
     """Return the reason, which is TOO_OLD for a prediction from old information; present facts keep theirs."""
-    in_pe = isinstance(play.margin, float) and math.isinf(play.margin)
+    in_pe = isinstance(play.margin_s, float) and math.isinf(play.margin_s)
     old = game.information_age_s > (guaranteed_age_s(game) if in_pe else 0.0)
     if old is False:
         return play.reason

@@ -26,7 +26,7 @@ from guidance.game.extent import from_set, least_at, nearest, to_set
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
 from guidance.game.pe import (
     Geometry,
-    Play,
+    StateSolution,
     catch_in_ball,
     climb,
     cover_time,
@@ -75,8 +75,8 @@ class Contest(NamedTuple):
     edge: Closest
 
 
-def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
-    """Play TAD; see `solve` for the meaning of the answer.
+def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSolution:
+    """StateSolution TAD; see `solve` for the meaning of the answer.
 
     Args:
         xp: array library.
@@ -104,27 +104,27 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
     flown = steer(xp, game, to, _gap(xp, game, to), select(xp, won, lead.time, contest.guard), state.z, hold)
     if not is_zero(age):
         flown = _close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown)
-    return Play(
+    return StateSolution(
         winner=xp.sign(margin),
         value=select(xp, won, edge.left - game.target_extent.radius_m, contest.short),
-        margin=margin,
-        meeting=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
-        time=time,
-        pursuer=flown,
-        evader=(pace * heading[0], pace * heading[1], 0.0),
+        margin_s=margin,
+        meeting_point_m=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
+        meeting_time_s=time,
+        pursuer_velocity_m_s=flown,
+        evader_velocity_m_s=(pace * heading[0], pace * heading[1], 0.0),
         reason=_reason(xp, margin, arrived, caught),
     )
 
 
 def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Space) -> Space:
-    """Play PE if the pursuer is at the meeting point and the evader is not captured.
+    """StateSolution PE if the pursuer is at the meeting point and the evader is not captured.
 
     That happens only with old information: the evader may not have run to the meeting point. A pursuer that stayed
     there would let it pass.
     """
     if (xp is np or xp is FLOATS) and not np.any(over):
         return flown
-    chased = pursuit(xp, game, state).pursuer
+    chased = pursuit(xp, game, state).pursuer_velocity_m_s
     return *select2(xp, over, chased[:2], flown[:2]), select(xp, over, chased[2], flown[2])
 
 

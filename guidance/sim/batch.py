@@ -4,7 +4,6 @@ A number that is equal in all rows stays a single float: faster, and the results
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import fields, is_dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
 from guidance.game.arrays import Real
+from guidance.game.records import rows_of
 from guidance.sim.players import evader_strategy, pursuer_strategy, target_extent
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import PERFECT, Noise
@@ -151,12 +151,4 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
 
 def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - a batch or a part
     """Return some rows of a batch, or of a part."""
-    if isinstance(value, np.ndarray):
-        return value[rows]
-    if isinstance(value, tuple):
-        kept = tuple(keep(part, rows) for part in value)
-        return type(value)(*kept) if hasattr(value, "_fields") else kept
-    if is_dataclass(value) and not isinstance(value, type):
-        parts = {part.name: keep(getattr(value, part.name), rows) for part in fields(value) if part.init}
-        return replace(value, **parts)
-    return value
+    return rows_of(value, lambda array: array[rows])

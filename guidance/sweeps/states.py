@@ -10,6 +10,7 @@ cells are empty is absent in that row, so teams can have different sizes.
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -23,6 +24,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from guidance.errors import ConfigError
 from guidance.files import writing
 from guidance.game import Ball, Game, Reason, Winner, solve
+from guidance.game.records import rows_of
 from guidance.game.team import match_teams
 from guidance.screen import console, redraws
 
@@ -295,7 +297,8 @@ def _team_answers(game: Game, names: set[str], column: Column, target: Array | N
         if not (len(row) and len(pursuers) and len(evaders)):
             continue
         goal = None if target is None else target[row][:, None]
-        found = match_teams(_of_rows(game, row), P[np.ix_(row, pursuers)], E[np.ix_(row, evaders)], goal)
+        few = rows_of(game, itemgetter((row, None, None)))
+        found = match_teams(few, P[np.ix_(row, pursuers)], E[np.ix_(row, evaders)], goal)
         numbered = {"first": pursuers, "second": pursuers, "evader_of": evaders}  # by the players of the file
         for name, whole in answers.items():
             part = getattr(found, name)
@@ -307,13 +310,6 @@ def _team_answers(game: Game, names: set[str], column: Column, target: Array | N
                 whole[np.ix_(row, of)] = part[..., : whole.shape[-1]] if whole.ndim == 3 else part
     flat = (_flat(name, _TEAM_COLUMNS[name][0], field) for name, field in answers.items())
     return {name: values for columns in flat for name, values in columns}
-
-
-def _of_rows(game: Game, row: NDArray[np.intp]) -> Game:
-    """Return the game of some rows, whose speed ratio holds for all pursuers of a row."""
-    if not isinstance(game.pursuer, Ball) or not np.ndim(game.pursuer.speed_m_s):
-        return game
-    return replace(game, pursuer=Ball(np.asarray(game.pursuer.speed_m_s)[row][:, None, None]))
 
 
 def _players(player: str, names: set[str], column: Column) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -62,16 +63,8 @@ def joined(games: Games, shape: str) -> TeamGame:
     number = {name: np.array([one[name] for one in each]).reshape(table.shape) for name in each[0]}
     standoff = StandOff(number.pop("radius_m"), number.pop("height_m"))
     wind = number.pop("wind_x_m_s"), number.pop("wind_y_m_s")
-    speeds = {name: number.pop(name) for name in list(number) if name in type(first.pursuer).__dataclass_fields__}
-    whole = Game(
-        type(first.pursuer)(**speeds),
-        standoff=standoff,
-        wind_m_s=wind,
-        target_velocity_m_s=first.target_velocity_m_s,
-        evader_space=first.evader_space,
-        target_extent=first.target_extent,
-        **number,
-    )
+    pursuer = type(first.pursuer)(**{name: number.pop(name) for name in first.pursuer.__dataclass_fields__})
+    whole = replace(first, pursuer=pursuer, standoff=standoff, wind_m_s=wind, **number)
     plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
     return TeamGame(_played(simplified(whole)), plays)
 
