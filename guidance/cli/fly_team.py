@@ -91,4 +91,6 @@ def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
     boards = [one.board.roles for one in result.members.values() if one.board.roles is not None]
     promise = next((one for roles in boards for one in roles.promises if one.evader == evader), None)
     unit = "s" if row.game == "pe" else "m"
-    return "-" if promise is None else promise.verdict(row.achieved, unit, captured=row.end == "captured")
+    return (
+        "-" if promise is None else promise.verdict(row.predicted, row.achieved, unit, captured=row.end == "captured")
+    )

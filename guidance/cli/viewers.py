@@ -23,7 +23,9 @@ TILES: Final = "GUIDANCE_TILES"
 
 def view(
     ctx: typer.Context,
-    file: Annotated[Path | None, typer.Argument(help="A record.mcap, finished or still growing.")] = None,
+    file: Annotated[
+        Path | None, typer.Argument(help="A record.mcap, finished or still growing, or the folder of a team flight.")
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="Show a daemon (`guidance run`) instead of a record.")] = False,
     follow: Annotated[bool, typer.Option("--follow", help="Follow a record that is still being written.")] = False,
     save: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun's viewer instead of serving.")] = None,
@@ -41,13 +43,14 @@ def view(
     Needs the extra `viz`.
 
     - `guidance view flights/pe-001/record.mcap`: a finished flight
+    - `guidance view flights/teams_guard-001`: all vehicles of a team flight
     - `guidance view FILE --save flight.rrd`: a file for Rerun's viewer
     - `guidance view --live`: the daemon on this computer
     """
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
     from guidance.log.broadcast import LiveFlight  # noqa: PLC0415
     from guidance.session.control_bus import join_session  # noqa: PLC0415
-    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
+    from guidance.session.flight_files import RECORD, recorded_settings  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")
@@ -64,11 +67,13 @@ def view(
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
     from guidance.viz.view import view as show  # noqa: PLC0415
 
+    sources: dict[str, RecordFile | LiveFlight]
     if file is not None:
-        source: RecordFile | LiveFlight = RecordFile(file, live=follow)
+        records = sorted(file.glob(f"*/{RECORD}")) or [file]
+        sources = {path.parent.name: RecordFile(path, live=follow) for path in records}
     else:
-        source = LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)
-    count = show(source, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
+        sources = {"": LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)}
+    count = show(sources, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 
 

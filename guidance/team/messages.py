@@ -126,19 +126,19 @@ class Promise(BaseModel):
         risk = "" if self.standing == "kept" else f", at risk{self.cause and f' ({self.cause})'}"
         return f"{self.value:.1f} {unit} promised{risk}"
 
-    def verdict(self, achieved: float, unit: str, *, captured: bool) -> str:
-        """Say in the end whether it was kept: by a capture, in TAD with nine tenths of the distance.
+    def verdict(self, value: float, achieved: float, unit: str, *, captured: bool) -> str:
+        """Say in the end whether it was kept: by a capture with a loss of a tenth at most.
 
         Args:
-            achieved: Distance of the captured evader from its target (TAD).
-            unit: "m" in TAD, "s" in PE; in PE the value runs down to zero, and says nothing in the end.
+            value: What was promised at engagement.
+            achieved: Distance of the captured evader from its target (TAD), or time of capture (PE).
+            unit: "m" in TAD, "s" in PE.
             captured: Whether the evader was captured.
         """
         if self.value is None or not captured:
             return f"broken: {self.cause or 'no cause known'}"
-        if unit == "s":
-            return "kept"
-        return f"{'kept' if achieved >= 0.9 * self.value else 'broken'}: {achieved:.1f} of {self.value:.1f} m"
+        kept = achieved <= 1.1 * value if unit == "s" else achieved >= 0.9 * value
+        return f"{'kept' if kept else 'late' if unit == 's' else 'broken'}: {achieved:.1f} of {value:.1f} {unit}"
 
 
 class RolesMessage(Message):

@@ -71,17 +71,18 @@ class TeamStory(NamedTuple):
 
     def verdict(self, evader: str) -> str:
         """Say what was promised about an evader, what came of it, and why."""
-        promise, capture, unit = self.promised.get(evader), self.captures.get(evader), "s"
-        achieved, ended, cycle = math.nan, "not captured", self.first.settings.cycle
+        promise, capture, cycle = self.promised.get(evader), self.captures.get(evader), self.first.settings.cycle
+        achieved, ended, unit = math.nan, "not captured", "s" if cycle.target_game_m is None else "m"
         if capture is not None:
-            ended = f"captured by {capture.vehicle} after {capture.now_s - self.began_s:.1f} s"
+            achieved = capture.now_s - self.began_s
+            ended = f"captured by {capture.vehicle} after {achieved:.1f} s"
             if cycle.target_game_m is not None:
-                achieved, unit = cycle.target_extent.distance_m(cycle.target_game_m, capture.place_m), "m"
+                achieved = cycle.target_extent.distance_m(cycle.target_game_m, capture.place_m)
                 ended += f", {achieved:.1f} m from the target"
         if promise is None or promise.value is None:
             return f"no capture could be promised; {ended}"
         by = " and ".join(filter(None, (promise.first, promise.second)))
-        kept = promise.verdict(achieved, unit, captured=capture is not None)
+        kept = promise.verdict(promise.value, achieved, unit, captured=capture is not None)
         why = f" ({promise.cause})" if promise.cause and promise.cause not in kept else ""
         return (
             f"{promise.value:.1f} {'m from the target' if unit == 'm' else 's'} promised by {by}; {ended}; {kept}{why}"

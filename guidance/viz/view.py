@@ -8,7 +8,9 @@ import contextlib
 import math
 import os
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -101,8 +103,17 @@ _POINTS: Final = 73
 _WARNINGS: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
 
 
-def layout(*, with_target: bool) -> rrb.Blueprint:
-    """Return the blueprint; `with_target` selects the guarantee's unit."""
+def path_of(name: str, vehicle: str) -> str:
+    """Return the path of an entity of one vehicle: in a team, the vehicle is below the view that shows all of them."""
+    if not vehicle:
+        return name
+    parts = name.split("/")
+    parts.insert(2 if parts[0] == "plots" else 1, vehicle)
+    return "/".join(parts)
+
+
+def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
+    """Return the blueprint for these vehicles ("" is one alone); `with_target` selects the guarantee's unit."""
     until_now = rrb.VisibleTimeRanges(
         timeline=TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
     )
@@ -112,7 +123,7 @@ def layout(*, with_target: bool) -> rrb.Blueprint:
         eye_controls=rrb.EyeControls3D(
             position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
         ),
-        overrides={f"{name}/track": until_now for name in (PURSUER, EVADER)},
+        overrides={path_of(f"{name}/track", vehicle): until_now for name in (PURSUER, EVADER) for vehicle in vehicles},
     )
     guarantee = "Guarantee L, m from T" if with_target else "Guarantee V + t, s"
     plots = [rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()]
@@ -136,12 +147,18 @@ class Painter:
         settings_of: Returns the flight's settings for its metadata.
         metadata: The flight's metadata.
         source: Name of the source, for errors.
+        vehicle: Its name if the recording has several; else empty.
     """
 
     def __init__(
-        self, recording: rr.RecordingStream, settings_of: SettingsOf, metadata: Mapping[str, str], source: str
+        self,
+        recording: rr.RecordingStream,
+        settings_of: SettingsOf,
+        metadata: Mapping[str, str],
+        source: str,
+        vehicle: str = "",
     ) -> None:
-        self._to = recording
+        self._to, self._vehicle = recording, vehicle
         self._flight = Aggregator(settings_of, metadata, source)
         self._state = ""
         self._drawn_s = -math.inf
@@ -199,7 +216,9 @@ class Painter:
         if not self._fenced and home_m is not None:
             self._fenced = True
             if edges := [lifted(edge, home_m[2]) for edge in fence_edges(self._flight.envelope, home_m)]:
-                self._to.log(FENCE, _lines(edges, FENCE), static=True)
+                self._log_static(FENCE, _lines(edges, FENCE))
+        if row.inputs.role is not None:
+            self._log(row.now_s, EVADER, rr.Points3D.from_fields(labels=[row.inputs.role.evader]))
         if row.state != self._state:
             self._state = row.state
             self._log(row.now_s, STATE, rr.TextDocument(row.state))
@@ -218,18 +237,21 @@ class Painter:
         """Send what never changes: axes, colours, names, the target."""
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for name in (PURSUER, EVADER):
-            points = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
-            self._to.log(name, points, static=True)
+            label = name.split("/")[1]
+            labels = [label] if not self._vehicle else [self._vehicle] if name == PURSUER else None
+            points = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels)
+            self._log_static(name, points)
         cycle = self._flight.settings.cycle
         target_m = cycle.target_game_m
         label = "V + t since engagement, s" if target_m is None else "L, m from T"
         for path, name, colour in ((f"{GUARANTEE}/value", label, COLOURS[PURSUER]), *(curve[:3] for curve in CURVES)):
-            self._to.log(path, rr.SeriesLines(names=[name], colors=[colour]), static=True)
+            names = [" ".join(filter(None, (self._vehicle, name)))]
+            self._log_static(path, rr.SeriesLines(names=names, colors=[colour]))
         if target_m is not None:
             at = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
-            self._to.log(TARGET, at, static=True)
+            self._log_static(TARGET, at)
             if len(edge := target_edge(target_m, cycle.target_extent)):
-                self._to.log(f"{TARGET}/edge", rr.LineStrips3D([lifted(edge, 0.0)]), static=True)
+                self._log_static(f"{TARGET}/edge", rr.LineStrips3D([lifted(edge, 0.0)]))
 
     def _draw_game(self, now_s: float, certificate: Certificate) -> None:
         cycle, evader = self._flight.settings.cycle, certificate.evader_game_m
@@ -259,11 +281,16 @@ class Painter:
             self._send_columns(name, now_s[known], rr.Scalars.columns(scalars=values[known]))
 
     def _send_columns(self, name: str, now_s: Array, columns: Any) -> None:  # noqa: ANN401 - of any of Rerun's types
-        self._to.send_columns(name, indexes=[rr.TimeColumn(TIMELINE, duration=now_s)], columns=columns)
+        self._to.send_columns(
+            path_of(name, self._vehicle), indexes=[rr.TimeColumn(TIMELINE, duration=now_s)], columns=columns
+        )
 
     def _log(self, now_s: float, name: str, what: rr.AsComponents) -> None:
         self._to.set_time(TIMELINE, duration=now_s)
-        self._to.log(name, what)
+        self._to.log(path_of(name, self._vehicle), what)
+
+    def _log_static(self, name: str, what: rr.AsComponents) -> None:
+        self._to.log(path_of(name, self._vehicle), what, static=True)
 
 
 def _lines(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3D:
@@ -301,7 +328,7 @@ class RecordFile:
 
 
 def view(
-    source: "RecordFile | LiveFlight",
+    sources: "Mapping[str, RecordFile | LiveFlight]",
     destination: Destination,
     settings_of: SettingsOf,
     say: Callable[[str], None],
@@ -310,8 +337,8 @@ def view(
     """Show a flight until `ended` is set, or save it. Return the number of cycles.
 
     Args:
-        source: The flight; closed at the end. Unreadable items are errors in a record; on a bus, where anyone can
-            publish, they are ignored.
+        sources: The flight, or the flights of a team by vehicle; closed at the end. Unreadable items are errors in a
+            record; on a bus, where anyone can publish, they are ignored.
         destination: A file or a page.
         settings_of: Returns the flight's settings for its metadata.
         say: Receives the page's address.
@@ -322,10 +349,17 @@ def view(
         OutputError: If the file cannot be written.
         LinkError: If a port is in use.
     """
-    with contextlib.closing(source), contextlib.ExitStack() as closing:
-        if source.live:
+    with contextlib.ExitStack() as closing:
+        for source in sources.values():
+            closing.enter_context(contextlib.closing(source))
+        if any(source.live for source in sources.values()):
             os.nice(NICE)
-        metadata = source.metadata(lambda: ended.wait(REDRAWN_EVERY_S))
+
+        def wait() -> bool:
+            return ended.wait(REDRAWN_EVERY_S)
+
+        told = {name: source.metadata(wait) for name, source in sources.items()}
+        first = next(iter(told.values()))
         recording = rr.RecordingStream(APPLICATION)
         closing.callback(recording.disconnect)
         if destination.save is None:
@@ -334,24 +368,34 @@ def view(
             with writing(destination.save):
                 private_folder(destination.save.parent)
                 sink = rr.FileSink(private_file(destination.save))  # Rerun only logs a failure
-        with_target = settings_of(metadata).cycle.target_game_m is not None
-        recording.set_sinks(sink, default_blueprint=layout(with_target=with_target))
-        recording.send_recording_name(title_of(metadata))
-        painter = Painter(recording, settings_of, metadata, source.name)
-
-        def idle() -> bool:
-            painter.flush()
-            return ended.wait(REDRAWN_EVERY_S)
-
-        for item in source.items(idle):
-            with contextlib.suppress(*(() if source.trusted else (ConfigError, KeyError, TypeError))):
-                painter.take(item)
-            if ended.is_set() and not source.live:  # a live flight is shown to its end
-                break
-        painter.flush()
+        vehicles = tuple(sources) if len(sources) > 1 else ("",)
+        with_target = settings_of(first).cycle.target_game_m is not None
+        recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
+        recording.send_recording_name(title_of(first))
+        painters = [
+            Painter(recording, settings_of, metadata, sources[name].name, vehicle)
+            for (name, metadata), vehicle in zip(told.items(), vehicles, strict=True)
+        ]
+        with ThreadPoolExecutor(len(painters)) as pool:  # a record that still grows keeps its thread
+            list(pool.map(partial(_paint, ended), painters, sources.values()))
         if destination.save is None:
             ended.wait()
-        return painter.cycles
+        return sum(painter.cycles for painter in painters)
+
+
+def _paint(ended: threading.Event, painter: Painter, source: "RecordFile | LiveFlight") -> None:
+    """Draw one flight until it ends, or until the view does."""
+
+    def idle() -> bool:
+        painter.flush()
+        return ended.wait(REDRAWN_EVERY_S)
+
+    for item in source.items(idle):
+        with contextlib.suppress(*(() if source.trusted else (ConfigError, KeyError, TypeError))):
+            painter.take(item)
+        if ended.is_set() and not source.live:  # a live flight is shown to its end
+            break
+    painter.flush()
 
 
 def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:

@@ -1,5 +1,8 @@
 """A team flight in virtual time: from take-off to landing, with whole MAVLink frames and the team's messages."""
 
+import math
+from itertools import combinations
+
 import pytest
 
 from guidance.flight import Event, State
@@ -104,6 +107,24 @@ def test_a_broken_promise_is_told_with_its_cause(guard):
     missed = told._replace(captures={}, promised={"rover1": lost})
     assert missed.verdict("rover1").endswith("not captured; broken: vehicle lost")
     assert missed.verdict("rover2") == "no capture could be promised; not captured"
+
+
+@pytest.mark.flight
+def test_a_team_flies_pursuit_evasion_and_vehicles_at_one_evader_are_stacked():
+    chase = load_any("teams_chase")[1]
+    flown = fly_recorded(chase, None, MockOptions(fast=True))
+    for row in team_rows(chase, "fast", flown):
+        assert (row.end, row.winner) == ("captured", "pursuer")
+        assert row.ratio <= 1.1
+    stations = {
+        name: [one.pursuer_m for one in result.samples if one.state is State.ON_STATION][-1]
+        for name, result in flown.vehicles.items()
+    }
+    for one, other in combinations(stations.values(), 2):
+        level_m, height_m = math.dist(one[:2], other[:2]), abs(one[2] - other[2])
+        assert level_m > chase.flight.separation_m or height_m > chase.flight.separation_height_m
+    assert math.dist(stations["uav2"][:2], stations["uav3"][:2]) < chase.flight.separation_m  # at the same evader
+    assert flown.least_distance_m(chase.flight.separation_height_m) > chase.flight.separation_m - 0.5
 
 
 @pytest.mark.flight

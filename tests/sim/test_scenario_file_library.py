@@ -55,7 +55,7 @@ def test_the_library_has_what_a_reader_looks_for():
         "fence", "estimator_jump", "barrier_pure_pursuit", "crossing_proportional_navigation",
     }  # fmt: skip
     assert wanted <= set(NAMES)
-    assert set(TEAMS) == {"teams_tad", "teams_breakthrough", "teams_guard"}
+    assert set(TEAMS) == {"teams_tad", "teams_breakthrough", "teams_guard", "teams_chase"}
 
 
 @pytest.mark.parametrize("name", EVERY)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 import subprocess
 import sys
 import threading
@@ -82,6 +83,19 @@ def test_both_are_where_the_certificates_have_them_at_every_cycle_of_the_game(se
         assert max(map(math.dist, line[:-1], line[1:])) < 1.0  # it has no gaps
 
 
+def test_all_vehicles_of_a_team_are_in_one_recording(record, tmp_path):
+    for name in ("uav1", "uav2"):
+        (tmp_path / name).mkdir()
+        shutil.copy(record, tmp_path / name / "record.mcap")
+    run = CliRunner().invoke(app, ["view", str(tmp_path), "--save", str(tmp_path / "team.rrd")])
+    assert run.exit_code == 0, run.output
+    both = Seeing(tmp_path / "team.rrd")
+    for entity, component in (("/game/{}/pursuer", "positions"), ("/plots/range/{}/ground_m", "scalars")):
+        (_, one), (_, other) = (both.of(entity.format(name), component) for name in ("uav1", "uav2"))
+        assert len(one) > 100
+        assert one == other
+
+
 def test_the_plots_are_the_records_numbers(seen, rows):
     names = {f"/{curve.path}" for curve in CURVES}
     assert all(len(seen[0].of(name, "scalars")[0]) > 100 for name in names)
@@ -147,7 +161,9 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
             return False
 
     monkeypatch.setattr("os.nice", lambda _: None)
-    count = view(RecordFile(growing, live=True), Destination(tmp_path / "g.rrd"), recorded_settings, print, Ended())
+    count = view(
+        {"": RecordFile(growing, live=True)}, Destination(tmp_path / "g.rrd"), recorded_settings, print, Ended()
+    )
     followed = Seeing(tmp_path / "g.rrd")
     assert count == sum(item.topic == CYCLE_TOPIC for item in scan(record))
     for entity in ("/game/pursuer", "/game/evader"):
