@@ -275,6 +275,14 @@ def select2(xp: Library, condition: Truth, yes: Plane, no: Plane) -> Plane:
     return select(xp, condition, yes[0], no[0]), select(xp, condition, yes[1], no[1])
 
 
+def select_all(xp: Library, condition: Truth, yes: Any, no: Any) -> Any:  # noqa: ANN401 - records of numbers
+    """Choose between two records of numbers and vectors elementwise; see `select`."""
+    if not isinstance(yes, tuple):
+        return select(xp, condition, yes, no)
+    parts = [select_all(xp, condition, one, other) for one, other in zip(yes, no, strict=True)]
+    return type(yes)(*parts) if hasattr(yes, "_fields") else tuple(parts)
+
+
 def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[Real], plus: Real = 0.0) -> Array:
     """Put components together into (*shape, n).
 

@@ -21,7 +21,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import FLOATS, Library, Plane, Real, Space, Truth, dot2, norm2, select, select2, unit2
+from guidance.game.arrays import (
+    FLOATS,
+    Library,
+    Plane,
+    Real,
+    Space,
+    Truth,
+    dot2,
+    norm2,
+    select,
+    select2,
+    select_all,
+    unit2,
+)
 from guidance.game.extent import from_set, least_at, nearest, to_set
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
 from guidance.game.pe import (
@@ -37,22 +50,6 @@ from guidance.game.pe import (
 )
 from guidance.game.records import is_zero
 from guidance.game.region import Closest, closest_point, is_circle
-
-
-class Race(NamedTuple):
-    """The result of both players' race to a target in the paper's game.
-
-    Attributes:
-        arrival: Time until the evader can be there, s.
-        margin: B as a time: how much sooner the pursuer can be there, s.
-        final_distance: L, m; negative if the evader wins.
-        run: vector from E to g*, the point of the circle closest to the target, m.
-    """
-
-    arrival: Real
-    margin: Real
-    final_distance: Real
-    run: Plane
 
 
 class Contest(NamedTuple):
@@ -166,32 +163,23 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
         centre: vector from the evader to the target's position, m.
         to_target: to the point of the target that is most in danger, m.
     """
-    circle = is_circle(game)
-    whole = circle is True
-    if whole and isinstance(game.pursuer, Ball):
-        return _paper(xp, game, state, centre, to_target, state.z)
+    circle, flat = is_circle(game), isinstance(game.pursuer, Cylinder)
+    paper = None if circle is False else _paper(xp, game, state, centre, to_target, 0.0 if flat else state.z)
+    if paper is not None and circle is True and not flat:
+        return paper
     arrival, goal = _arrive(xp, game, to_target)
     guard = guard_time(xp, game, state, goal)
     margin = arrival - guard
     short = _shortfall(xp, game, state, goal, arrival, margin < 0)
-    if circle is False:
-        edge = closest_point(xp, game, state, centre, _ahead(xp, game, centre, goal), margin > 0)
-        return Contest(goal, arrival, guard, margin, short, edge)
-    flat = isinstance(game.pursuer, Cylinder)
-    paper = _paper(xp, game, state, centre, to_target, 0.0 if flat else state.z)
-    if whole:
+    if paper is not None and circle is True:
         return Contest(goal, arrival, guard, margin, short, paper.edge)
-    found = closest_point(xp, game, state, centre, _ahead(xp, game, centre, goal), (margin > 0) & ~circle)
-    edge = _choose_edge(xp, circle, paper.edge, found)
-    if flat:
-        return Contest(goal, arrival, guard, margin, short, edge)
-    arrival, guard, margin, short = (
-        select(xp, circle, one, other)
-        for one, other in zip(
-            (paper.arrival, paper.guard, paper.margin, paper.short), (arrival, guard, margin, short), strict=True
-        )
-    )
-    return Contest(goal, arrival, guard, margin, short, edge)
+    wanted = margin > 0 if paper is None else (margin > 0) & ~circle
+    edge = closest_point(xp, game, state, centre, _ahead(xp, game, centre, goal), wanted)
+    found = Contest(goal, arrival, guard, margin, short, edge)
+    if paper is None:
+        return found
+    both: Contest = select_all(xp, circle, paper, found)
+    return found._replace(edge=both.edge) if flat else both
 
 
 def _ahead(xp: Library, game: Game, centre: Plane, goal: Plane) -> Plane:
@@ -204,19 +192,18 @@ def _ahead(xp: Library, game: Game, centre: Plane, goal: Plane) -> Plane:
 
 def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane, z: Real) -> Contest:
     u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
-    ended = closest = race(xp, (u, v), state.to_evader, z, to_target)
-    if not game.target_extent.is_point:
-        # The point of the target closest to the circle is the one closest to the circle's centre c.
-        lead = v * v / ((u - v) * (u + v))
-        place = (lead * state.to_evader[0] - centre[0], lead * state.to_evader[1] - centre[1])
-        near, _ = nearest(xp, game.target_extent, place)
-        closest = race(xp, (u, v), state.to_evader, z, from_set(centre, near))
-    edge = Closest(closest.run, norm2(xp, closest.run) / v, closest.final_distance)
-    return Contest(to_target, ended.arrival, ended.arrival - ended.margin, ended.margin, -u * ended.margin, edge)
+    ended = race(xp, (u, v), state.to_evader, z, to_target)
+    if game.target_extent.is_point:
+        return ended
+    # The point of the target closest to the circle is the one closest to the circle's centre c.
+    lead = v * v / ((u - v) * (u + v))
+    place = (lead * state.to_evader[0] - centre[0], lead * state.to_evader[1] - centre[1])
+    near, _ = nearest(xp, game.target_extent, place)
+    return ended._replace(edge=race(xp, (u, v), state.to_evader, z, from_set(centre, near)).edge)
 
 
-def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane) -> Race:
-    """Return the result of the race to a target in the paper's game.
+def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane) -> Contest:
+    """Return the result of the race to a target in the paper's game; its margin is the barrier B as a time.
 
     L = ‖c − T‖ − r = d_δ/(δ² − 1) − r, eq. (41), is the difference of two lengths that grow without bound as δ → 1.
     Times their sum it is the barrier B over δ² − 1, which cancels nothing and is zero exactly where B is:
@@ -246,15 +233,9 @@ def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_t
     inverse = 1.0 / select(xp, d_delta > 0, d_delta, 1.0)
     lead, share = (v * v) * (final * inverse), span * inverse
     run = (lead * to_evader[0] + share * to_target[0], lead * to_evader[1] + share * to_target[1])
-    return Race(left / v, b / (u * v * select(xp, drawn, 1.0, both)), final, run)
-
-
-def _choose_edge(xp: Library, condition: Truth, yes: Closest, no: Closest) -> Closest:
-    return Closest(
-        select2(xp, condition, yes.run, no.run),
-        select(xp, condition, yes.time, no.time),
-        select(xp, condition, yes.left, no.left),
-    )
+    arrival, margin = left / v, b / (u * v * select(xp, drawn, 1.0, both))
+    edge = Closest(run, norm2(xp, run) / v, final)
+    return Contest(to_target, arrival, arrival - margin, margin, -u * margin, edge)
 
 
 def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
@@ -325,7 +306,8 @@ def _with_falling(
     far = norm2(xp, goal)
     towards = unit2(xp, goal, far)
     fallen = Closest((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
-    return _choose_edge(xp, far - radius < level.left, fallen, level)
+    edge: Closest = select_all(xp, far - radius < level.left, fallen, level)
+    return edge
 
 
 def _reason(xp: Library, margin: Real, arrived: Truth, caught: Truth) -> Real:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.game import Game, StandOff, parameters
+from guidance.game.game import Game, Reason, StandOff, parameters
 from guidance.game.records import is_zero
 from guidance.game.rows import for_rows, simplified
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from guidance.game.team.regions import Array
+
+Answer = TypeVar("Answer", bound=Any)
 
 Games: TypeAlias = "Game | Sequence[Game] | Sequence[Sequence[Game | None]]"
 """One game for all, or lists with one for each pursuer or pair; None where two do not play."""
@@ -135,7 +137,29 @@ def in_play_of(given: ArrayLike | None, m: int) -> Array:
     return present.astype(bool)
 
 
-def spoiled(part: Array, sound: Array) -> Array:
-    """Return a field of an answer with NaN, or zero where it holds no real numbers, in the rows without an answer."""
-    mask = sound[(..., *[None] * (part.ndim - sound.ndim))]
-    return np.where(mask, part, np.asarray(np.nan if part.dtype.kind == "f" else 0, dtype=part.dtype))
+def judged(answer: Answer, fault: Array, what: Callable[[], str]) -> Answer:
+    """Return an answer with nothing in the rows that have a fault, or refuse a single state that has one.
+
+    Nothing is NaN, −1 for numbers of players, and 0 for other whole numbers.
+
+    Args:
+        answer: of the leading shape of `fault`.
+        fault: why a row has no answer, as `Reason`; 0 if it has one.
+        what: what has none, for the message.
+
+    Raises:
+        ConfigError: If a single state has no answer.
+    """
+    if not fault.any():
+        return answer
+    if fault.ndim == 0:
+        raise ConfigError(f"{what()} no answer: {Reason(int(fault)).word.replace('_', ' ')}")
+    nothing = dict.fromkeys(("first", "second", "evader_of"), -1)
+    parts = {}
+    fields: dict[str, Array] = answer._asdict()
+    for name, part in fields.items():
+        lost = fault.reshape(fault.shape + (1,) * (part.ndim - fault.ndim))
+        empty = lost if name == "reason" else nothing.get(name, np.nan if part.dtype.kind == "f" else 0)
+        parts[name] = np.where(lost == 0, part, np.asarray(empty, dtype=part.dtype))
+    found: Answer = answer._replace(**parts)
+    return found

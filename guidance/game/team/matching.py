@@ -26,7 +26,7 @@ from guidance.errors import ConfigError
 from guidance.extras import how_to_add
 from guidance.game.game import Reason, Winner
 from guidance.game.records import require
-from guidance.game.team.arguments import spoiled
+from guidance.game.team.arguments import judged
 from guidance.game.team.several import TeamSolution, assembled, longest_run, nearest_run, placed
 from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, table_of, taken
 
@@ -117,7 +117,9 @@ def match_teams(
             pairs = pairs or pairs_with(table, first)
             second = _seconds(table, pairs, first, kept, hysteresis)
             answer = _defended(table, table.target, pairs, first, second)
-    return _judged(Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer)), table)
+    worst = np.max(table.all.alone.reason, axis=(1, 2)).reshape(table.shape)
+    whole = Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer))
+    return judged(whole, np.where(worst < int(Reason.NOT_FINITE), 0, worst), lambda: "pursuers, evaders: have")
 
 
 def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
@@ -263,24 +265,3 @@ def _to_target(table: Table, target: Array) -> Array:
 def _summed(parts: Array) -> Array:
     """Add along the last axis, from the least to the largest: the same bits in any order and in any batch."""
     return np.asarray(sum(np.moveaxis(np.sort(parts, axis=-1), -1, 0)))
-
-
-def _judged(answer: Matching, table: Table) -> Matching:
-    """Spoil the rows without an answer, or refuse a single state that has none."""
-    worst = np.max(table.all.alone.reason, axis=(1, 2)).reshape(table.shape)
-    sound = worst < int(Reason.NOT_FINITE)
-    if sound.all():
-        return answer
-    if sound.ndim == 0:
-        raise ConfigError(f"pursuers, evaders: have no answer: {Reason(int(worst)).word.replace('_', ' ')}")
-    missing = dict.fromkeys(("first", "second", "evader_of"), -1)
-    parts = {
-        name: np.where(_over(sound, part), part, missing[name]) if name in missing else spoiled(part, sound)
-        for name, part in answer._asdict().items()
-    }
-    reason = np.where(_over(sound, answer.reason), answer.reason, _over(worst, answer.reason))
-    return Matching(**parts)._replace(reason=reason.astype(np.int8))
-
-
-def _over(rows: Array, part: Array) -> Array:
-    return rows[(..., *[None] * (part.ndim - rows.ndim))]

@@ -47,8 +47,8 @@ from guidance.errors import ConfigError
 from guidance.game.arrays import select2
 from guidance.game.extent import POINT, least_at, to_set
 from guidance.game.game import STILL, Game, Reason
-from guidance.game.solution import Solution, solve
-from guidance.game.team.arguments import Games, fitting, joined, pair_axes, spoiled, vectors
+from guidance.game.solution import solve
+from guidance.game.team.arguments import Games, fitting, joined, judged, pair_axes, vectors
 from guidance.game.team.regions import Array, Point, Regions, corner, cross, edge, length, survived, unit
 from guidance.game.team.table import Goal, Meeting, Team, taken, team_of, together
 
@@ -150,7 +150,16 @@ def solve_team(
         answer, best = (chase if T is None else defence)(team, E[..., 0, :], _best_pair(team))
         late = np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0)
         answer = answer._replace(multipliers=late)
-        return _judged(answer, alone, {"pursuers": P, **rest})
+    worst, none = np.max(alone.reason, axis=-1), int(Reason.NOT_FINITE)
+    fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
+
+    def refused() -> str:
+        wrong = [
+            f"{name} = {array!r}" for name, array in {"pursuers": P, **rest}.items() if not np.isfinite(array).all()
+        ]
+        return f"{', '.join(wrong) or 'the team'}: has"
+
+    return judged(answer, np.asarray(fault), refused)
 
 
 def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
@@ -174,22 +183,6 @@ def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
     away = to_set(np, extent, place)
     arrived = np.asarray(away[0] * away[0] + away[1] * away[1] == 0)
     return np.where(arrived[..., None], E, placed(least_at(np, extent, place, left)))
-
-
-def _judged(answer: TeamSolution, alone: Solution, given: dict[str, Array]) -> TeamSolution:
-    """Spoil the rows without an answer, or refuse a single state that has none."""
-    none = int(Reason.NOT_FINITE)
-    worst = np.max(alone.reason, axis=-1)
-    fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
-    sound = np.asarray(fault == 0)
-    if sound.all():
-        return answer
-    if sound.ndim == 0:
-        wrong = [f"{name} = {array!r}" for name, array in given.items() if not np.isfinite(array).all()]
-        why = Reason(int(fault)).word.replace("_", " ")
-        raise ConfigError(f"{', '.join(wrong) or 'the team'}: has no answer: {why}")
-    parts = {name: spoiled(part, sound) for name, part in answer._asdict().items()}
-    return TeamSolution(**parts)._replace(reason=np.where(sound, answer.reason, fault).astype(answer.reason.dtype))
 
 
 def _best_pair(team: Team) -> Meeting:
