@@ -203,6 +203,7 @@ def plan(team: TeamStory) -> Figure:
     if cycle.target_game_m is not None:
         draw_place(axes, cycle.target_game_m, TARGET, 2, "target")
     label_plan(axes)
+    axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
     for edge in [] if flight.home_m is None else fence_edges(flight.envelope, flight.home_m):
         axes.plot(*edge.T, **FENCE)
