@@ -164,7 +164,7 @@ def _reach(memory: MonitorMemory, certificate: Certificate, speed_m_s: float) ->
     """Report once that the vehicle is too slow; start the promise anew whenever its reachable speed falls."""
     reachable_m_s, largest_m_s = certificate.reachable_speed_m_s, memory.reachable_m_s
     if not reachable_m_s < (1.0 - SLOWER) * (largest_m_s or speed_m_s):
-        return memory._replace(reachable_m_s=max(reachable_m_s, largest_m_s)), None
+        return memory if reachable_m_s <= largest_m_s else memory._replace(reachable_m_s=reachable_m_s), None
     told, memory = memory.told_slow, memory.restarted()._replace(reachable_m_s=reachable_m_s, told_slow=True)
     return memory, None if told else Alarm(Violation.TOO_SLOW, reachable_m_s, speed_m_s)
 
@@ -187,6 +187,8 @@ def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tup
 def _compare(memory: MonitorMemory, now_s: float, cost: float, slack: float) -> tuple[MonitorMemory, float | None]:
     """Compare a cost with the best before it; return the loss if it exceeds the slack for long enough."""
     lost = cost - memory.best
+    if 0.0 <= lost <= slack and memory.since_s is None:
+        return memory, None
     if not lost > slack:
         return memory._replace(best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None), None
     memory = _since(memory, now_s)

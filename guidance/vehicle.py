@@ -127,30 +127,25 @@ def observe(state: VehicleState, messages: Sequence[Message]) -> VehicleState:
             changed = change(message, seen)
             if changed is None:
                 continue
-            if changed:
-                seen = seen._replace(**changed)
+            seen = changed
         latest[type(message)] = message
     return seen
 
 
-Change = dict[str, Any] | None
-"""The fields that a message changes, besides `latest`; None if it is ignored."""
+def _changed_by_home(_: Home, state: VehicleState) -> VehicleState | None:
+    return None if state.home_taken and state.armed else state._replace(home_taken=state.armed)
 
 
-def _changed_by_home(_: Home, state: VehicleState) -> Change:
-    return None if state.home_taken and state.armed else {"home_taken": state.armed}
-
-
-def _changed_by_odometry(now: Odometry, state: VehicleState) -> Change:
+def _changed_by_odometry(now: Odometry, state: VehicleState) -> VehicleState:
     held = state.last(Odometry)
     if held is None or held.reset_counter == now.reset_counter:
-        return {}
-    return {"resets": state.resets + 1, "reset_s": now.received_s}
+        return state
+    return state._replace(resets=state.resets + 1, reset_s=now.received_s)
 
 
-def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> Change:
+def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> VehicleState:
     taken = now.armed and (state.home_taken or _home_is_here(state, now))
-    return {} if taken == state.home_taken else {"home_taken": taken}
+    return state if taken == state.home_taken else state._replace(home_taken=taken)
 
 
 def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
@@ -163,27 +158,27 @@ def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
     return math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
 
 
-def _changed_by_position(now: LocalPosition, state: VehicleState) -> Change:
+def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleState | None:
     """A position shows a jump or a reboot; it is ignored if it is not new."""
     held = state.last(LocalPosition)
     if held is None:
-        return {}
+        return state
     step_s = now.time_boot_s - held.time_boot_s
     if -_REBOOT_S <= step_s <= 0.0:
         return None
     if step_s < 0.0:
-        return {"reboots": state.reboots + 1}
-    changed: dict[str, Any] = {"acceleration_ned_m_s2": _smoothed(state.acceleration_ned_m_s2, held, now, step_s)}
+        return state._replace(reboots=state.reboots + 1)
+    moved = VehicleState(*state[:-1], _smoothed(state.acceleration_ned_m_s2, held, now, step_s))
     jump = _jump_ned_m(held, now, step_s)
-    if jump is not None:
-        north, east, down = (total + part for total, part in zip(state.jumped_ned_m, jump, strict=True))
-        changed |= {
-            "resets": state.resets + 1,
-            "reset_s": now.received_s,
-            "jumped_ned_m": (north, east, down),
-            "jumped_boot_s": now.time_boot_s,
-        }
-    return changed
+    if jump is None:
+        return moved
+    north, east, down = (total + part for total, part in zip(state.jumped_ned_m, jump, strict=True))
+    return moved._replace(
+        resets=state.resets + 1,
+        reset_s=now.received_s,
+        jumped_ned_m=(north, east, down),
+        jumped_boot_s=now.time_boot_s,
+    )
 
 
 def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step_s: float) -> Vector:
@@ -212,7 +207,7 @@ def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vec
     return jump if math.hypot(*jump) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s else None
 
 
-_CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], Change]]] = {
+_CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], VehicleState | None]]] = {
     LocalPosition: _changed_by_position,
     Home: _changed_by_home,
     Odometry: _changed_by_odometry,
@@ -220,7 +215,7 @@ _CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], Change]]] = {
     CommandAck: lambda _message, _state: None,
     StatusText: lambda _message, _state: None,
 }
-"""Messages that change more than the last message of their kind, or nothing."""
+"""The state after messages that change more than the last message of their kind; None if the message is ignored."""
 
 
 def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | None:

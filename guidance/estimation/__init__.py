@@ -52,13 +52,13 @@ def predict(observer: Observer, now_s: float, settings: TrackSettings) -> Evader
         return None
     moved = advance(last, now_s, settings)
     both = blended(*moved.modes)
-    north, east, north_rate, east_rate = both.mean
+    (north, east, north_rate, east_rate), (by_north, by_east, by_down) = both.mean, observer.shift_ned_m
     *_, one, _, _, shared, other = both.covariance
     sd, worst_sd = _speed_sds(north_rate, east_rate, one, shared, other)
     bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * sd
     known = worst_sd <= settings.known_velocity_sd_m_s
     return EvaderEstimate(
-        _sum((north, east, moved.height.down_m), observer.shift_ned_m),
+        (north + by_north, east + by_east, moved.height.down_m + by_down),
         (north_rate, east_rate, moved.height.rate_m_s) if known else (0.0, 0.0, 0.0),
         max(settings.declared_speed_m_s, bound_m_s),
         max(0.0, now_s - last.time_s),

@@ -94,17 +94,13 @@ class Tracking:
         return settings if speed_m_s == settings.declared_speed_m_s else replace(settings, declared_speed_m_s=speed_m_s)
 
     @property
-    def _observer(self) -> Observer:
-        return self._observers.get(self.playing, _UNHEARD)
-
-    @property
     def counts(self) -> Mapping[ReportOutcome, int]:
         """Number of evader reports by outcome: used, or dropped with a reason."""
-        return self._observer.track.counts
+        return self._observers.get(self.playing, _UNHEARD).track.counts
 
     def rival(self, now_s: float) -> str:
         """Return the evidence of a second source of evader reports; empty if there is none."""
-        rivals = self._observer.rivals
+        rivals = self._observers.get(self.playing, _UNHEARD).rivals
         return rivals.why if rivals.why and rivals.there(now_s) else ""
 
     def silence_s(self, now_s: float, evader: str | None = None) -> float:
