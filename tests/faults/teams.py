@@ -347,7 +347,7 @@ class Sortie:
                 game = Game(cycle.speed_set, speed_m_s, standoff=cycle.standoff)
                 players = Players(here, STILL, (*there[:2], 0.0), STILL, target)
                 gaps = gaps_to_disc(ned_from_game(here), ned_from_game(players.evader_m), cycle.standoff)
-                _, told = certify(game, players, vehicle, gaps, None, evader_age_s=0.0, tolerance_m=cycle.tolerance_m)
+                *_, told = certify(game, players, vehicle, gaps, None, evader_age_s=0.0, tolerance_m=cycle.tolerance_m)
                 if told.vehicle_winner == Winner.PURSUER:
                     self.winning.add((name, evader))
 
