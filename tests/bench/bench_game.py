@@ -290,6 +290,16 @@ def bench_teams(count: int) -> None:
             )
 
 
+def bench_match() -> None:
+    """One match of six pursuers and four evaders."""
+    rng = np.random.default_rng(5)
+    pursuers, evaders = rng.uniform(-30.0, 30.0, (6, 3)), rng.uniform(-30.0, 30.0, (4, 3))
+    evaders[:, 2] = 0.0
+    for kind, goal in (("PE", ()), ("TAD", (T,))):
+        took = per_call_s(lambda goal=goal: match_teams(GAME, pursuers, evaders, *goal))
+        print(f"one match of 6 against 4, {kind}: {took * 1e3:.2f} ms; required 1: {met(took <= 1e-3)}")
+
+
 def main() -> None:
     """Run all."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -304,6 +314,7 @@ def main() -> None:
     bench_batch(1_000_000 // share)
     bench_zeros(1_000_000 // share)
     bench_teams(100_000 // share)
+    bench_match()
 
 
 if __name__ == "__main__":
