@@ -175,15 +175,15 @@ def certify(
     shown = _demonstrated(game, vehicle.shown_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
-    stopping_s = _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
+    stopping_s = _stopping_s(players, optimal_m_s, here.evader_velocity_m_s, gaps, vehicle.envelope)
     margin_s = there.margin_s - stopping_s
     low = abs(gaps.height_m) <= tolerance_m
     waiting_m_s = None if low else _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)
     if waiting_m_s:
         level_m = (late[0], late[1], E[2] + game.standoff.height_m)
         ground_s = solve_state(shown, level_m, E, T, evader_velocity_m_s=seen).margin_s - stopping_s
-        lost_s = vehicle.envelope.reaction_s + _SLOWER_DESCENT * here.meeting_time_s
-        margin_s = min(ground_s, there.margin_s - lost_s)
+        lost_s = stopping_s if gaps.ground_m <= 0.0 else vehicle.envelope.reaction_s
+        margin_s = min(ground_s, there.margin_s - lost_s - _SLOWER_DESCENT * here.meeting_time_s)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     certificate = certificate._replace(
@@ -241,11 +241,12 @@ def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle
     return waiting_m_s if missing_m < _SURELY * trusted_m_s * here.meeting_time_s else None
 
 
-def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:
-    """Return the time lost by reacting and by braking to the evader's velocity, s."""
+def _stopping_s(players: Players, optimal_m_s: Vector, run_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:
+    """Return the time lost by reacting and by braking to the evader's velocity, s; above it, to its optimal one."""
     gap_m, deceleration_m_s2 = gaps.ground_m, envelope.braking_m_s2
     if gap_m <= 0.0:
-        return envelope.reaction_s
+        turning_m_s = math.dist(players.pursuer_m_s[:2], run_m_s[:2])
+        return envelope.reaction_s + turning_m_s / (2.0 * deceleration_m_s2)
     relative = difference(optimal_m_s, players.evader_m_s)
     x, y, _ = difference(players.evader_m, players.pursuer_m)
     closing_m_s = max(0.0, relative[0] * x + relative[1] * y) / math.hypot(x, y)
