@@ -5,8 +5,8 @@ The game's value and winner are theorems about players that change their velocit
 shown into account; see `guidance.control.capability`.
 
 In TAD the vehicle's verdict is "pursuer" if the game is won even from as far back as accelerating costs, with enough
-time left to react and, over the ground, to brake to the evader's velocity. It is "evader" if even the game's pursuer
-loses, and "undecided" in between.
+time left to react and, over the ground, to brake to the evader's velocity. A vehicle near the rim that is not at the
+disc's height promises nothing. The verdict is "evader" if even the game's pursuer loses, and "undecided" in between.
 
 **Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that flew at
 full speed all the same would be near the evader before it can capture. An evader that turns then passes below it,
@@ -31,8 +31,8 @@ _TAKEN_FOR_GRANTED: Final = 0.8
 _FASTER: Final = 1.05
 """Least speed that the verdict uses, over the evader's; a slower pursuer has no game."""
 
-_SLOWER_DESCENT: Final = 0.15
-"""Share of the time for the height that may be missing; PX4 near its tilt limit descends at 1.35 m/s instead of 1.5."""
+_SLOWER_DESCENT: Final = 0.08
+"""Share of the time for the height that may be missing; PX4 near its tilt limit descends at 1.4 m/s instead of 1.5."""
 
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
@@ -175,15 +175,18 @@ def certify(
     shown = _demonstrated(game, vehicle.shown_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
-    stopping_s = _stopping_s(players, optimal_m_s, here.evader_velocity_m_s, gaps, vehicle.envelope)
+    stopping_s = _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
     margin_s = there.margin_s - stopping_s
-    low = abs(gaps.height_m) <= tolerance_m
+    low, reaction_s, u = abs(gaps.height_m) <= tolerance_m, vehicle.envelope.reaction_s, game.pursuer.horizontal_m_s
     waiting_m_s = None if low else _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)
     if waiting_m_s:
         level_m = (late[0], late[1], E[2] + game.standoff.height_m)
-        ground_s = solve_state(shown, level_m, E, T, evader_velocity_m_s=seen).margin_s - stopping_s
-        lost_s = stopping_s if gaps.ground_m <= 0.0 else vehicle.envelope.reaction_s
-        margin_s = min(ground_s, there.margin_s - lost_s - _SLOWER_DESCENT * here.meeting_time_s)
+        ground_s = solve_state(shown, level_m, E, T, evader_velocity_m_s=seen).margin_s - (stopping_s - reaction_s)
+        height_s = there.margin_s - _SLOWER_DESCENT * here.meeting_time_s
+        turn_s = reaction_s * game.evader_speed_m_s / (u - game.evader_speed_m_s)
+        margin_s = min(ground_s, height_s) - max(reaction_s, turn_s)
+    if not low and gaps.ground_m <= u * reaction_s:
+        margin_s = min(margin_s, 0.0)
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     certificate = certificate._replace(
@@ -241,12 +244,11 @@ def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle
     return waiting_m_s if missing_m < _SURELY * trusted_m_s * here.meeting_time_s else None
 
 
-def _stopping_s(players: Players, optimal_m_s: Vector, run_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:
-    """Return the time lost by reacting and by braking to the evader's velocity, s; above it, to its optimal one."""
+def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:
+    """Return the time lost by reacting and by braking to the evader's velocity, s."""
     gap_m, deceleration_m_s2 = gaps.ground_m, envelope.braking_m_s2
     if gap_m <= 0.0:
-        turning_m_s = math.dist(players.pursuer_m_s[:2], run_m_s[:2])
-        return envelope.reaction_s + turning_m_s / (2.0 * deceleration_m_s2)
+        return envelope.reaction_s
     relative = difference(optimal_m_s, players.evader_m_s)
     x, y, _ = difference(players.evader_m, players.pursuer_m)
     closing_m_s = max(0.0, relative[0] * x + relative[1] * y) / math.hypot(x, y)

@@ -335,7 +335,8 @@ def codes(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Arra
         like: an array on the device of the answer.
         value: an integer of eight bits, or an array of them that broadcasts to the shape.
     """
-    return xp.broadcast_to(xp.asarray(value, dtype=xp.int8, **_place(like)), shape)
+    small = xp.astype(value, xp.int8) if hasattr(value, "dtype") else xp.asarray(value, dtype=xp.int8, **_place(like))
+    return xp.broadcast_to(small, shape)
 
 
 def constant(xp: Library, like: Array, value: Real | Sequence[float]) -> Array:

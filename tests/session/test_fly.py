@@ -163,10 +163,10 @@ def test_a_game_that_lasts_too_long_is_ended_by_landing():
     assert Event.LAND in {happening.event for happening in result.happenings}
 
 
-def test_the_live_line_is_told_of_every_cycle():
+def test_the_live_line_is_told_about_ten_times_a_second():
     seen = []
     result = flown(NEAR, watch=seen.append)
-    assert len(seen) == result.cycles
+    assert result.cycles / 6 < len(seen) < result.cycles / 5
     engaged = [progress for progress in seen if progress.state is State.ENGAGED]
     assert all(progress.certificate is not None and progress.mode == "OFFBOARD" for progress in engaged)
 
