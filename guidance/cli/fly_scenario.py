@@ -156,14 +156,16 @@ def noted_ctrl_c(show: Show) -> Iterator[Show]:
 
 
 @contextlib.contextmanager
-def _advised(name: str, url: str) -> Iterator[None]:
-    """Add the URL, if there is one, to a refusal, and the command that sets the vehicle up."""
+def _advised(name: str, urls: str) -> Iterator[None]:
+    """Add the URLs, if there are any, to a refusal, and the commands that set the vehicles up."""
     try:
         yield
     except FlightError as error:
-        mend = f"\nto have it set up for this scenario: guidance check {name} --vehicle {url} --apply"
-        advice = mend if url and str(error).startswith("preflight refuses") else ""
-        raise FlightError(f"{url}: {error}{advice}" if url else str(error)) from error
+        vehicles = urls.split()
+        scenario = f"{name} " if len(vehicles) == 1 else ""  # `check` plays no teams
+        mend = "".join(f"\nto have it set up: guidance check {scenario}--vehicle {url} --apply" for url in vehicles)
+        advice = mend if str(error).startswith("preflight refuses") else ""
+        raise FlightError(f"{urls}: {error}{advice}" if urls else str(error)) from error
 
 
 class LiveLine:

@@ -132,10 +132,8 @@ class ControlBus:
         mates: Sequence[str] = (),
     ) -> None:
         self._name = name
-        self._team, self._shown = (
-            team,
-            {"name": name} | ({"team": team, "vehicles": sorted([name, *mates])} if team else {}),
-        )
+        self._team = team
+        self._shown = {"name": name} | ({"team": team, "vehicles": sorted([name, *mates])} if team else {})
         self._mailbox = mailbox
         self._orders, self._queries = Exchanges(MOST_ORDERS), Exchanges(MOST_QUERIES)
         with contextlib.ExitStack() as closing:

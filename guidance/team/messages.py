@@ -120,11 +120,11 @@ class Promise(BaseModel):
         return "at risk" if self.first is None or self.cause else "kept"
 
     def words(self, unit: str) -> str:
-        """Say what is promised and how it stands: "24.1 m promised", "24.1 m promised, at risk"."""
+        """Say what is promised and how it stands: "24.1 m promised, at risk"; without a unit "24.1 promised"."""
         if self.value is None:
             return f"promise lost: {self.cause}"
         risk = "" if self.standing == "kept" else f", at risk{self.cause and f' ({self.cause})'}"
-        return f"{self.value:.1f} {unit} promised{risk}"
+        return f"{self.value:.1f}{unit and f' {unit}'} promised{risk}"
 
     def verdict(self, value: float, achieved: float, unit: str, *, captured: bool) -> str:
         """Say in the end whether it was kept: by a capture with a loss of a tenth at most.
@@ -160,7 +160,7 @@ class RolesMessage(Message):
         """The assignment for people; values are metres in TAD and seconds in PE."""
         above = {role.vehicle: f" ({role.above_m:g} m above)" if role.above_m else "" for role in self.roles}
         roles = [f"{role.vehicle} → {role.evader}{above[role.vehicle]}" for role in self.roles]
-        promises = [f"{one.evader}: {one.words('').replace('  ', ' ')}" for one in self.promises]
+        promises = [f"{one.evader}: {one.words('')}" for one in self.promises]
         assigned = ", ".join(roles) or "no evader in play"
         return "; ".join((assigned, *promises, f"coordinator {self.vehicle}, term {self.term}"))
 

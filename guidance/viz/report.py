@@ -53,8 +53,8 @@ _TAIL_S: Final = 2.0
 """Time after the capture that is shown."""
 
 _MOST_EVENTS = 60
-Told = TypeVar("Told")
-"""What a report tells: the story of a flight, or of a team."""
+Subject = TypeVar("Subject")
+"""What a report is about: the story of a flight, or of a team."""
 
 _THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
 _SHADES = ("0.96", "0.86", "0.91", "0.82")
@@ -300,12 +300,12 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
     return figure, draw
 
 
-class Picture(NamedTuple, Generic[Told]):
+class Picture(NamedTuple, Generic[Subject]):
     """A picture of a report: heading, caption and drawing function."""
 
     heading: str
     caption: str
-    draw: Callable[[Told], Figure]
+    draw: Callable[[Subject], Figure]
 
 
 PICTURES: Final[Mapping[str, Picture[Story]]] = {
@@ -356,8 +356,8 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
 def write_page(
     folder: Path,
     records: Sequence[tuple[Path, Story]],
-    told: Told,
-    pictures: "Mapping[str, Picture[Told]]",
+    subject: Subject,
+    pictures: "Mapping[str, Picture[Subject]]",
     opening: str,
     rows: Rows,
 ) -> list[Path]:
@@ -366,7 +366,7 @@ def write_page(
     Args:
         folder: Made if it does not exist.
         records: What the page is about; an earlier report of the same records is replaced.
-        told: What the pictures draw.
+        subject: What the pictures draw.
         pictures: By the name of their files.
         opening: The first paragraph.
         rows: Of the table.
@@ -381,7 +381,7 @@ def write_page(
         private_folder(folder)
         written, sections = [page], []
         for name, picture in pictures.items():
-            figure = picture.draw(told)
+            figure = picture.draw(subject)
             written.append(folder / f"{name}.png")
             figure.savefig(private_file(written[-1]), dpi=130)
             figure.set_layout_engine(None)  # keep this layout for the SVG
