@@ -286,7 +286,8 @@ def _status(status: SystemStatus) -> bool:
 
 
 def _echo(echo: PositionTarget) -> bool:
-    return all(math.isnan(part) or abs(part) <= FASTEST_M_S for part in echo.velocity_ned_m_s)
+    north, east, down = echo.velocity_ned_m_s
+    return not (abs(north) > FASTEST_M_S or abs(east) > FASTEST_M_S or abs(down) > FASTEST_M_S)
 
 
 _JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {

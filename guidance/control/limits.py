@@ -70,8 +70,8 @@ class Bounds(NamedTuple):
 
 
 def usable(*numbers: float) -> bool:
-    """Whether every number is finite and not larger than anything in flight can be."""
-    return all(abs(number) <= _MEANINGLESS for number in numbers)
+    """Whether all numbers are finite and, as one vector, not larger than anything in flight can be."""
+    return math.hypot(*numbers) <= _MEANINGLESS
 
 
 def clamp(vector_ned: Vector, bounds: Bounds) -> Vector:

@@ -190,12 +190,14 @@ def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[No
     distance, spread = 0.0, 1.0
     for index, value in enumerate(measured):
         # The measured number, its variance, and its covariances with all numbers.
-        mean, expected, a, b, c, d, f = (
-            (n, nn, nn, en, xn, yn, wn),
-            (e, ee, en, ee, xe, ye, we),
-            (x, xx, xn, xe, xx, yx, wx),
-            (y, yy, yn, ye, yx, yy, wy),
-        )[index]
+        if index == 0:
+            mean, a, b, c, d, f, expected = n, nn, en, xn, yn, wn, nn
+        elif index == 1:
+            mean, a, b, c, d, f, expected = e, en, ee, xe, ye, we, ee
+        elif index == 2:
+            mean, a, b, c, d, f, expected = x, xn, xe, xx, yx, wx, xx
+        else:
+            mean, a, b, c, d, f, expected = y, yn, ye, yx, yy, wy, yy
         expected += variances[index]
         share, off = 1.0 / expected, value - mean
         gain = off * share

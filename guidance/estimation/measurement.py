@@ -106,9 +106,9 @@ class Measurement(NamedTuple):
 
     def is_usable(self) -> bool:
         """Return whether all numbers, including the spreads, are finite and of a possible size."""
-        numbers = (*self[:2], *self.position_ned_m, *(self.velocity_ned_m_s or ()))
-        spreads_fit = all(_LEAST_SD <= spread <= _LARGEST_SD for spread in self[4:])
-        return spreads_fit and all(abs(number) < _LARGEST for number in numbers)
+        size = math.hypot(*self[:2], *self.position_ned_m, *(self.velocity_ned_m_s or ()))
+        fits = _LEAST_SD <= self.position_sd_m <= _LARGEST_SD and _LEAST_SD <= self.velocity_sd_m_s <= _LARGEST_SD
+        return fits and size < _LARGEST
 
     def plane(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the measured values in the plane, (2,) or with velocity (4,), and their variances."""

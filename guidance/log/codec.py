@@ -164,7 +164,7 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     return Form(
         core,
         {"type": "object", "properties": properties, "required": sorted(required), "additionalProperties": False},
-        lambda value: writers[type(value)](value),
+        writers[kinds[0]] if len(kinds) == 1 else lambda value: writers[type(value)](value),
     )
 
 
@@ -176,8 +176,7 @@ def _writer(kind: Any, tag: dict[str, str]) -> Callable[[Any], dict[str, Any]]: 
     parts = [(name, form.write) for name in names if (form := form_of(hints[name])).write is not None]
 
     def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
-        fields: dict[str, Any] = dict(tag)
-        fields.update(zip(names, value, strict=True))
+        fields: dict[str, Any] = tag | dict(zip(names, value, strict=True))
         for name in optional:
             if fields[name] is None:
                 del fields[name]
@@ -207,7 +206,7 @@ def _field(kind: Any, name: str) -> cs.TypedDictField:  # noqa: ANN401
 def _built(kind: Any, fields: dict[str, cs.TypedDictField]) -> CoreSchema:  # noqa: ANN401
     def build(values: dict[str, Any]) -> Any:  # noqa: ANN401
         values.pop(_TAG, None)
-        return kind(**values)
+        return kind._make(values.values())  # the fields are in their order
 
     return cs.no_info_after_validator_function(build, cs.typed_dict_schema(fields, extra_behavior="forbid"))
 

@@ -38,7 +38,7 @@ from guidance.log.scene import Scene, Shape
 CHUNK_S: Final = 0.1
 """Period of the recorder's thread, which writes a chunk each time. A killed process loses what it had not written."""
 
-VIRTUAL_CHUNK_S: Final = 0.5
+VIRTUAL_CHUNK_S: Final = 1.0
 """Duration of a chunk without the thread, in virtual time: larger chunks take less time to write."""
 
 ROTATE_S = 600.0

@@ -102,8 +102,9 @@ class SteppedMock:
         frames = self._vehicle.step(now_s, heard)
         if not frames:
             return
+        packets = [(now_s, frame) for frame in frames]
         for wire in self._wires:
-            wire.arrive([(now_s, frame) for frame in frames])
+            wire.arrive(packets)
         for end in self._ends:
             for frame in frames:
                 end.send(frame)

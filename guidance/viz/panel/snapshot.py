@@ -187,6 +187,7 @@ class SnapshotFold:
         self._flights = self._flight.flights
         self._report = ""
         self._last: CycleEntry | None = None
+        self._shown: Plain | None = None
         self._alarm: tuple[float, Alarm] | None = None
         self._isochron: tuple[float, list[Any]] = (-math.inf, [])
         self._armed_s = self._round_trip_s = math.nan
@@ -208,7 +209,7 @@ class SnapshotFold:
         return entry
 
     def _add_cycle(self, row: CycleEntry) -> None:
-        cycle, self._last = self._flight.cycle, row
+        cycle, self._last, self._shown = self._flight.cycle, row, None
         self._round_trip_s = cycle.round_trip_s if math.isfinite(cycle.round_trip_s) else self._round_trip_s
         if self._flight.vehicle.armed != math.isfinite(self._armed_s):
             self._armed_s = row.now_s if self._flight.vehicle.armed else math.nan
@@ -244,10 +245,10 @@ class SnapshotFold:
         }
 
     def snapshot(self) -> Plain | None:
-        """Return the last cycle, None before the first; unknown values are null."""
+        """Return the last cycle, made once; None before the first. Unknown values are null."""
         row, cycle = self._last, self._flight.cycle
-        if row is None:
-            return None
+        if row is None or self._shown is not None:
+            return self._shown
         gap_m, height_gap_m = self._gaps_m(row.certificate)
         airborne = self._flight.vehicle.armed and not self._flight.vehicle.on_ground
         snapshot: Plain = {
@@ -275,7 +276,8 @@ class SnapshotFold:
             },
         }
         snapshot["levels"] = of_snapshot(snapshot, self._flight.settings)
-        return dict(plain(snapshot))
+        self._shown = dict(plain(snapshot))
+        return self._shown
 
     def _vehicle(self) -> Plain:
         """Return what the vehicle says of itself."""
