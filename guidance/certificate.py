@@ -5,8 +5,9 @@ The game's value and winner are theorems about players that change their velocit
 shown into account; see `guidance.control.capability`.
 
 In TAD the vehicle's verdict is "pursuer" if the game is won even from as far back as accelerating costs, with enough
-time left to react and, over the ground, to brake to the evader's velocity. A vehicle near the rim that is not at the
-disc's height promises nothing. The verdict is "evader" if even the game's pursuer loses, and "undecided" in between.
+time left to react and, over the ground, to brake to the evader's velocity. A vehicle that is not at the disc's height
+promises nothing near the rim, or if it flies too fast to turn back for an evader that runs to its target from now on.
+The verdict is "evader" if even the game's pursuer loses, and "undecided" in between.
 
 **Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that flew at
 full speed all the same would be near the evader before it can capture. An evader that turns then passes below it,
@@ -36,6 +37,9 @@ _SLOWER_DESCENT: Final = 0.08
 
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
+
+_CHECKED: Final = 8
+"""Intervals between the times at which the vehicle may meet an evader that turns."""
 
 
 class Players(NamedTuple):
@@ -185,8 +189,12 @@ def certify(
         height_s = there.margin_s - _SLOWER_DESCENT * here.meeting_time_s
         turn_s = reaction_s * game.evader_speed_m_s / (u - game.evader_speed_m_s)
         margin_s = min(ground_s, height_s) - max(reaction_s, turn_s)
-    if not low and gaps.ground_m <= u * reaction_s:
-        margin_s = min(margin_s, 0.0)
+    if (
+        margin_s > 0.0
+        and not low
+        and (gaps.ground_m <= u * reaction_s or not _turns_back(game, here, players, vehicle))
+    ):
+        margin_s = 0.0
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     certificate = certificate._replace(
@@ -242,6 +250,20 @@ def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle
     late = late_start(P, waiting_m_s, players.pursuer_m_s, vehicle.acceleration)
     missing_m = max(away_m, math.dist(late[:2], X[:2])) - game.standoff.radius_m
     return waiting_m_s if missing_m < _SURELY * trusted_m_s * here.meeting_time_s else None
+
+
+def _turns_back(game: Game, here: StateSolution, players: Players, vehicle: Vehicle) -> bool:
+    """Return whether this vehicle, at its velocity, can still meet an evader that runs to its target from now on."""
+    P, E, T, flown = players.pursuer_m, players.evader_m, players.target_m or _NOWHERE, players.pursuer_m_s
+    away_m, arrival_s = math.dist(E[:2], T[:2]), game.target_extent.distance_m(T, E) / game.evader_speed_m_s
+    for step in range(_CHECKED + 1):
+        time_s = here.meeting_time_s + (arrival_s - here.meeting_time_s) * step / _CHECKED
+        share = game.evader_speed_m_s * time_s / away_m
+        x, y = (P[k] + flown[k] * time_s - E[k] - share * (T[k] - E[k]) for k in (0, 1))
+        turning_s = max(0.0, time_s - vehicle.envelope.reaction_s)
+        if math.hypot(x, y) <= game.standoff.radius_m + 0.5 * vehicle.acceleration.ground_m_s2 * turning_s**2:
+            return True
+    return False
 
 
 def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:

@@ -113,6 +113,16 @@ def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, 
         )
 
 
+def test_a_vehicle_too_high_promises_nothing_if_it_flies_too_fast_to_turn_back():
+    # The evader needs 10/3 s to its target. In that time the vehicle can change its place by a/2 * (10/3 - reaction)^2.
+    arrival_s, radius_m = 10.0 / 3.0, 3.0
+    turned_m = 0.5 * ACCELERATION.ground_m_s2 * (arrival_s - ENVELOPE.reaction_s) ** 2
+    fastest_m_s = (radius_m + turned_m) / arrival_s  # past the target, across the evader's way
+    for speed_m_s, wins in ((0.9 * fastest_m_s, True), (1.2 * fastest_m_s, False)):
+        says = certified((0.0, 0.0, 6.5), (0.0, speed_m_s, 0.0), (10.0, 0.0, 0.0))
+        assert (says.vehicle_winner == Winner.PURSUER) is wins
+
+
 def test_a_captured_evader_has_lost_and_has_not_arrived():
     says = certified((3.0, 0.0, 5.0), (0.0, 0.0, 0.0), (0.2, 0.0, 0.0))
     assert (says.captured, says.evader_arrived, says.vehicle_winner) == (True, False, Winner.PURSUER)

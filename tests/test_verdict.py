@@ -10,9 +10,11 @@ pytestmark = pytest.mark.flight
 FLIGHTS = [(1, number) if number < 4 else pytest.param(1, number, marks=pytest.mark.long) for number in range(12)]
 PASSED_BELOW = [(3, 179), (3, 359), (3, 703), (5, 717), (6, 79)]
 """The evader turns when it is 2 to 13 m from the rim. It passes below a vehicle that flies on while it is too high."""
+FLOWN_PAST = [(7, 721)]
+"""The evader runs away and turns when the vehicle, at full speed and 1.5 m too high, needs 2.5 s to turn with it."""
 
 
-@pytest.mark.parametrize(("seed", "number"), [*FLIGHTS, *PASSED_BELOW])
+@pytest.mark.parametrize(("seed", "number"), [*FLIGHTS, *PASSED_BELOW, *FLOWN_PAST])
 def test_an_evader_that_cannot_reach_its_target_does_not_arrive(seed, number):
     game = fly(draw_game(seed, number))
     assert game.end in {"captured", "arrived"}
