@@ -25,7 +25,7 @@ import numpy as np
 from guidance.errors import ConfigError
 from guidance.extras import how_to_add
 from guidance.game.game import Reason, Winner
-from guidance.game.records import require
+from guidance.game.records import is_zero, require
 from guidance.game.team.arguments import judged
 from guidance.game.team.several import TeamSolution, assembled, longest_run, nearest_run, placed
 from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, table_of, taken
@@ -197,7 +197,7 @@ def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second:
     every, beside = np.arange(table.worth.shape[-1]), np.where(second < 0, first, second)
     best = placed(team, table.evaders, Meeting(*(taken(part, beside) for part in pairs)))
     run = best
-    if team.regions.safe.any():
+    if not is_zero(team.regions.safe):
         rows, evaders = np.indices((*first.shape, 1), sparse=True)[:2]
         two = team.pick((rows, evaders, np.maximum(np.stack([first, beside], axis=-1), 0)))
         run = nearest_run(two, table.evaders, best, guarded)

@@ -18,14 +18,17 @@ which the first reaches farther and one along which the second does. Everything 
 crossing (`corner`). Functions of two regions give the same bits when the regions change places.
 """
 
+from collections.abc import Callable
+from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from guidance.game.arrays import half_of_digits
+from guidance.game.arrays import Real, half_of_digits, is_array
 from guidance.game.game import Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import level_time
+from guidance.game.records import is_zero
 
 Array: TypeAlias = NDArray[Any]
 
@@ -40,7 +43,7 @@ STEPS = 80
 
 
 class Regions(NamedTuple):
-    """Regions of an evader against pursuers along the last axis, every field (..., n).
+    """Regions of an evader against pursuers along the last axis, every field (..., n), or one number for all.
 
     Attributes:
         ratio: δ.
@@ -55,24 +58,28 @@ class Regions(NamedTuple):
         safe: how far the evader runs before the pursuer can be at its height, m; zero for a Ball.
     """
 
-    ratio: Array
-    curvature: Array
+    ratio: Real
+    curvature: Real
     x: Array
     y: Array
-    z: Array
-    capture: Array
-    radius: Array
-    wind_x: Array
-    wind_y: Array
-    safe: Array
+    z: Real
+    capture: Real
+    radius: Real
+    wind_x: Real
+    wind_y: Real
+    safe: Real
+
+    def rows(self, rows: Callable[[Array], Array]) -> "Regions":
+        """Return some of the regions; `rows` takes them from each array."""
+        return Regions(*(rows(part) if is_array(part) else part for part in self))
 
     def pick(self, index: Any) -> "Regions":  # noqa: ANN401 - whatever indexes an array
         """Return some of the regions."""
-        return Regions(*(part[index] for part in self))
+        return self.rows(itemgetter(index))
 
     def beside(self) -> "Regions":
         """Return the regions with an axis for headings, (..., 1, n)."""
-        return Regions(*(part[..., None, :] for part in self))
+        return self.pick((..., None, slice(None)))
 
 
 class Edge(NamedTuple):
@@ -80,44 +87,48 @@ class Edge(NamedTuple):
 
     Attributes:
         reach: length of the run, m.
-        turn: its derivative by the heading, m/rad.
         away: x and y to the end from the point of the stand-off disc closest to it, carried with the air, m.
+        root: half the difference of both roots of the quadratic in ρ, times κ, m.
     """
 
     reach: Array
-    turn: Array
     away: Point
+    root: Array
+
+    def turn(self, heading: Point) -> Array:
+        """Return the derivative of the length of the run by its heading, m/rad."""
+        return np.asarray(self.reach * cross(heading, self.away) / self.root)
 
 
 def regions_of(game: Game, P: Array, E: Array) -> Regions:
     """Return the regions of evaders E against pursuers P, (..., n, 3); numbers of the game may be arrays (..., n)."""
     w, v = P - E, game.evader_speed_m_s
-    z, zero = w[..., 2] - game.standoff.height_m, 0.0 * w[..., 0]
-    capture, radius, safe = game.capture_radius_m, game.standoff.radius_m, zero
+    z, safe = w[..., 2] - game.standoff.height_m, 0.0
+    capture, radius = game.capture_radius_m, game.standoff.radius_m
     if isinstance(game.pursuer, Cylinder):
         safe = np.maximum(v * level_time(np, game, game.pursuer, z), 0.0)
-        capture, radius, z = capture + radius, zero, zero
+        capture, radius, z = capture + radius, 0.0, 0.0
     least = least_square_in_hand(game) / (v * v)
-    parts = (game.pursuer.horizontal_m_s / v, least, w[..., 0], w[..., 1], z, capture, radius)
-    wind = (part / v for part in game.wind_m_s)
-    return Regions(*(part + zero for part in (*parts, *wind, safe)))
+    wind_x, wind_y = game.wind_m_s[0] / v, game.wind_m_s[1] / v
+    ratio = game.pursuer.horizontal_m_s / v
+    return Regions(ratio, least, w[..., 0], w[..., 1], z, capture, radius, wind_x, wind_y, safe)
 
 
 def edge(regions: Regions, heading: Point) -> Edge:
     """Return how far a run along a heading of length 1 goes."""
     ratio, curvature, x, y, z, capture, radius, *wind, _ = regions
     nx, ny = heading
-    if wind[0].any() or wind[1].any():
+    if not all(map(is_zero, wind)):
         curvature = curvature + 2.0 * head_wind((wind[0], wind[1]), heading)
         nx, ny = nx - wind[0], ny - wind[1]
-    behind_x, behind_y, over, lead = x, y, radius.any(), ratio * capture
+    behind_x, behind_y, over, lead = x, y, not is_zero(radius), ratio * capture
     beyond = z * z - capture * capture
     for _ in range(ROUNDS if over else 1):
         power = x * x + y * y + beyond
         half = x * nx + y * ny + lead
         root = np.sqrt(half * half + curvature * power)
-        ahead = half > 0
-        reach = np.where(ahead, power, root - half) / np.where(ahead, half + root, curvature)
+        ahead, both = half > 0, abs(half) + root
+        reach = np.where(ahead, power, both) / np.where(ahead, both, curvature)
         away = reach * nx - behind_x, reach * ny - behind_y
         if over:
             far = length(away)
@@ -129,8 +140,7 @@ def edge(regions: Regions, heading: Point) -> Edge:
         above = length((met * nx - behind_x, met * ny - behind_y)) <= within
         share = np.where(above, 0.0, np.maximum(1.0 - share, 0.0))
         reach, away = np.where(above, met, reach), (share * away[0], share * away[1])
-    turn = reach * (away[1] * heading[0] - away[0] * heading[1]) / root
-    return Edge(np.maximum(reach, 0.0), turn, away)
+    return Edge(np.maximum(reach, 0.0), away, root)
 
 
 def survived(regions: Regions, heading: Point) -> Array:
@@ -138,30 +148,25 @@ def survived(regions: Regions, heading: Point) -> Array:
     return np.maximum(edge(regions, heading).reach, regions.safe)
 
 
-def corner(pairs: Regions, begin: Point, end: Point) -> Point:
-    """Return the point where the edges of two regions cross, (...), m.
+def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
+    """Return the heading along which both of two regions reach equally far, (...).
 
     Args:
         pairs: the two regions, (..., 2).
         begin: a heading along which the first reaches farther, (...).
-        end: a heading along which the second does, at most half a turn away. At exactly half a turn the headings with
-            larger y, then larger x, lie between.
+        end: a heading along which the second does, (...).
+        middle: the heading halfway between them, on the side where the edges cross.
     """
-    middle = begin[0] + end[0], begin[1] + end[1]
-    size, half = length(middle), half_of_digits(begin[0])
-    across = np.where((begin[0] < 0) | ((begin[0] == 0) & (begin[1] > 0)), -1.0, 1.0)
-    opposite = size <= half * half
-    middle = tuple(
-        np.where(opposite, across * side, part / np.where(opposite, 1.0, size))
-        for side, part in zip((-begin[1], begin[0]), middle, strict=True)
-    )
     mx, my = middle
-    low, high = (cross((mx, my), to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
-    s, done = 0.0 * low, low == high
+    low, high = (cross(middle, to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
+    s, done, half = _without_disc(pairs, middle), low == high, half_of_digits(mx)
+    s = np.where((s - low) * (s - high) < 0, s, 0.0)
     for _ in range(STEPS):
-        heading = _turned((mx, my), s)
-        reach, turn, _ = edge(pairs, (heading[0][..., None], heading[1][..., None]))
-        gap = reach[..., 0] - reach[..., 1]
+        x, y = _turned(middle, s)
+        heading = x[..., None], y[..., None]
+        ends = edge(pairs, heading)
+        turn = ends.turn(heading)
+        gap = ends.reach[..., 0] - ends.reach[..., 1]
         low, high = np.where(gap > 0, s, low), np.where(gap > 0, high, s)
         new = s - 0.5 * (1.0 + s * s) * gap / (turn[..., 0] - turn[..., 1])
         sound = ((new - low) * (new - high) < 0) | (gap == 0)
@@ -170,9 +175,38 @@ def corner(pairs: Regions, begin: Point, end: Point) -> Point:
         s, done = np.where(done, s, new), done | near
         if done.all():
             break
-    heading = _turned((mx, my), s)
-    reach = np.min(edge(pairs, (heading[0][..., None], heading[1][..., None])).reach, axis=-1)
-    return reach * heading[0], reach * heading[1]
+    return _turned(middle, s)
+
+
+def _without_disc(pairs: Regions, middle: Point) -> Array:
+    """Return the tangent of half the angle from `middle` to the crossing, if capture, disc and wind only add to ‖W‖².
+
+    The edges are circles then, κ X² + 2 W·X = ‖W‖², and cross on a line, a·X = b.
+    """
+    (mx, my), curvature = middle, pairs.curvature + np.zeros_like(pairs.x)
+    power = pairs.x * pairs.x + pairs.y * pairs.y + (pairs.z * pairs.z - pairs.capture * pairs.capture)
+    ax, ay, twice_b = (
+        curvature[..., 1] * part[..., 0] - curvature[..., 0] * part[..., 1] for part in (pairs.x, pairs.y, power)
+    )
+    curvature, x, y, power = (part[..., 0] + part[..., 1] for part in (curvature, pairs.x, pairs.y, power))
+    square = ax * ax + ay * ay
+    share, scale = 0.5 * twice_b / square, np.copysign(1.0 / np.sqrt(square), cross((ax, ay), middle))
+    foot_x, foot_y, along_x, along_y = share * ax, share * ay, -scale * ay, scale * ax
+    half = x * along_x + y * along_y
+    beyond = power - curvature * share * share * square - 2.0 * (x * foot_x + y * foot_y)
+    far = (np.sqrt(half * half + curvature * beyond) - half) / curvature
+    to = foot_x + far * along_x, foot_y + far * along_y
+    return cross(middle, to) / (length(to) + mx * to[0] + my * to[1])
+
+
+def halfway(begin: Point, end: Point) -> Point:
+    """Return the heading halfway between two; between opposite ones that with larger y, then larger x."""
+    x, y = begin[0] + end[0], begin[1] + end[1]
+    size = length((x, y))
+    opposite = size <= half_of_digits(size) ** 2
+    across = np.where((begin[0] < 0) | ((begin[0] == 0) & (begin[1] > 0)), -1.0, 1.0)
+    size = np.where(opposite, 1.0, size)
+    return np.where(opposite, -across * begin[1], x / size), np.where(opposite, across * begin[0], y / size)
 
 
 def _turned(middle: Point, s: Array) -> Point:

@@ -38,18 +38,18 @@ new solution decides again; this costs the pursuers a time that goes to zero wit
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import select2
 from guidance.game.extent import POINT, least_at, to_set
 from guidance.game.game import STILL, Game, Reason
+from guidance.game.records import is_zero
 from guidance.game.solution import solve
 from guidance.game.team.arguments import Games, fitting, joined, judged, pair_axes, vectors
-from guidance.game.team.regions import Array, Point, Regions, corner, cross, edge, length, survived, unit
+from guidance.game.team.regions import Array, Point, Regions, cross, crossing, edge, halfway, length, survived, unit
 from guidance.game.team.table import Goal, Meeting, Team, taken, team_of, together
 
 if TYPE_CHECKING:
@@ -64,6 +64,9 @@ FEW = 8
 
 ROUNDING = 1e-11
 """Relative difference of two bounds that counts as none."""
+
+EQUAL = 1e-14
+"""Relative difference of two runs that are equally long."""
 
 
 class TeamSolution(NamedTuple):
@@ -210,7 +213,7 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
     single = (first == second)[..., None] & (np.arange(alone.value.shape[-1]) == first[..., None])
     straight = won[..., None] & ~single
     flown = np.where(straight[..., None], team.straight((best.x, best.y)), alone.pursuer_velocity_m_s)
-    run = nearest_run(team, evader, best, won) if team.regions.safe.any() else best
+    run = best if is_zero(team.regions.safe) else nearest_run(team, evader, best, won)
     return assembled(team, evader, run, best, flown), best
 
 
@@ -284,55 +287,53 @@ def longest_run(team: Team) -> Meeting:
 def _among(team: Team, headings: Sequence[Array], reach: Array, chosen: Array) -> Meeting:
     """Return the longest run before some pursuers, whose numbers are (..., k).
 
-    Of equally long runs the one with the larger y, then the larger x is taken.
+    They lead to the pursuers' own ends of the game, and to both crossings of each two edges. Of equally long runs the
+    one with the larger y, then the larger x is taken.
     """
-    regions, count = team.regions, chosen.shape[-1]
-    own_x, own_y = headings
-    if count > FEW or count < reach.shape[-1]:
-        regions = Regions(*(np.take_along_axis(part, chosen, axis=-1) for part in regions))
-        own_x, own_y, reach = (np.take_along_axis(part, chosen, axis=-1) for part in (own_x, own_y, reach))
-    i, j = np.triu_indices(count, 1)
-    x, y = _crossings(regions, (own_x, own_y), i, j)
-    along = survived(regions.beside(), (x[..., None], y[..., None]))
-    own = np.arange(count)
-    along[..., own, own] = reach
-    far = np.fmax(np.min(along, axis=-1), -np.inf)
-    tied = far == np.max(far, axis=-1, keepdims=True)
+    regions, count, own = team.regions, chosen.shape[-1], headings
+    if count < reach.shape[-1]:
+        few = partial(np.take_along_axis, indices=chosen, axis=-1)
+        regions, own, reach = regions.rows(few), [few(part) for part in own], few(reach)
+    single, pairs = np.arange(count), pairs_of(count)
+    i, j = pairs.T
+    reached = edge(regions.beside(), (own[0][..., None], own[1][..., None])).reach
+    crossed = (reached[..., i, i] > reached[..., i, j]) & (reached[..., j, j] > reached[..., j, i])
+    decide = np.concatenate([np.stack([single, single], axis=-1), pairs, pairs])
+    x, y = np.full((2, *reach.shape[:-1], len(decide)), np.nan, dtype=reach.dtype)
+    ends = np.full((*x.shape, count), np.nan, dtype=reach.dtype)
+    x[..., :count], y[..., :count] = own
+    ends[..., :count, :] = np.maximum(reached, regions.beside().safe)
+    ends[..., single, single] = reach
+    *row, pair = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
+    if len(pair):
+        place = (*row, count + pair)
+        x[place], y[place] = heading = _crossings(regions, own, tuple(row), decide[count + pair], pair < len(pairs))
+        ends[place] = survived(regions.pick(tuple(row)), (heading[0][:, None], heading[1][:, None]))
+    far = np.fmax(np.min(ends, axis=-1), -np.inf)
+    tied = far >= np.max(far, axis=-1, keepdims=True) * (1.0 - EQUAL)
     north = np.where(tied, y, -2.0)
     best = np.argmax(np.where(north == np.max(north, axis=-1, keepdims=True), x, -2.0), axis=-1)
-    run, met = taken(far, best), taken(np.argmin(along, axis=-1), best)
-    single = best < count
-    first = np.where(single, best, np.concatenate([own, i, i])[best])
-    second = np.where(single, met, np.concatenate([own, j, j])[best])
+    run, met = taken(far, best), taken(np.argmin(ends, axis=-1), best)
+    first, second = decide[best, 0], np.where(best < count, met, decide[best, 1])
     first, second = (taken(chosen, np.where(run > 0, part, met)) for part in (first, second))
     time = np.where(first == second, taken(team.alone.value, first), run / team.v)
     return Meeting(run * taken(x, best), run * taken(y, best), -time, first, second)
 
 
-def _crossings(regions: Regions, own: Point, i: Array, j: Array) -> Point:
-    """Return headings (..., k): the own ones of the pursuers, and those of both crossings of two edges.
+def _crossings(regions: Regions, own: Sequence[Array], rows: tuple[Array, ...], pairs: Array, between: Array) -> Point:
+    """Return headings, (k,), along which the edges of two regions cross.
 
-    The second crossing is on the side away from both own headings. A pair without crossings has NaN.
+    Args:
+        regions: of some pursuers, (..., n).
+        own: x and y of each pursuer's own heading, (..., n).
+        rows: of each pair, in the leading axes.
+        pairs: numbers of both pursuers, (k, 2).
+        between: whether to return the crossing between both own headings, or that on the other side, (k,).
     """
-    pairs = regions.pick((..., np.stack([i, j], axis=-1)))
-    begin, end = ((own[0][..., who], own[1][..., who]) for who in (i, j))
-    x, y = begin[0] + end[0], begin[1] + end[1]
-    back = unit((-x, -y))
-    reach = [edge(pairs, (to[0][..., None], to[1][..., None])).reach for to in (begin, end, back)]
-    crossed = (reach[0][..., 0] > reach[0][..., 1]) & (reach[1][..., 1] > reach[1][..., 0])
-    farther = reach[2][..., 0] > reach[2][..., 1]
-    rows = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
-    found = np.full((2, *crossed.shape[:-1], 2 * crossed.shape[-1]), np.nan, dtype=x.dtype)
-    if len(rows[0]):
-        sides = []
-        for way, turns in ((begin, farther), (end, ~farther)):
-            other = select2(np, turns, back, way)
-            parts = [np.concatenate([a, b], axis=-1)[rows] for a, b in zip(way, other, strict=True)]
-            sides.append((parts[0], parts[1]))
-        both = Regions(*(np.concatenate([part, part], axis=-2)[rows] for part in pairs))
-        found[0][rows], found[1][rows] = unit(corner(both, *sides))
-    x, y = (np.concatenate([part, one], axis=-1) for part, one in zip(own, found, strict=True))
-    return x, y
+    begin, end = ((own[0][*rows, who], own[1][*rows, who]) for who in pairs.T)
+    middle, side = halfway(begin, end), np.where(between, 1.0, -1.0)
+    two = regions.pick((*(row[:, None] for row in rows), pairs))
+    return crossing(two, begin, end, (side * middle[0], side * middle[1]))
 
 
 def _chosen(rows: Array, one: Meeting, other: Meeting) -> Meeting:
@@ -403,7 +404,7 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     single = best.first == best.second
     own = (pull[0] * q[0][0] + pull[1] * q[0][1]) / (q[0][0] * q[0][0] + q[0][1] * q[0][1])
     first, second = np.where(single, own, cross(pull, q[1]) / turn), np.where(single, own, cross(q[0], pull) / turn)
-    every = np.arange(u.shape[-1])
+    every = np.arange(team.own.shape[-1])
     found = np.where(every == best.second[..., None], second[..., None], 0.0)
     found = np.where(every == best.first[..., None], first[..., None], found)
     return np.where(np.isfinite(found), np.maximum(found, 0.0), 0.0)
@@ -412,6 +413,8 @@ def _multipliers(team: Team, best: Meeting) -> Array:
 def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
     """Return the meeting at the height of the later of two Cylinders where that decides, and where it does."""
     safe, who = team.regions.safe, np.stack(best[3:], axis=-1)
+    if is_zero(safe):
+        return best, np.zeros(best.worth.shape, dtype=bool)
     later = taken(who, np.argmax(np.take_along_axis(safe, who, axis=-1), axis=-1))[..., None]
     reach = np.take_along_axis(safe, later, axis=-1)
     worth = -reach / team.v[..., None] if team.goal is None else team.goal.beyond(reach)

@@ -18,10 +18,11 @@ from guidance.errors import ConfigError
 from guidance.game.extent import Extent, to_set
 from guidance.game.game import STILL, Ball, Game, StandOff
 from guidance.game.pe import steer
+from guidance.game.records import is_zero
 from guidance.game.rows import for_rows
 from guidance.game.solution import Solution, solve
 from guidance.game.team.arguments import Games, fitting, in_play_of, joined, pair_axes, vectors
-from guidance.game.team.regions import Array, Point, Regions, corner, edge, length, regions_of, unit
+from guidance.game.team.regions import Array, Point, Regions, crossing, edge, halfway, length, regions_of, unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -131,9 +132,9 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, alone: Solution) ->
         alone: each pursuer's own game, (..., n).
     """
     own, regions = worth_in(alone, T), regions_of(game, P, E)
-    v = (game.evader_speed_m_s + 0.0 * regions.x).max(axis=-1)
+    v = (game.evader_speed_m_s + 0.0 * regions.x)[..., 0]
     level, worth = alone, own
-    if regions.safe.any():
+    if not is_zero(regions.safe):
         reach, ground = game.standoff.radius_m + game.capture_radius_m, np.array([1.0, 1.0, 0.0])
         ball = Ball(game.pursuer.horizontal_m_s)
         flat = replace(game, pursuer=ball, capture_radius_m=reach, standoff=StandOff())
@@ -167,8 +168,7 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
         team.worth[index],
         team.own[index],
     )
-    far = length(end)
-    heading = unit(end)
+    far, heading = length(end), unit(end)
     crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
     bind = np.all(crossed < far, axis=-1) & (who[..., 0] != who[..., 1])
     if team.goal is None and not team.game.calm:
@@ -178,12 +178,14 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
     found = worth.max(axis=-1)
     rows = np.nonzero(bind)
     if len(rows[0]):
-        ways = [(heading[0][rows][:, side], heading[1][rows][:, side]) for side in (0, 1)]
-        x[rows], y[rows] = corner(regions.pick(rows), *ways)
+        two, (begin, end) = regions.pick(rows), zip(heading[0][rows].T, heading[1][rows].T, strict=True)
+        to = crossing(two, begin, end, halfway(begin, end))
+        far = np.min(edge(two, (to[0][:, None], to[1][:, None])).reach, axis=-1)
+        x[rows], y[rows] = far * to[0], far * to[1]
         far = length((x, y))
         found = np.where(bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found)
-    safe = regions.safe.max(axis=-1)
-    if safe.any():
+    if not is_zero(regions.safe):
+        safe = regions.safe.max(axis=-1)
         found = np.minimum(found, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe))
     alone = own.max(axis=-1)
     single = ~bind | (alone >= found)
