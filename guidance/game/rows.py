@@ -47,7 +47,7 @@ def simplified(game: Game) -> Game:
 
     If no game allows the number, the array stays, so that `solve` gives the reason in every row.
     """
-    if not any(map(_is_single, parameters(game).values())):
+    if not game.varies or not any(map(_is_single, parameters(game).values())):
         return game
     try:
         return for_rows(game, lambda value: value.item(0) if _is_single(value) else value)

@@ -27,8 +27,9 @@ from guidance.extras import how_to_add
 from guidance.game.game import Reason, Winner
 from guidance.game.records import is_zero, require
 from guidance.game.team.arguments import judged
-from guidance.game.team.several import TeamSolution, assembled, longest_run, nearest_run, placed
-from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, table_of, taken
+from guidance.game.team.regions import length
+from guidance.game.team.several import ended, longest_run, nearest_run, placed
+from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, place_of, table_of, taken
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -117,7 +118,7 @@ def match_teams(
             pairs = pairs or pairs_with(table, first)
             second = _seconds(table, pairs, first, kept, hysteresis)
             answer = _defended(table, table.target, pairs, first, second)
-    worst = np.max(table.all.alone.reason, axis=(1, 2)).reshape(table.shape)
+    worst = table.all.alone.reason.max(axis=(1, 2)).reshape(table.shape)
     whole = Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer))
     return judged(whole, np.where(worst < int(Reason.NOT_FINITE), 0, worst), lambda: "pursuers, evaders: have")
 
@@ -184,19 +185,20 @@ def _assigned(profit: Array, first: Array | None = None) -> Array:
 
 def _chased(table: Table, first: Array) -> Matching:
     """Put the answer in PE together, (b, ...)."""
-    guarded = first >= 0
     run = longest_run(table.all)
-    played = assembled(table.all, table.evaders, run, run, table.all.alone.pursuer_velocity_m_s)
-    value = np.where(guarded, -taken(table.worth, first), np.inf)
-    return _answer(table, first, np.full_like(first, -1), played._replace(value=value))
+    value = np.where(first < 0, np.inf, -taken(table.worth, first))
+    flown = table.all.alone.pursuer_velocity_m_s
+    return _answer(
+        table, (first, np.full_like(first, -1)), (value, -run.worth), flown, ended(table.all, table.evaders, run, run)
+    )
 
 
 def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
     """Put the answer in TAD together, (b, ...)."""
     team, alone, guarded = table.all, table.all.alone, first >= 0
     every, beside = np.arange(table.worth.shape[-1]), np.where(second < 0, first, second)
-    best = placed(team, table.evaders, Meeting(*(taken(part, beside) for part in pairs)))
-    run = best
+    at = place_of(beside)
+    best = run = placed(team, table.evaders, Meeting(*(part[at] for part in pairs)))
     if not is_zero(team.regions.safe):
         rows, evaders = np.indices((*first.shape, 1), sparse=True)[:2]
         two = team.pick((rows, evaders, np.maximum(np.stack([first, beside], axis=-1), 0)))
@@ -204,40 +206,53 @@ def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second:
     decides = (best.first == best.second)[..., None] & (every == best.first[..., None])
     flies = ((every == first[..., None]) | (every == second[..., None])) & ~decides
     flown = np.where(flies[..., None], team.straight((best.x, best.y)), alone.pursuer_velocity_m_s)
-    played = assembled(team, table.evaders, run, best, flown)
-    nearest = np.argmax(alone.margin_s, axis=-1)
-    played = played._replace(
-        value=np.where(guarded, played.value, 0.0),
-        lower_bound=np.where(guarded, played.lower_bound, 0.0),
-        meeting_point_m=np.where(guarded[..., None], played.meeting_point_m, target),
-        evader_velocity_m_s=np.where(guarded[..., None], played.evader_velocity_m_s, _to_target(table, target)),
-        reason=np.where(guarded, played.reason, taken(alone.reason, nearest)),
+    point, velocity, reason = ended(team, table.evaders, run, best)
+    play = (
+        np.where(guarded[..., None], point, target),
+        np.where(guarded[..., None], velocity, _to_target(table, target)),
+        np.where(guarded, reason, taken(alone.reason, alone.margin_s.argmax(axis=-1))),
     )
-    return _answer(table, first, second, played)
+    values = np.where(guarded, best.worth, 0.0), np.where(guarded, run.worth, 0.0)
+    return _answer(table, (first, second), values, flown, play)
 
 
-def _answer(table: Table, first: Array, second: Array, played: TeamSolution) -> Matching:
-    """Put the answer together, (b, ...), from each evader's game."""
+def _answer(
+    table: Table,
+    teams: tuple[Array, Array],
+    values: tuple[Array, Array],
+    flown: Array,
+    play: tuple[Array, Array, Array],
+) -> Matching:
+    """Put the answer together, (b, ...).
+
+    Args:
+        table: everybody against everybody.
+        teams: first and second pursuer of each evader.
+        values: value and lower bound of each evader's game.
+        flown: velocities of all pursuers in each evader's game, (b, m, n, 3), m/s.
+        play: as `ended` has it.
+    """
+    (first, second), (value, lower_bound), (point, velocity, reason) = teams, values, play
     alone, present, guarded = table.all.alone, table.present, first >= 0
     there = np.where(present, 0.0, np.nan)
     evader_of = _evader_of(table, first, second)
-    flown = taken(played.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
+    own = taken(flown.swapaxes(1, 2), evader_of)
     lost = 0 if table.target is None else int(Winner.EVADER)
     return Matching(
         guaranteed=np.count_nonzero(guarded, axis=-1),
-        total=_summed(np.where(guarded, played.value, 0.0)),
+        total=_summed(np.where(guarded, value, 0.0)),
         first=first,
         second=second,
         evader_of=evader_of,
         beats=table.beats.swapaxes(1, 2),
         alone=(alone.value + there[..., None]).swapaxes(1, 2),
         winner=np.where(guarded, int(Winner.PURSUER), np.where(present, lost, 0)).astype(np.int8),
-        value=played.value + there,
-        lower_bound=played.lower_bound + there,
-        meeting_point_m=played.meeting_point_m + there[..., None],
-        pursuer_velocity_m_s=np.where((evader_of < 0)[..., None], 0.0 * flown, flown),
-        evader_velocity_m_s=np.where(present[..., None], played.evader_velocity_m_s, 0.0),
-        reason=played.reason,
+        value=value + there,
+        lower_bound=lower_bound + there,
+        meeting_point_m=point + there[..., None],
+        pursuer_velocity_m_s=np.where((evader_of < 0)[..., None], 0.0 * own, own),
+        evader_velocity_m_s=np.where(present[..., None], velocity, 0.0),
+        reason=reason,
     )
 
 
@@ -256,12 +271,12 @@ def _evader_of(table: Table, first: Array, second: Array) -> Array:
 
 def _to_target(table: Table, target: Array) -> Array:
     """Return the velocities of evaders that run straight to their targets, (b, m, 3), m/s."""
-    to = (target - table.evaders) * [1.0, 1.0, 0.0]
-    length = np.sqrt(to[..., 0] * to[..., 0] + to[..., 1] * to[..., 1])
-    rate = np.where(length > 0, table.all.v / length, 0.0 * length)
-    return np.asarray(rate[..., None] * to)
+    to = target - table.evaders
+    to[..., 2] = 0.0
+    far = length((to[..., 0], to[..., 1]))
+    return np.asarray(np.where(far > 0, table.all.v / far, 0.0 * far)[..., None] * to)
 
 
 def _summed(parts: Array) -> Array:
-    """Add along the last axis, from the least to the largest: the same bits in any order and in any batch."""
-    return np.asarray(sum(np.moveaxis(np.sort(parts, axis=-1), -1, 0)))
+    """Add rows, (b, m), from the least to the largest: the same bits in any order and in any batch."""
+    return np.asarray(sum(np.sort(parts, axis=-1).T))

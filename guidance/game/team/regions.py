@@ -42,6 +42,10 @@ STEPS = 80
 """Newton and bisection steps to a crossing; five are usual."""
 
 
+ASIDE = 1e-15
+"""How far the heading halfway between two is turned, so that opposite ones have one."""
+
+
 class Regions(NamedTuple):
     """Regions of an evader against pursuers along the last axis, every field (..., n), or one number for all.
 
@@ -181,32 +185,25 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
 def _without_disc(pairs: Regions, middle: Point) -> Array:
     """Return the tangent of half the angle from `middle` to the crossing, if capture, disc and wind only add to ‖W‖².
 
-    The edges are circles then, κ X² + 2 W·X = ‖W‖², and cross on a line, a·X = b.
+    The edges are circles then, κ X² + 2 W·X = ‖W‖², and cross on a line a·X = b. The crossing is given times κ a².
     """
-    (mx, my), curvature = middle, pairs.curvature + np.zeros_like(pairs.x)
-    power = pairs.x * pairs.x + pairs.y * pairs.y + (pairs.z * pairs.z - pairs.capture * pairs.capture)
-    ax, ay, twice_b = (
-        curvature[..., 1] * part[..., 0] - curvature[..., 0] * part[..., 1] for part in (pairs.x, pairs.y, power)
-    )
+    curvature, power = pairs.curvature + 0.0 * pairs.x, pairs.z * pairs.z - pairs.capture * pairs.capture
+    power = power + (pairs.x * pairs.x + pairs.y * pairs.y)
+    parts = (pairs.x, pairs.y, 0.5 * power)
+    ax, ay, b = (curvature[..., 1] * part[..., 0] - curvature[..., 0] * part[..., 1] for part in parts)
     curvature, x, y, power = (part[..., 0] + part[..., 1] for part in (curvature, pairs.x, pairs.y, power))
-    square = ax * ax + ay * ay
-    share, scale = 0.5 * twice_b / square, np.copysign(1.0 / np.sqrt(square), cross((ax, ay), middle))
-    foot_x, foot_y, along_x, along_y = share * ax, share * ay, -scale * ay, scale * ax
-    half = x * along_x + y * along_y
-    beyond = power - curvature * share * share * square - 2.0 * (x * foot_x + y * foot_y)
-    far = (np.sqrt(half * half + curvature * beyond) - half) / curvature
-    to = foot_x + far * along_x, foot_y + far * along_y
-    return cross(middle, to) / (length(to) + mx * to[0] + my * to[1])
+    half, lead = ax * y - ay * x, curvature * b
+    root = np.sqrt(half * half + curvature * (power * (ax * ax + ay * ay) - b * (lead + 2.0 * (ax * x + ay * y))))
+    along = np.copysign(root, cross((ax, ay), middle)) - half
+    to = lead * ax - along * ay, lead * ay + along * ax
+    return cross(middle, to) / (length(to) + middle[0] * to[0] + middle[1] * to[1])
 
 
 def halfway(begin: Point, end: Point) -> Point:
     """Return the heading halfway between two; between opposite ones that with larger y, then larger x."""
-    x, y = begin[0] + end[0], begin[1] + end[1]
-    size = length((x, y))
-    opposite = size <= half_of_digits(size) ** 2
-    across = np.where((begin[0] < 0) | ((begin[0] == 0) & (begin[1] > 0)), -1.0, 1.0)
-    size = np.where(opposite, 1.0, size)
-    return np.where(opposite, -across * begin[1], x / size), np.where(opposite, across * begin[0], y / size)
+    x, y = begin[0] - end[0], begin[1] - end[1]
+    side = np.where((x < 0) | ((x == 0) & (y > 0)), -ASIDE, ASIDE)
+    return unit((begin[0] + end[0] - side * y, begin[1] + end[1] + side * x))
 
 
 def _turned(middle: Point, s: Array) -> Point:

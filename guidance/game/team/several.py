@@ -50,7 +50,7 @@ from guidance.game.records import is_zero
 from guidance.game.solution import solve
 from guidance.game.team.arguments import Games, fitting, joined, judged, pair_axes, vectors
 from guidance.game.team.regions import Array, Point, Regions, cross, crossing, edge, halfway, length, survived, unit
-from guidance.game.team.table import Goal, Meeting, Team, taken, team_of, together
+from guidance.game.team.table import Goal, Meeting, Team, place_of, taken, team_of, together
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -191,8 +191,8 @@ def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
 def _best_pair(team: Team) -> Meeting:
     """Return what the best two pursuers guarantee, or the best one."""
     pairs = together(team, pairs_of(team.own.shape[-1]))
-    best = np.argmax(pairs.worth, axis=-1)
-    return Meeting(*(taken(part, best) for part in pairs))
+    best = place_of(np.argmax(pairs.worth, axis=-1))
+    return Meeting(*(np.broadcast_to(part, pairs.worth.shape)[best] for part in pairs))
 
 
 def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
@@ -229,8 +229,7 @@ def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeti
 
 def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
     """Return a meeting at the first pursuer's own end of the game if that decides it alone."""
-    end = taken(team.alone.meeting_point_m, best.first) - evader
-    single = best.first == best.second
+    end, single = taken(team.alone.meeting_point_m, best.first) - evader, best.first == best.second
     return best._replace(x=np.where(single, end[..., 0], best.x), y=np.where(single, end[..., 1], best.y))
 
 
@@ -248,11 +247,11 @@ def nearest_run(team: Team, evader: Array, best: Meeting, won: Array) -> Meeting
     far = np.min(survived(team.regions.beside(), (to[0][..., None], to[1][..., None])), axis=-1)
     x, y = far * to[0], far * to[1]
     left = np.fmin(goal.left((x, y)), np.inf)
-    least = np.argmin(left, axis=-1)
-    worth = taken(left, least)
+    least = place_of(np.argmin(left, axis=-1))
+    worth = left[least]
     worth = np.where(worth <= best.worth * (1.0 + ROUNDING), best.worth, worth)
     open_ = np.where(worth > best.worth, -1, best.first)
-    run = Meeting(taken(x, least), taken(y, least), worth, open_, np.where(worth > best.worth, -2, best.second))
+    run = Meeting(x[least], y[least], worth, open_, np.where(worth > best.worth, -2, best.second))
     return _chosen(won, run, best)
 
 
@@ -264,10 +263,10 @@ def longest_run(team: Team) -> Meeting:
     does.
     """
     count = team.own.shape[-1]
-    headings = [part / team.v[..., None] for part in np.moveaxis(team.alone.evader_velocity_m_s, -1, 0)[:2]]
+    headings = [team.alone.evader_velocity_m_s[..., axis] / team.v[..., None] for axis in (0, 1)]
     reach = team.alone.value * team.v[..., None]
     if count <= FEW:
-        return _among(team, headings, reach, np.broadcast_to(np.arange(count), reach.shape))
+        return _among(team, headings, reach)
     chosen = np.argmin(reach, axis=-1)[..., None]
     found = _among(team, headings, reach, chosen)
     while chosen.shape[-1] < count:
@@ -284,43 +283,46 @@ def longest_run(team: Team) -> Meeting:
     return found
 
 
-def _among(team: Team, headings: Sequence[Array], reach: Array, chosen: Array) -> Meeting:
-    """Return the longest run before some pursuers, whose numbers are (..., k).
+def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None = None) -> Meeting:
+    """Return the longest run before all pursuers, or before some, whose numbers are (..., k).
 
-    They lead to the pursuers' own ends of the game, and to both crossings of each two edges. Of equally long runs the
-    one with the larger y, then the larger x is taken.
+    It leads to a pursuer's own end of the game, or to one of both crossings of two edges. Of equally long runs the one
+    with the larger y, then the larger x is taken.
     """
-    regions, count, own = team.regions, chosen.shape[-1], headings
-    if count < reach.shape[-1]:
+    regions = team.regions
+    if chosen is not None:
         few = partial(np.take_along_axis, indices=chosen, axis=-1)
         regions, own, reach = regions.rows(few), [few(part) for part in own], few(reach)
-    single, pairs = np.arange(count), pairs_of(count)
-    i, j = pairs.T
+    count = reach.shape[-1]
+    every, decide = np.arange(count), _deciding(count)
+    i, j = pairs_of(count).T
     reached = edge(regions.beside(), (own[0][..., None], own[1][..., None])).reach
     crossed = (reached[..., i, i] > reached[..., i, j]) & (reached[..., j, j] > reached[..., j, i])
-    decide = np.concatenate([np.stack([single, single], axis=-1), pairs, pairs])
     x, y = np.full((2, *reach.shape[:-1], len(decide)), np.nan, dtype=reach.dtype)
     ends = np.full((*x.shape, count), np.nan, dtype=reach.dtype)
     x[..., :count], y[..., :count] = own
     ends[..., :count, :] = np.maximum(reached, regions.beside().safe)
-    ends[..., single, single] = reach
-    *row, pair = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
+    ends[..., every, every] = reach
+    *rows, pair = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
     if len(pair):
-        place = (*row, count + pair)
-        x[place], y[place] = heading = _crossings(regions, own, tuple(row), decide[count + pair], pair < len(pairs))
-        ends[place] = survived(regions.pick(tuple(row)), (heading[0][:, None], heading[1][:, None]))
-    far = np.fmax(np.min(ends, axis=-1), -np.inf)
-    tied = far >= np.max(far, axis=-1, keepdims=True) * (1.0 - EQUAL)
+        place = (*rows, count + pair)
+        x[place], y[place] = heading = _crossings(regions, own, rows, decide[count + pair], pair < len(i))
+        ends[place] = survived(regions.pick(tuple(rows)), (heading[0][:, None], heading[1][:, None]))
+    far = np.fmax(ends.min(axis=-1), -np.inf)
+    tied = far >= far.max(axis=-1, keepdims=True) * (1.0 - EQUAL)
     north = np.where(tied, y, -2.0)
-    best = np.argmax(np.where(north == np.max(north, axis=-1, keepdims=True), x, -2.0), axis=-1)
-    run, met = taken(far, best), taken(np.argmin(ends, axis=-1), best)
+    best = np.where(north == north.max(axis=-1, keepdims=True), x, -2.0).argmax(axis=-1)
+    at = place_of(best)
+    run, met = far[at], ends[at].argmin(axis=-1)
     first, second = decide[best, 0], np.where(best < count, met, decide[best, 1])
-    first, second = (taken(chosen, np.where(run > 0, part, met)) for part in (first, second))
+    first, second = (np.where(run > 0, part, met) for part in (first, second))
+    if chosen is not None:
+        first, second = taken(chosen, first), taken(chosen, second)
     time = np.where(first == second, taken(team.alone.value, first), run / team.v)
-    return Meeting(run * taken(x, best), run * taken(y, best), -time, first, second)
+    return Meeting(run * x[at], run * y[at], -time, first, second)
 
 
-def _crossings(regions: Regions, own: Sequence[Array], rows: tuple[Array, ...], pairs: Array, between: Array) -> Point:
+def _crossings(regions: Regions, own: Sequence[Array], rows: Sequence[Array], pairs: Array, between: Array) -> Point:
     """Return headings, (k,), along which the edges of two regions cross.
 
     Args:
@@ -351,24 +353,36 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flown: Arr
         best: what the pursuers guarantee.
         flown: velocities of the pursuers, m/s.
     """
-    alone, first, single = team.alone, run.first, run.first == run.second
-    far, sign = length((run.x, run.y)), 1.0 if team.goal is not None else -1.0
-    rate = team.v / np.where(far > 0, far, 1.0)
-    to = np.stack([run.x, run.y, np.zeros_like(far)], axis=-1)
-    every = np.arange(alone.value.shape[-1])
-    reason = np.where(single, taken(alone.reason, first), np.int8(Reason.SOLVED))
+    alone, sign = team.alone, 1.0 if team.goal is not None else -1.0
+    every, time = np.arange(alone.value.shape[-1]), length((run.x, run.y)) / team.v
+    point, velocity, reason = ended(team, evader, run, best)
     return TeamSolution(
         winner=alone.winner.max(axis=-1),
         value=sign * best.worth,
         lower_bound=sign * run.worth,
         margin_s=alone.margin_s.max(axis=-1),
-        meeting_point_m=np.where(single[..., None], taken(alone.meeting_point_m, first), evader + to),
-        meeting_time_s=np.where(single, taken(alone.meeting_time_s, first), far / team.v),
+        meeting_point_m=point,
+        meeting_time_s=np.where(run.first == run.second, taken(alone.meeting_time_s, run.first), time),
         binds=(every == best.first[..., None]) | (every == best.second[..., None]),
         multipliers=np.zeros(alone.value.shape),
         pursuer_velocity_m_s=flown,
-        evader_velocity_m_s=np.where(single[..., None], taken(alone.evader_velocity_m_s, first), rate[..., None] * to),
-        reason=np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
+        evader_velocity_m_s=velocity,
+        reason=reason,
+    )
+
+
+def ended(team: Team, evader: Array, run: Meeting, best: Meeting) -> tuple[Array, Array, Array]:
+    """Return where the evader's run ends, its velocity, and the reason of the answer; see `assembled`."""
+    alone, at, single = team.alone, place_of(run.first), run.first == run.second
+    far = length((run.x, run.y))
+    to = np.zeros_like(evader)
+    to[..., 0], to[..., 1] = run.x, run.y
+    velocity = (team.v / np.where(far > 0, far, 1.0))[..., None] * to
+    reason = np.where(single, alone.reason[at], np.int8(Reason.SOLVED))
+    return (
+        np.where(single[..., None], alone.meeting_point_m[at], evader + to),
+        np.where(single[..., None], alone.evader_velocity_m_s[at], velocity),
+        np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
     )
 
 
@@ -428,3 +442,10 @@ def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
 def pairs_of(count: int) -> Array:
     """Return the numbers of both pursuers of every pair, (k, 2); of a single pursuer twice its own."""
     return np.stack(np.triu_indices(count, 1 if count > 1 else 0), axis=-1)
+
+
+@lru_cache
+def _deciding(count: int) -> Array:
+    """Return the numbers of both pursuers of every heading of `_among`: of single ones, and of every pair twice."""
+    single, pairs = np.arange(count), pairs_of(count)
+    return np.concatenate([np.stack([single, single], axis=-1), pairs, pairs])

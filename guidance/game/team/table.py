@@ -22,7 +22,7 @@ from guidance.game.records import is_zero
 from guidance.game.rows import for_rows
 from guidance.game.solution import Solution, solve
 from guidance.game.team.arguments import Games, fitting, in_play_of, joined, pair_axes, vectors
-from guidance.game.team.regions import Array, Point, Regions, crossing, edge, halfway, length, regions_of, unit
+from guidance.game.team.regions import Array, Point, Regions, crossing, edge, halfway, length, regions_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -100,7 +100,10 @@ class Team(NamedTuple):
         to = x - self.regions.x, y - self.regions.y
         gap = length(to) - self.game.standoff.radius_m - self.game.capture_radius_m
         time = length((x, y)) / self.v[..., None]
-        return np.stack([part + 0.0 * gap for part in steer(np, self.game, to, gap, time, self.height, STILL)], axis=-1)
+        flown = np.empty((*gap.shape, 3), dtype=gap.dtype)
+        for axis, part in enumerate(steer(np, self.game, to, gap, time, self.height, STILL)):
+            flown[..., axis] = part
+        return flown
 
 
 class Meeting(NamedTuple):
@@ -168,7 +171,8 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
         team.worth[index],
         team.own[index],
     )
-    far, heading = length(end), unit(end)
+    far = length(end)
+    heading = end[0] / far, end[1] / far
     crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
     bind = np.all(crossed < far, axis=-1) & (who[..., 0] != who[..., 1])
     if team.goal is None and not team.game.calm:
@@ -190,7 +194,7 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
     alone = own.max(axis=-1)
     single = ~bind | (alone >= found)
     best = own[..., 1] > own[..., 0]
-    one, other = (np.broadcast_to(who[..., slot], single.shape) for slot in (0, 1))
+    one, other = who[..., 0], who[..., 1]
     chosen = np.where(best, other, one)
     first, second = np.where(single, chosen, one), np.where(single, chosen, other)
     return Meeting(x, y, np.where(single, alone, found), first, second)
@@ -306,12 +310,17 @@ def pairs_with(table: Table, first: Array) -> Meeting:
     b, m, n = table.worth.shape
     every, own = np.arange(n), np.maximum(first, 0)[..., None]
     busy = (every == first[..., None]).any(axis=1)[:, None] | (first < 0)[..., None]
-    who = np.stack([np.broadcast_to(own, (b, m, n)), np.where(busy, own, every)], axis=-1)
+    who = np.empty((b, m, n, 2), dtype=first.dtype)
+    who[..., 0], who[..., 1] = own, np.where(busy, own, every)
     return together(table.all, who, (np.arange(b)[:, None, None, None], np.arange(m)[:, None, None], who))
 
 
 def taken(array: Array, index: Array) -> Array:
     """Take one element along the axis behind those of the index, (..., n) or (..., n, 3); the first one for −1."""
-    rows, (n, *rest) = index.size, array.shape[index.ndim :]
-    flat = array.reshape((rows, n, *rest))
-    return np.asarray(flat[np.arange(rows), np.maximum(index, 0).reshape(rows)].reshape((*index.shape, *rest)))
+    return np.asarray(array[place_of(index)])
+
+
+def place_of(index: Array) -> tuple[Array, ...]:
+    """Return what takes the elements of `taken` from an array."""
+    leading = (np.arange(n).reshape((n, *(1,) * (index.ndim - axis))) for axis, n in enumerate(index.shape, start=1))
+    return (*leading, np.maximum(index, 0))
