@@ -233,7 +233,8 @@ def half_of_digits(value: Real) -> float:
     """Return √ε: after a Newton step this small the next is below ε, so none is needed."""
     if isinstance(value, float):
         return 2.0**-26
-    return math.sqrt(array_namespace(value).finfo(value.dtype).eps)
+    xp = np if isinstance(value, np.ndarray) else array_namespace(value)
+    return math.sqrt(xp.finfo(value.dtype).eps)
 
 
 def dot2(a: Plane, b: Plane) -> Real:

@@ -126,7 +126,7 @@ def match_teams(
 def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
     """Return the pursuer that guarantees the capture of each evader, (b, m), −1 for none."""
     every = np.arange(table.worth.shape[-1])
-    least = np.min(np.where(table.beats, table.worth, np.inf), axis=(1, 2), keepdims=True)
+    least = np.where(table.beats, table.worth, np.inf).min(axis=(1, 2), keepdims=True)
     profit = table.worth - np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
     if kept is None:
         return _assigned(np.where(table.beats, profit, -np.inf))
@@ -239,7 +239,7 @@ def _answer(
     own = taken(flown.swapaxes(1, 2), evader_of)
     lost = 0 if table.target is None else int(Winner.EVADER)
     return Matching(
-        guaranteed=np.count_nonzero(guarded, axis=-1),
+        guaranteed=guarded.sum(axis=-1),
         total=_summed(np.where(guarded, value, 0.0)),
         first=first,
         second=second,

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from guidance.game.arrays import Real, half_of_digits, is_array
+from guidance.game.arrays import half_of_digits, is_array
 from guidance.game.game import Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import level_time
 from guidance.game.records import is_zero
@@ -34,6 +34,9 @@ Array: TypeAlias = NDArray[Any]
 
 Point: TypeAlias = tuple[Any, Any]
 """x and y, from the evader, m; or a direction."""
+
+Numbers: TypeAlias = Any
+"""One number for all pursuers, or an array (..., n)."""
 
 ROUNDS = 8
 """Rounds that find the closest point of a stand-off disc to the last bit."""
@@ -62,16 +65,16 @@ class Regions(NamedTuple):
         safe: how far the evader runs before the pursuer can be at its height, m; zero for a Ball.
     """
 
-    ratio: Real
-    curvature: Real
+    ratio: Numbers
+    curvature: Numbers
     x: Array
     y: Array
-    z: Real
-    capture: Real
-    radius: Real
-    wind_x: Real
-    wind_y: Real
-    safe: Real
+    z: Numbers
+    capture: Numbers
+    radius: Numbers
+    wind_x: Numbers
+    wind_y: Numbers
+    safe: Numbers
 
     def rows(self, rows: Callable[[Array], Array]) -> "Regions":
         """Return some of the regions; `rows` takes them from each array."""
@@ -107,8 +110,8 @@ class Edge(NamedTuple):
 def regions_of(game: Game, P: Array, E: Array) -> Regions:
     """Return the regions of evaders E against pursuers P, (..., n, 3); numbers of the game may be arrays (..., n)."""
     w, v = P - E, game.evader_speed_m_s
-    z, safe = w[..., 2] - game.standoff.height_m, 0.0
-    capture, radius = game.capture_radius_m, game.standoff.radius_m
+    z: Numbers = w[..., 2] - game.standoff.height_m
+    capture, radius, safe = game.capture_radius_m, game.standoff.radius_m, 0.0
     if isinstance(game.pursuer, Cylinder):
         safe = np.maximum(v * level_time(np, game, game.pursuer, z), 0.0)
         capture, radius, z = capture + radius, 0.0, 0.0
@@ -196,7 +199,7 @@ def _without_disc(pairs: Regions, middle: Point) -> Array:
     root = np.sqrt(half * half + curvature * (power * (ax * ax + ay * ay) - b * (lead + 2.0 * (ax * x + ay * y))))
     along = np.copysign(root, cross((ax, ay), middle)) - half
     to = lead * ax - along * ay, lead * ay + along * ax
-    return cross(middle, to) / (length(to) + middle[0] * to[0] + middle[1] * to[1])
+    return np.asarray(cross(middle, to) / (length(to) + middle[0] * to[0] + middle[1] * to[1]))
 
 
 def halfway(begin: Point, end: Point) -> Point:

@@ -375,7 +375,7 @@ def ended(team: Team, evader: Array, run: Meeting, best: Meeting) -> tuple[Array
     """Return where the evader's run ends, its velocity, and the reason of the answer; see `assembled`."""
     alone, at, single = team.alone, place_of(run.first), run.first == run.second
     far = length((run.x, run.y))
-    to = np.zeros_like(evader)
+    to = np.zeros(evader.shape, evader.dtype)
     to[..., 0], to[..., 1] = run.x, run.y
     velocity = (team.v / np.where(far > 0, far, 1.0))[..., None] * to
     reason = np.where(single, alone.reason[at], np.int8(Reason.SOLVED))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -174,7 +175,7 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
     far = length(end)
     heading = end[0] / far, end[1] / far
     crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
-    bind = np.all(crossed < far, axis=-1) & (who[..., 0] != who[..., 1])
+    bind = (crossed < far).all(axis=-1) & (who[..., 0] != who[..., 1])
     if team.goal is None and not team.game.calm:
         bind = np.zeros_like(bind)  # no value of two pursuers is proven in wind
     better = worth[..., 1] > worth[..., 0]
@@ -184,7 +185,7 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
     if len(rows[0]):
         two, (begin, end) = regions.pick(rows), zip(heading[0][rows].T, heading[1][rows].T, strict=True)
         to = crossing(two, begin, end, halfway(begin, end))
-        far = np.min(edge(two, (to[0][:, None], to[1][:, None])).reach, axis=-1)
+        far = edge(two, (to[0][:, None], to[1][:, None])).reach.min(axis=-1)
         x[rows], y[rows] = far * to[0], far * to[1]
         far = length((x, y))
         found = np.where(bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found)
@@ -322,5 +323,9 @@ def taken(array: Array, index: Array) -> Array:
 
 def place_of(index: Array) -> tuple[Array, ...]:
     """Return what takes the elements of `taken` from an array."""
-    leading = (np.arange(n).reshape((n, *(1,) * (index.ndim - axis))) for axis, n in enumerate(index.shape, start=1))
-    return (*leading, np.maximum(index, 0))
+    return (*_leading(index.shape), np.maximum(index, 0))
+
+
+@lru_cache(maxsize=16)
+def _leading(shape: tuple[int, ...]) -> tuple[Array, ...]:
+    return np.indices(shape, sparse=True)
