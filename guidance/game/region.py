@@ -174,9 +174,10 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     end = (hunt.to_evader[0] + to_target[0], hunt.to_evader[1] + to_target[1])
     disc = unit2(xp, end, norm2(xp, end))
     if _is_bare(hunt):
+        away, goal, height = _times(hand, hunt.to_evader), _times(hand, to_target), hand * hunt.z2
         for _ in range(ROUNDS):
-            run = _circle(xp, hunt, _plus(hunt.to_evader, -hunt.radius, disc), hunt.z2, to_target)
-            end = _plus(run, hand, hunt.to_evader)
+            run = _circle(xp, hunt, _plus(hunt.to_evader, -hunt.radius, disc), height, goal)
+            end = (run[0] + away[0], run[1] + away[1])
             disc = unit2(xp, end, norm2(xp, end))
         return Aim(_half_angle(xp, hunt, run), disc)
     way = follow(xp, hunt, Aim(0.0 * end[0], disc))
@@ -185,7 +186,7 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     goal = _plus(to_target, -1.0, lag)
     if hunt.drift is not None:
         goal = _plus(goal, way.t, hunt.drift)
-    run = _plus(_circle(xp, hunt, _plus(e0, 1.0, lag), z2, goal), hand, lag)
+    run = _plus(_circle(xp, hunt, _plus(e0, 1.0, lag), hand * z2, _times(hand, goal)), hand, lag)
     s = _half_angle(xp, hunt, run)
     if is_zero(hunt.radius):
         return Aim(s, way.to)
@@ -195,12 +196,15 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     return Aim(s, unit2(xp, end, norm2(xp, end)))
 
 
-def _circle(xp: Library, hunt: Hunt, to_evader: Plane, z2: Real, goal: Plane) -> Plane:
-    """Return the vector from E to the point of the paper's circle that is closest to a goal, times u² − v²."""
-    u, v, hand = hunt.u, hunt.v, (hunt.u - hunt.v) * (hunt.u + hunt.v)
-    centre = (v * v * to_evader[0], v * v * to_evader[1])
-    back = _plus(centre, -hand, goal)
-    span = v * xp.sqrt(hand * z2 + (u * u) * dot2(to_evader, to_evader))
+def _circle(xp: Library, hunt: Hunt, to_evader: Plane, height: Real, goal: Plane) -> Plane:
+    """Return the vector from E to the point of the paper's circle that is closest to a goal, times u² − v².
+
+    `height`, the square of the pursuer's height, and the vector `goal` from E are given times that, too.
+    """
+    u, v = hunt.u, hunt.v
+    centre = _times(v * v, to_evader)
+    back = (centre[0] - goal[0], centre[1] - goal[1])
+    span = v * xp.sqrt(height + (u * u) * dot2(to_evader, to_evader))
     length = norm2(xp, back)
     return _plus(centre, -span / select(xp, length > 0, length, 1.0), back)
 
@@ -222,6 +226,10 @@ def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
         share = hunt.capture / select(xp, distance > 0, distance, 1.0)
         e0, z2 = _plus(e0, -share, in_plane(way.n, way.flown)), ((1.0 - share) * (1.0 - share)) * z2
     return e0 if hunt.wind is None else _plus(e0, -way.t, hunt.wind), z2
+
+
+def _times(factor: Real, a: Plane) -> Plane:
+    return factor * a[0], factor * a[1]
 
 
 def _plus(a: Plane, factor: Real, b: Plane) -> Plane:
