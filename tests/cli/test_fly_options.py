@@ -1,5 +1,6 @@
 """What `guidance fly` refuses before anything flies: options that mean nothing there, and folders of other flights."""
 
+import re
 import time
 
 import psutil
@@ -7,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.cli import app, fly_scenario
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, FlightError
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
-from guidance.session.fly import MockOptions
+from guidance.session.fly import Asked, MockOptions
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 
@@ -118,3 +119,19 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
     assert (scenario, on_vehicle) == ("pe", bool(vehicle))
     assert command == ["panel", "--endpoint", control, "--port", "0", "--records", str(tmp_path), "--with-parent"]
     assert panels() == []
+
+
+@pytest.mark.parametrize(("name", "count"), [("hover_chase", 1), ("teams_guard", 3)])
+def test_a_refused_vehicle_is_told_a_command_that_check_takes(name, count, monkeypatch, tmp_path):
+    def refuse(*_):
+        raise FlightError("preflight refuses: GF_ACTION")
+
+    monkeypatch.setattr(fly_scenario, "flown", refuse)
+    urls = tuple(f"udpin://127.0.0.1:{14540 + place}" for place in range(count))
+    with pytest.raises(FlightError, match="GF_ACTION") as refusal:
+        fly_scenario.fly_scenario(name, Asked(urls), out=tmp_path / "flight", seed=None)
+    commands = re.findall("guidance (check .*)", str(refusal.value))
+    assert [command.split("--vehicle ")[1] for command in commands] == [f"{url} --apply" for url in urls]
+    for command, url in zip(commands, urls, strict=True):
+        done = CliRunner().invoke(app, command.replace(url, "nonsense").split())
+        assert "nonsense" in str(done.exception)  # everything but the URL is taken

@@ -66,6 +66,16 @@ def test_nothing_was_promised_about_a_pause():
     assert playing._monitor == PROMISED.restarted()._replace(oldest_s=0.2, reachable_m_s=8.0, told_slow=True)
 
 
+def test_nothing_was_promised_about_the_evader_played_next():
+    playing = Playing(SETTINGS)
+    playing._memory = BEGUN._replace(optimal_game_m_s=(3.0, -4.0, 0.0))
+    playing._monitor, playing.certificate = PROMISED, QUIET
+    playing.switch()
+    assert playing.certificate is None
+    assert playing._monitor == MonitorMemory()
+    assert playing._memory == BEGUN  # the vehicle's own height and place go on
+
+
 def test_silence_clears_the_alarm_and_a_setpoint_needs_a_position():
     flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
     assert any(flown.cycle().alarm is not None for _ in range(100))
