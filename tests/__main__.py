@@ -46,31 +46,31 @@ class Step:
 STEPS = {
     "format": Step("ruff's format", (BIN / "ruff", "format", "--check", ".")),
     "lint": Step("ruff's rules", (BIN / "ruff", "check", ".")),
-    "types": Step("mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=19),
+    "types": Step("mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=2),
     "layers": Step("imports point down only", (BIN / "lint-imports",)),
     "docs": Step(
         "the documentation as a site, where any warning is an error",
         (BIN / "mkdocs", "build", "--strict", "--config-file", ".mkdocs.yml", "--site-dir", "site"),
         environment=(("NO_MKDOCS_2_WARNING", "1"),),  # suppresses a notice that the theme prints at every start
-        nice=19,
+        nice=2,
     ),
     "arrays": Step(
         "the games on PyTorch and JAX, in an environment that has both",
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
-        nice=19,
+        nice=2,
     ),
     # Some of them wait for sockets and processes, but each has seconds.
-    "tests": Step("the quick tests", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK), nice=5),
+    "tests": Step("the quick tests", (*PYTEST, "-n", "2", "--dist", "worksteal", "-m", QUICK), nice=5),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
-        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow and not long"),
+        (*PYTEST, "-n", "2", "--dist", "worksteal", "-m", "flight and not slow and not long"),
         marked="flight",
-        nice=19,
+        nice=10,
     ),
     # Tests with real clients mostly wait.
     "real time": Step(
         "other people's clients",
-        (*PYTEST, "-n", "4", "--dist", "worksteal", "-m", "slow and not long"),
+        (*PYTEST, "-n", "6", "--dist", "worksteal", "-m", "slow and not long"),
         marked="slow",
     ),
     "acceptance": Step(
@@ -82,7 +82,7 @@ STEPS = {
         "flights with faults, checked against the mock's true state (docs/faults.md)",
         (sys.executable, "-m", "tests.faults", "--jobs", "1"),
         arguments="--flights 1000 --seed 7",
-        nice=19,
+        nice=2,
     ),
 }
 FIRST = ("format", "lint", "layers")
