@@ -38,9 +38,6 @@ _SLOWER_DESCENT: Final = 0.08
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
 
-_CHECKED: Final = 8
-"""Intervals between the times at which the vehicle may meet an evader that turns."""
-
 
 class Players(NamedTuple):
     """Positions in the game frame, m, and velocities, m/s. `target_m` is T of the TAD game, None in PE."""
@@ -256,8 +253,7 @@ def _turns_back(game: Game, here: StateSolution, players: Players, vehicle: Vehi
     """Return whether this vehicle, at its velocity, can still meet an evader that runs to its target from now on."""
     P, E, T, flown = players.pursuer_m, players.evader_m, players.target_m or _NOWHERE, players.pursuer_m_s
     away_m, arrival_s = math.dist(E[:2], T[:2]), game.target_extent.distance_m(T, E) / game.evader_speed_m_s
-    for step in range(_CHECKED + 1):
-        time_s = here.meeting_time_s + (arrival_s - here.meeting_time_s) * step / _CHECKED
+    for time_s in (here.meeting_time_s, 0.5 * (here.meeting_time_s + arrival_s), arrival_s):
         share = game.evader_speed_m_s * time_s / away_m
         x, y = (P[k] + flown[k] * time_s - E[k] - share * (T[k] - E[k]) for k in (0, 1))
         turning_s = max(0.0, time_s - vehicle.envelope.reaction_s)
