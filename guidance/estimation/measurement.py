@@ -8,7 +8,7 @@ accepted only after a while, because one corrupt time, or a burst from a queue, 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Final, NamedTuple
 
 from guidance.errors import ConfigError
@@ -146,8 +146,7 @@ def measure(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ClockOffset:
+class ClockOffset(NamedTuple):
     """Our clock minus the sender's, seconds.
 
     Attributes:
@@ -223,8 +222,8 @@ def _grown(clock: ClockOffset, now_s: float) -> float:
 
 def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOffset:
     if not abs(sample_s - clock.candidate_s) <= _ALIKE_S:
-        return replace(clock, candidate_s=sample_s, candidate_since_s=received_s, candidate_reports=1)
-    agreed = replace(clock, candidate_s=min(sample_s, clock.candidate_s), candidate_reports=clock.candidate_reports + 1)
+        return clock._replace(candidate_s=sample_s, candidate_since_s=received_s, candidate_reports=1)
+    agreed = clock._replace(candidate_s=min(sample_s, clock.candidate_s), candidate_reports=clock.candidate_reports + 1)
     lasting = received_s - clock.candidate_since_s >= _LASTING_S and agreed.candidate_reports >= _LASTING_REPORTS
     return ClockOffset(agreed.candidate_s, received_s) if lasting else agreed
 

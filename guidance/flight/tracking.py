@@ -75,7 +75,7 @@ class Tracking:
         self.held_back_ned_m = self._origin.held_back_ned_m
         if frame is None:
             return
-        if frame != self.local_frame:
+        if frame is not self.local_frame and frame != self.local_frame:
             self._move_into(frame)
         home = vehicle.last(Home)
         if home is not None and home != self._home:

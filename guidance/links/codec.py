@@ -205,7 +205,7 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, compo
     """
     velocity, acceleration, yaw_rad = setpoint
     numbers = (*velocity, *(acceleration or _ZERO), yaw_rad or 0.0)
-    if not all(abs(number) <= FLOAT32_MAX for number in numbers):
+    if not math.hypot(*numbers) <= FLOAT32_MAX:
         raise ValueError(f"{setpoint}: a setpoint must be finite; it was not sent")
     mask = IGNORE_POSITION | IGNORE_YAW_RATE
     mask |= IGNORE_ACCELERATION if acceleration is None else 0

@@ -160,7 +160,7 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     core = (
         cs.tagged_union_schema(choices, _TAG) if tagged else cs.union_schema([*choices.values()], mode="left_to_right")
     )
-    writers = {kind: _writer(kind, {_TAG: kind.__name__} if tagged else {}) for kind in kinds}
+    writers = {kind: _writer(kind, tagged=tagged) for kind in kinds}
     return Form(
         core,
         {"type": "object", "properties": properties, "required": sorted(required), "additionalProperties": False},
@@ -168,15 +168,16 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     )
 
 
-def _writer(kind: Any, tag: dict[str, str]) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
+def _writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
     """Return what makes a dictionary of a named tuple, without unknown values."""
     names, hints = kind._fields, get_type_hints(kind)
+    keys, tag = ((_TAG, *names), (kind.__name__,)) if tagged else (names, ())
     optional = [name for name in names if inside(hints[name]) is not hints[name]]
     numbers = [name for name in names if inside(hints[name]) is float]
     parts = [(name, form.write) for name in names if (form := form_of(hints[name])).write is not None]
 
     def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
-        fields: dict[str, Any] = tag | dict(zip(names, value, strict=True))
+        fields: dict[str, Any] = dict(zip(keys, tag + value, strict=True))
         for name in optional:
             if fields[name] is None:
                 del fields[name]

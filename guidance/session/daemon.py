@@ -196,11 +196,11 @@ class Daemon:
         if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
-        inputs = Inputs(now_s, messages, reports, people, self._barred() + bars, alive, mission)
-        if self.team is None:
-            return inputs
-        heard = self.team.hear(now_s, self.flight, reports)
-        return inputs._replace(reports=(*reports, *heard.reports), mates=heard.mates, role=heard.role)
+        mates = role = None
+        if self.team is not None:
+            mates, role, relayed = self.team.hear(now_s, self.flight, reports)
+            reports = (*reports, *relayed)
+        return Inputs(now_s, messages, reports, people, self._barred() + bars, alive, mission, mates, role)
 
     def _reports(self) -> Sequence[EvaderReport]:
         """Read the reports of all evaders; without a team an evader needs no name."""
