@@ -35,8 +35,8 @@ from guidance.game.records import is_zero, rows_of
 STEPS = 3
 """Newton steps of every row."""
 
-ROUNDS = 4
-"""Rounds from circle to circle in a game with only a disc; one Newton step less is then enough."""
+ROUNDS = 6
+"""Rounds from circle to circle in a game with only a disc; most rows then need a single Newton step."""
 
 NEWTON_STEPS = 7
 """Newton steps of a row that needs more, before bisection."""
@@ -125,7 +125,7 @@ def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
     start = _touch(xp, hunt)
     if not (xp is np or xp is FLOATS):
         return _bracket(xp, hunt, start, TRACED_STEPS)
-    steps = STEPS - 1 if _is_bare(hunt) else STEPS
+    steps = 1 if _is_bare(hunt) else STEPS
     aim, there = _newton(xp, hunt, start, within, steps, NEWTON_STEPS)
     there = within | (there & (abs(aim.s - start.s) <= 2.0))
     if not isinstance(there, np.ndarray):
