@@ -28,7 +28,7 @@ from guidance.game.game import Reason, Winner
 from guidance.game.records import is_zero, require
 from guidance.game.team.arguments import judged
 from guidance.game.team.regions import length
-from guidance.game.team.several import ended, longest_run, nearest_run, placed
+from guidance.game.team.several import Play, longest_run, nearest_run, placed, played
 from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, place_of, table_of, taken
 
 if TYPE_CHECKING:
@@ -186,11 +186,9 @@ def _assigned(profit: Array, first: Array | None = None) -> Array:
 def _chased(table: Table, first: Array) -> Matching:
     """Put the answer in PE together, (b, ...)."""
     run = longest_run(table.all)
+    play = played(table.all, table.evaders, run, run, table.all.alone.pursuer_velocity_m_s)
     value = np.where(first < 0, np.inf, -taken(table.worth, first))
-    flown = table.all.alone.pursuer_velocity_m_s
-    return _answer(
-        table, (first, np.full_like(first, -1)), (value, -run.worth), flown, ended(table.all, table.evaders, run, run)
-    )
+    return _answer(table, first, np.full_like(first, -1), play._replace(value=value))
 
 
 def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
@@ -200,59 +198,44 @@ def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second:
     at = place_of(beside)
     best = run = placed(team, table.evaders, Meeting(*(part[at] for part in pairs)))
     if not is_zero(team.regions.safe):
-        rows, evaders = np.indices((*first.shape, 1), sparse=True)[:2]
-        two = team.pick((rows, evaders, np.maximum(np.stack([first, beside], axis=-1), 0)))
+        two = team.pick(place_of(np.stack([first, beside], axis=-1), 2))
         run = nearest_run(two, table.evaders, best, guarded)
     decides = (best.first == best.second)[..., None] & (every == best.first[..., None])
     flies = ((every == first[..., None]) | (every == second[..., None])) & ~decides
     flown = np.where(flies[..., None], team.straight((best.x, best.y)), alone.pursuer_velocity_m_s)
-    point, velocity, reason = ended(team, table.evaders, run, best)
-    play = (
-        np.where(guarded[..., None], point, target),
-        np.where(guarded[..., None], velocity, _to_target(table, target)),
-        np.where(guarded, reason, taken(alone.reason, alone.margin_s.argmax(axis=-1))),
+    play = played(team, table.evaders, run, best, flown)
+    play = play._replace(
+        value=np.where(guarded, play.value, 0.0),
+        lower_bound=np.where(guarded, play.lower_bound, 0.0),
+        meeting_point_m=np.where(guarded[..., None], play.meeting_point_m, target),
+        evader_velocity_m_s=np.where(guarded[..., None], play.evader_velocity_m_s, _to_target(table, target)),
+        reason=np.where(guarded, play.reason, taken(alone.reason, alone.margin_s.argmax(axis=-1))),
     )
-    values = np.where(guarded, best.worth, 0.0), np.where(guarded, run.worth, 0.0)
-    return _answer(table, (first, second), values, flown, play)
+    return _answer(table, first, second, play)
 
 
-def _answer(
-    table: Table,
-    teams: tuple[Array, Array],
-    values: tuple[Array, Array],
-    flown: Array,
-    play: tuple[Array, Array, Array],
-) -> Matching:
-    """Put the answer together, (b, ...).
-
-    Args:
-        table: everybody against everybody.
-        teams: first and second pursuer of each evader.
-        values: value and lower bound of each evader's game.
-        flown: velocities of all pursuers in each evader's game, (b, m, n, 3), m/s.
-        play: as `ended` has it.
-    """
-    (first, second), (value, lower_bound), (point, velocity, reason) = teams, values, play
+def _answer(table: Table, first: Array, second: Array, play: Play) -> Matching:
+    """Put the answer together, (b, ...), from each evader's game."""
     alone, present, guarded = table.all.alone, table.present, first >= 0
     there = np.where(present, 0.0, np.nan)
     evader_of = _evader_of(table, first, second)
-    own = taken(flown.swapaxes(1, 2), evader_of)
+    flown = taken(play.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
     lost = 0 if table.target is None else int(Winner.EVADER)
     return Matching(
         guaranteed=guarded.sum(axis=-1),
-        total=_summed(np.where(guarded, value, 0.0)),
+        total=_summed(np.where(guarded, play.value, 0.0)),
         first=first,
         second=second,
         evader_of=evader_of,
         beats=table.beats.swapaxes(1, 2),
         alone=(alone.value + there[..., None]).swapaxes(1, 2),
         winner=np.where(guarded, int(Winner.PURSUER), np.where(present, lost, 0)).astype(np.int8),
-        value=value + there,
-        lower_bound=lower_bound + there,
-        meeting_point_m=point + there[..., None],
-        pursuer_velocity_m_s=np.where((evader_of < 0)[..., None], 0.0 * own, own),
-        evader_velocity_m_s=np.where(present[..., None], velocity, 0.0),
-        reason=reason,
+        value=play.value + there,
+        lower_bound=play.lower_bound + there,
+        meeting_point_m=play.meeting_point_m + there[..., None],
+        pursuer_velocity_m_s=np.where((evader_of < 0)[..., None], 0.0 * flown, flown),
+        evader_velocity_m_s=np.where(present[..., None], play.evader_velocity_m_s, 0.0),
+        reason=play.reason,
     )
 
 

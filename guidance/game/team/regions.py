@@ -18,8 +18,6 @@ which the first reaches farther and one along which the second does. Everything 
 crossing (`corner`). Functions of two regions give the same bits when the regions change places.
 """
 
-from collections.abc import Callable
-from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -76,13 +74,9 @@ class Regions(NamedTuple):
     wind_y: Numbers
     safe: Numbers
 
-    def rows(self, rows: Callable[[Array], Array]) -> "Regions":
-        """Return some of the regions; `rows` takes them from each array."""
-        return Regions(*(rows(part) if is_array(part) else part for part in self))
-
     def pick(self, index: Any) -> "Regions":  # noqa: ANN401 - whatever indexes an array
         """Return some of the regions."""
-        return self.rows(itemgetter(index))
+        return Regions(*(part[index] if is_array(part) else part for part in self))
 
     def beside(self) -> "Regions":
         """Return the regions with an axis for headings, (..., 1, n)."""

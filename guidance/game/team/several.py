@@ -38,7 +38,7 @@ new solution decides again; this costs the pursuers a time that goes to zero wit
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -100,6 +100,17 @@ class TeamSolution(NamedTuple):
     meeting_time_s: Array
     binds: Array
     multipliers: Array
+    pursuer_velocity_m_s: Array
+    evader_velocity_m_s: Array
+    reason: Array
+
+
+class Play(NamedTuple):
+    """The fields of `TeamSolution` that a matching has, too."""
+
+    value: Array
+    lower_bound: Array
+    meeting_point_m: Array
     pursuer_velocity_m_s: Array
     evader_velocity_m_s: Array
     reason: Array
@@ -291,11 +302,12 @@ def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None 
     """
     regions = team.regions
     if chosen is not None:
-        few = partial(np.take_along_axis, indices=chosen, axis=-1)
-        regions, own, reach = regions.rows(few), [few(part) for part in own], few(reach)
+        few = place_of(chosen, chosen.ndim - 1)
+        regions, own, reach = regions.pick(few), [part[few] for part in own], reach[few]
     count = reach.shape[-1]
-    every, decide = np.arange(count), _deciding(count)
-    i, j = pairs_of(count).T
+    every, pairs = np.arange(count), pairs_of(count)
+    i, j = pairs.T
+    decide = np.concatenate([every[:, None].repeat(2, axis=1), pairs, pairs])
     reached = edge(regions.beside(), (own[0][..., None], own[1][..., None])).reach
     crossed = (reached[..., i, i] > reached[..., i, j]) & (reached[..., j, j] > reached[..., j, i])
     x, y = np.full((2, *reach.shape[:-1], len(decide)), np.nan, dtype=reach.dtype)
@@ -353,36 +365,32 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flown: Arr
         best: what the pursuers guarantee.
         flown: velocities of the pursuers, m/s.
     """
-    alone, sign = team.alone, 1.0 if team.goal is not None else -1.0
-    every, time = np.arange(alone.value.shape[-1]), length((run.x, run.y)) / team.v
-    point, velocity, reason = ended(team, evader, run, best)
+    alone, every, time = team.alone, np.arange(team.own.shape[-1]), length((run.x, run.y)) / team.v
     return TeamSolution(
+        **played(team, evader, run, best, flown)._asdict(),
         winner=alone.winner.max(axis=-1),
-        value=sign * best.worth,
-        lower_bound=sign * run.worth,
         margin_s=alone.margin_s.max(axis=-1),
-        meeting_point_m=point,
         meeting_time_s=np.where(run.first == run.second, taken(alone.meeting_time_s, run.first), time),
         binds=(every == best.first[..., None]) | (every == best.second[..., None]),
         multipliers=np.zeros(alone.value.shape),
-        pursuer_velocity_m_s=flown,
-        evader_velocity_m_s=velocity,
-        reason=reason,
     )
 
 
-def ended(team: Team, evader: Array, run: Meeting, best: Meeting) -> tuple[Array, Array, Array]:
-    """Return where the evader's run ends, its velocity, and the reason of the answer; see `assembled`."""
+def played(team: Team, evader: Array, run: Meeting, best: Meeting, flown: Array) -> Play:
+    """Return both sides' play; see `assembled`."""
     alone, at, single = team.alone, place_of(run.first), run.first == run.second
-    far = length((run.x, run.y))
+    far, sign = length((run.x, run.y)), 1.0 if team.goal is not None else -1.0
     to = np.zeros(evader.shape, evader.dtype)
     to[..., 0], to[..., 1] = run.x, run.y
     velocity = (team.v / np.where(far > 0, far, 1.0))[..., None] * to
     reason = np.where(single, alone.reason[at], np.int8(Reason.SOLVED))
-    return (
-        np.where(single[..., None], alone.meeting_point_m[at], evader + to),
-        np.where(single[..., None], alone.evader_velocity_m_s[at], velocity),
-        np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
+    return Play(
+        value=sign * best.worth,
+        lower_bound=sign * run.worth,
+        meeting_point_m=np.where(single[..., None], alone.meeting_point_m[at], evader + to),
+        pursuer_velocity_m_s=flown,
+        evader_velocity_m_s=np.where(single[..., None], alone.evader_velocity_m_s[at], velocity),
+        reason=np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
     )
 
 
@@ -442,10 +450,3 @@ def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
 def pairs_of(count: int) -> Array:
     """Return the numbers of both pursuers of every pair, (k, 2); of a single pursuer twice its own."""
     return np.stack(np.triu_indices(count, 1 if count > 1 else 0), axis=-1)
-
-
-@lru_cache
-def _deciding(count: int) -> Array:
-    """Return the numbers of both pursuers of every heading of `_among`: of single ones, and of every pair twice."""
-    single, pairs = np.arange(count), pairs_of(count)
-    return np.concatenate([np.stack([single, single], axis=-1), pairs, pairs])

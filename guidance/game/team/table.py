@@ -313,7 +313,7 @@ def pairs_with(table: Table, first: Array) -> Meeting:
     busy = (every == first[..., None]).any(axis=1)[:, None] | (first < 0)[..., None]
     who = np.empty((b, m, n, 2), dtype=first.dtype)
     who[..., 0], who[..., 1] = own, np.where(busy, own, every)
-    return together(table.all, who, (np.arange(b)[:, None, None, None], np.arange(m)[:, None, None], who))
+    return together(table.all, who, place_of(who, 2))
 
 
 def taken(array: Array, index: Array) -> Array:
@@ -321,9 +321,10 @@ def taken(array: Array, index: Array) -> Array:
     return np.asarray(array[place_of(index)])
 
 
-def place_of(index: Array) -> tuple[Array, ...]:
-    """Return what takes the elements of `taken` from an array."""
-    return (*_leading(index.shape), np.maximum(index, 0))
+def place_of(index: Array, axes: int | None = None) -> tuple[Array, ...]:
+    """Return what takes elements along the axis behind some first axes of an array, by default all of the index."""
+    leading = index.shape if axes is None else index.shape[:axes] + (1,) * (index.ndim - axes)
+    return (*_leading(leading)[:axes], np.maximum(index, 0))
 
 
 @lru_cache(maxsize=16)
