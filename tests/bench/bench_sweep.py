@@ -81,7 +81,7 @@ def processor_s():
 
 
 def bench_policies(folder, seeds):
-    """The bundled sweep with other numbers of seeds, one core, in this process."""
+    """The bundled sweep with other numbers of seeds, one core, in this process; each pair of policies is one chunk."""
     text = find("policies", FOLDER).read_text(encoding="utf-8").replace("seeds = 1000", "seeds = SEEDS")
     plan, _ = planned_from(text, folder, seeds)
     table_of(plan, range(2))  # imports
@@ -201,7 +201,7 @@ def main():
         if given.million:
             bench_end_to_end(folder, 1_000_000 // share)
             return
-        bench_policies(folder, 1000 // share)
+        bench_policies(folder, 4096 // share)  # the largest chunk of a sweep in maths
         bench_maths(folder, 16384 // share)
         bench_wind(folder, 400 // share)
         bench_flights(folder, max(4, 20 // share))
