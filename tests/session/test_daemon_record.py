@@ -13,7 +13,7 @@ from guidance.flight import State
 from guidance.log import compare, cycles_of, events_of, writer
 from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
-from guidance.log.writer import Recorder
+from guidance.log.writer import VIRTUAL_CHUNK_S, Recorder
 from guidance.session.flight_files import daemon_recording, recorded_settings
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
@@ -135,6 +135,6 @@ def test_a_record_deleted_in_flight_is_no_longer_reported_as_on(base, tmp_path):
     one = base(record=recorder).engaged()
     assert one.order("status")["recording"] == "on"
     (tmp_path / "daemon.mcap").unlink()
-    one.run(0.5)
+    one.run(VIRTUAL_CHUNK_S + 0.1)
     assert one.order("status")["recording"] == f"stopped: {tmp_path / 'daemon.mcap'} was deleted"
     recorder.close()
