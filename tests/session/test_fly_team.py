@@ -26,6 +26,13 @@ def guard(tmp_path_factory):
     return fly_recorded(GUARD, folder, MockOptions(fast=True)), folder
 
 
+@pytest.fixture(scope="module")
+def story(guard):
+    """Return what the vehicles' records tell together."""
+    flown, folder = guard
+    return team_story({name: folder / name / "record.mcap" for name in flown.vehicles}, recorded_settings)
+
+
 @pytest.mark.flight
 def test_the_team_captures_what_it_guarantees_and_lands(guard):
     flown, _ = guard
@@ -80,31 +87,28 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
 
 
 @pytest.mark.flight
-def test_one_report_tells_the_flight_of_the_whole_team(guard, tmp_path):
+def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
     flown, folder = guard
-    records = {name: folder / name / "record.mcap" for name in flown.vehicles}
-    told = team_story(records, recorded_settings)
-    assert told.evaders == ["rover1", "rover2"]
+    assert story.evaders == ["rover1", "rover2"]
     for name, evader in flown.evaders.items():
-        capture = told.captures[name]
+        capture = story.captures[name]
         assert (capture.vehicle, capture.now_s) == (evader.captured_by, evader.captured_s)
-        assert "; kept: " in told.verdict(name)
-    assert [name for name, _ in rows_of(told)] == ["uav1", "uav2", "uav3", "rover1", "rover2"]
-    words = opening(told)
+        assert "; kept: " in story.verdict(name)
+    assert [name for name, _ in rows_of(story)] == ["uav1", "uav2", "uav3", "rover1", "rover2"]
+    words = opening(story)
     assert "promised 2 captures; 2 promises were kept" in words
     assert f"{flown.least_distance_m(3.0):.1f} m apart" in words
     assert "replays bit for bit" in words
+    records = {name: folder / name / "record.mcap" for name in flown.vehicles}
     page, picture = write_team_report(records, tmp_path, recorded_settings)
     assert picture.name == "plan.png"
     assert words in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.flight
-def test_a_broken_promise_is_told_with_its_cause(guard):
-    flown, folder = guard
-    told = team_story({name: folder / name / "record.mcap" for name in flown.vehicles}, recorded_settings)
-    lost = told.promised["rover1"].model_copy(update={"cause": "vehicle lost"})
-    missed = told._replace(captures={}, promised={"rover1": lost})
+def test_a_broken_promise_is_told_with_its_cause(story):
+    lost = story.promised["rover1"].model_copy(update={"cause": "vehicle lost"})
+    missed = story._replace(captures={}, promised={"rover1": lost})
     assert missed.verdict("rover1").endswith("not captured; broken: vehicle lost")
     assert missed.verdict("rover2") == "no capture could be promised; not captured"
 
