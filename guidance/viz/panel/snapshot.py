@@ -46,7 +46,7 @@ from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, 
 from guidance.monitor import Alarm, Violation
 from guidance.session.flight_files import recorded_settings
 
-ISOCHRON_INTERVAL_S: Final = 0.4
+ISOCHRON_INTERVAL_S: Final = 1.0
 ALARM_SHOWN_S: Final = 10.0
 """How long an alarm is shown."""
 
@@ -249,7 +249,8 @@ class SnapshotFold:
         row, cycle = self._last, self._flight.cycle
         if row is None or self._shown is not None:
             return self._shown
-        gap_m, height_gap_m = self._gaps_m(row.certificate)
+        certificate = row.certificate
+        gap_m, height_gap_m = self._gaps_m(certificate)
         airborne = self._flight.vehicle.armed and not self._flight.vehicle.on_ground
         snapshot: Plain = {
             **self._vehicle(),
@@ -265,7 +266,7 @@ class SnapshotFold:
             "speed_m_s": {
                 name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in ("flown", "commanded", "desired")
             },
-            "game": None if row.certificate is None else self._game(row.certificate, row.now_s),
+            "game": None if certificate is None else self._game(certificate),
             "alarm": self._recent_alarm(row.now_s),
             "age_s": {
                 "heartbeat": self._flight.vehicle.age_s(Heartbeat, row.now_s),
@@ -277,6 +278,8 @@ class SnapshotFold:
         }
         snapshot["levels"] = of_snapshot(snapshot, self._flight.settings)
         self._shown = dict(plain(snapshot))
+        if certificate is not None and not certificate.no_game:
+            self._shown["game"]["isochron_m"] = self._curve(certificate, row.now_s)  # plain already, and long
         return self._shown
 
     def _vehicle(self) -> Plain:
@@ -302,18 +305,18 @@ class SnapshotFold:
         gaps = gaps_to_disc(here, evader, self._flight.settings.cycle.standoff)
         return gaps.ground_m, gaps.height_m
 
-    def _game(self, certificate: Certificate, now_s: float) -> Plain:
+    def _game(self, certificate: Certificate) -> Plain:
         meets = not certificate.no_game
         return {
             **{name: getattr(certificate, field) for name, field in _GAME.items()},
             "reach": reach_of(certificate),
             "limits": list(certificate.active_limits),
             "meeting_m": rounded(certificate.meeting_point_game_m) if meets else None,
-            "isochron_m": self._curve(certificate, now_s) if meets else None,
+            "isochron_m": None,
         }
 
     def _curve(self, certificate: Certificate, now_s: float) -> list[Any]:
-        # Computed a few times a second only, because it solves a batch of games.
+        # Computed seldom, because it solves a batch of games.
         if not 0.0 <= now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:
             curve = isochron_at(self._flight.settings.cycle, certificate, _POINTS)
             finite = curve[np.isfinite(curve).all(axis=-1)]
