@@ -32,9 +32,6 @@ _TAKEN_FOR_GRANTED: Final = 0.8
 _FASTER: Final = 1.05
 """Least speed that the verdict uses, over the evader's; a slower pursuer has no game."""
 
-_SLOWER_DESCENT: Final = 0.08
-"""Share of the time for the height that may be missing; PX4 near its tilt limit descends at 1.4 m/s instead of 1.5."""
-
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
 
@@ -183,7 +180,8 @@ def certify(
     if waiting_m_s:
         level_m = (late[0], late[1], E[2] + game.standoff.height_m)
         ground_s = solve_state(shown, level_m, E, T, evader_velocity_m_s=seen).margin_s - (stopping_s - reaction_s)
-        height_s = there.margin_s - _SLOWER_DESCENT * here.meeting_time_s
+        late_s = (1.0 - vehicle.acceleration.descent_share) * here.meeting_time_s
+        height_s = there.margin_s - late_s - _levelling_s(here, vehicle.envelope, tolerance_m)
         turn_s = reaction_s * game.evader_speed_m_s / (u - game.evader_speed_m_s)
         margin_s = min(ground_s, height_s) - max(reaction_s, turn_s)
     if (
@@ -247,6 +245,13 @@ def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle
     late = late_start(P, waiting_m_s, players.pursuer_m_s, vehicle.acceleration)
     missing_m = max(away_m, math.dist(late[:2], X[:2])) - game.standoff.radius_m
     return waiting_m_s if missing_m < _SURELY * trusted_m_s * here.meeting_time_s else None
+
+
+def _levelling_s(here: StateSolution, envelope: Envelope, tolerance_m: float) -> float:
+    """Return the time lost by braking to the height of the disc, until the vehicle is within tolerance, s."""
+    speed_m_s, braking_m_s2 = abs(here.pursuer_velocity_m_s[2]), envelope.vertical_braking_m_s2
+    excess_m_s = speed_m_s - math.sqrt(2.0 * braking_m_s2 * tolerance_m)
+    return excess_m_s**2 / (2.0 * braking_m_s2 * speed_m_s) if excess_m_s > 0.0 else 0.0
 
 
 def _turns_back(game: Game, here: StateSolution, players: Players, vehicle: Vehicle) -> bool:

@@ -56,7 +56,7 @@ HANDLING: Final = Handling(
         servo=ServoGains(acceleration_m_s2=4.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=5.0),
         approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=0.9, lag_s=0.15, settle_s=0.2),
     ),
-    acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0),
+    acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0, descent_share=0.95),
     dynamics=Dynamics(
         acceleration_m_s2=5.0,
         vertical_acceleration_m_s2=2.0,

@@ -36,10 +36,15 @@ _LEAST_ASKED_M_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Acceleration:
-    """Guaranteed acceleration of a vehicle, m/s²: over the ground, and vertically."""
+    """Guaranteed acceleration of a vehicle, m/s²: over the ground, and vertically.
+
+    Attributes:
+        descent_share: Share of the commanded descent rate that it keeps during a chase.
+    """
 
     ground_m_s2: float
     vertical_m_s2: float
+    descent_share: float = 0.92
 
 
 def late_start(position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration) -> Vector:
