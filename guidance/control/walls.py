@@ -73,15 +73,15 @@ def measure_walls(here: Situation, envelope: Envelope, mates: Sequence[Separatio
     (north, east, down), home = here.position_ned_m, envelope.home_ned_m
     point, margin_m = (north - home[0], east - home[1]), envelope.fence_margin_m
     height_m, spare_m = home[2] - down, min(envelope.floor_margin_m, max(0.0, here.height_sd_m))
-    walls = _stand_off(here, envelope)
+    walls, above_floor_m = _stand_off(here, envelope), height_m - envelope.floor_m - spare_m
     for mate in mates:
-        walls += _separation(here, mate)
+        walls += _separation(here, mate, climbs_back=above_floor_m < 0.0)
     if envelope.fence_polygon is not None:
         walls += [
             Wall(Limiter.FENCE_POLYGON, (*outward, 0.0), gap_m - margin_m, margin_m)
             for outward, gap_m in _edges(envelope.fence_polygon, point)
         ]
-    walls.append(Wall(Limiter.FLOOR, (0.0, 0.0, 1.0), height_m - envelope.floor_m - spare_m, spare_m))
+    walls.append(Wall(Limiter.FLOOR, (0.0, 0.0, 1.0), above_floor_m, spare_m))
     walls.append(Wall(Limiter.CEILING, (0.0, 0.0, -1.0), envelope.ceiling_m - height_m))
     if envelope.fence_radius_m is not None:
         radius_m, away_m = envelope.fence_radius_m - margin_m, math.hypot(*point)
@@ -129,18 +129,20 @@ def _outside(beside_m: float, above_m: float) -> tuple[float, list[tuple[float, 
     return gap_m, [(max(0.0, beside_m) / gap_m, max(0.0, above_m) / gap_m)]
 
 
-def _separation(here: Situation, mate: Separation) -> list[Wall]:
+def _separation(here: Situation, mate: Separation, *, climbs_back: bool) -> list[Wall]:
     """Return the walls halfway to a mate's cylinder.
 
     Both vehicles stop within their halves, so nobody has to know what the other will do. Braking for a distance that
-    shrinks from both sides, the faster of two equal vehicles reaches its bound first.
+    shrinks from both sides, the faster of two equal vehicles reaches its bound first. A vehicle below the floor
+    `climbs_back` also towards a mate above.
     """
     north, east, down = difference(mate.position_ned_m, here.position_ned_m)
     away_m = math.hypot(north, east)
     to_north, to_east = (north / away_m, east / away_m) if away_m > 0.0 else (0.0, 0.0)
     gap_m, normals = _outside(away_m - mate.radius_m, abs(down) - mate.height_m)
+    towards = 0.0 if climbs_back and down < 0.0 else math.copysign(1.0, down)
     return [
-        Wall(Limiter.SEPARATION, (level * to_north, level * to_east, math.copysign(steep, down)), 0.5 * gap_m)
+        Wall(Limiter.SEPARATION, (level * to_north, level * to_east, steep * towards), 0.5 * gap_m)
         for level, steep in normals
     ]
 

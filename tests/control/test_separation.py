@@ -54,6 +54,23 @@ class Point:
         self.told.append((number, tuple(self.place), tuple(self.velocity)))
 
 
+def climb_m_s(height_m, mate_height_m):
+    """Climb rate of a vehicle that is asked to climb beside a mate at another height."""
+    here = Situation((0.0, 0.0, -height_m), (0.0, 0.0, 0.0))
+    walls = measure_walls(here, OPEN, [Separation((2.0, 0.0, -mate_height_m), APART_M, HEIGHT_M)])
+    memory = None
+    for _ in range(100):
+        limited = limit(Setpoint((0.0, 0.0, -1.0)), here, OPEN, memory, STEP_S, walls=walls)
+        memory = limited.memory
+    return -limited.setpoint.velocity_ned_m_s[2]
+
+
+def test_a_vehicle_below_the_floor_climbs_back_towards_a_mate_above():
+    assert climb_m_s(3.0, 5.0) == 0.0
+    assert climb_m_s(1.5, 3.5) == 1.0
+    assert climb_m_s(1.5, 30.0) == 1.0
+
+
 places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0), st.floats(-30.0, -8.0))
 
 
