@@ -91,7 +91,7 @@ def test_a_killed_sweep_continues_with_the_missing_chunks(short, tmp_path):
 @pytest.mark.flight
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_it_with_its_exit_code_and_keeps_the_rows(short, tmp_path, number, code):
-    (short / "sweep.toml").write_text((short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 500"))
+    (short / "sweep.toml").write_text((short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 5000"))
     arguments = [*COMMAND, str(short / "sweep.toml"), "--workers", "1", "--chunk", "4", "--out", str(tmp_path / "out")]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline_s = time.monotonic() + 60.0
