@@ -21,7 +21,14 @@ from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_who
 from guidance.sweeps.running import SERIAL, Interrupted, Shown, ThisProcess, Workers, begun, finish, planned, workers_of
 from tests.sweeps.conftest import SWEEP
 
-COMMAND = [sys.executable, "-c", "from guidance.cli import main; main()", "sweep"]
+# A shell that starts the tests in its background ignores SIGINT, and a child inherits that.
+START = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from guidance.cli import main
+main()
+"""
+COMMAND = [sys.executable, "-c", START, "sweep"]
 
 
 def run(plan, out, *, chunk=5, by=None):
