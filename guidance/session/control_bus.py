@@ -17,28 +17,16 @@ from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_wire import open_session
-from guidance.session.control_socket import (
-    STATUS,
-    TIMEOUT_S,
-    ControlSocket,
-    ControlToken,
-    Exchanges,
-    ask_here,
-    discard_token,
-    draw_token,
-    name_in,
-    publish_token,
-    read_token,
-    token_path,
-)
+from guidance.session import control_socket as local
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
+from guidance.session.vehicle_file import Control
 
 JOIN_LIMIT_S: Final = 3.0
 _TEAM: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
 
 
-def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Session":
+def host_session(endpoint: str, token: local.ControlToken | None = None) -> "zenoh.Session":
     """Listen as a router at one endpoint only; without a token every user of this computer may join.
 
     Raises:
@@ -64,7 +52,7 @@ def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Ses
 def _listener(endpoint: str) -> str:
     """Say who answers at an endpoint, if anyone does."""
     try:
-        answer = ask_here(STATUS, endpoint=endpoint, name=None)
+        answer = local.ask_here(local.STATUS, endpoint=endpoint, name=None)
     except GuidanceError:
         answer = None
     if answer is None:
@@ -104,9 +92,7 @@ class ControlBus:
     Args:
         name: The vehicle's.
         mailbox: Where orders go.
-        endpoint: The Zenoh endpoint, on loopback.
-        host: Listen there; otherwise connect to a router that is there.
-        token_file: Path of the token; the default is the one that `guidance ctl` uses.
+        control: The endpoint, whether to listen there or to connect to a router, and the token's file.
         credentials: For a router that judges certificates.
         team: Name of its team; orders to another team are not for this vehicle.
         mates: The others of the team.
@@ -123,25 +109,20 @@ class ControlBus:
         self,
         name: str,
         mailbox: Mailbox,
-        *,
-        endpoint: str,
-        host: bool,
-        token_file: Path | None = None,
+        control: Control,
         credentials: Credentials = NO_CREDENTIALS,
         team: str = "",
         mates: Sequence[str] = (),
     ) -> None:
-        self._name = name
-        self._team = team
+        self._name, self._team, self._mailbox = name, team, mailbox
         self._shown = {"name": name} | ({"team": team, "vehicles": sorted([name, *mates])} if team else {})
-        self._mailbox = mailbox
-        self._orders, self._queries = Exchanges(MOST_ORDERS), Exchanges(MOST_QUERIES)
+        self._orders, self._queries = local.Exchanges(MOST_ORDERS), local.Exchanges(MOST_QUERIES)
         with contextlib.ExitStack() as closing:
-            if host:
-                self.session, token = closing.enter_context(_hosted(endpoint, token_file))
-                closing.enter_context(contextlib.closing(ControlSocket(name, mailbox.answer, token)))
+            if control.host:
+                self.session, token = closing.enter_context(_hosted(control.endpoint, control.token_file))
+                closing.enter_context(contextlib.closing(local.ControlSocket(name, mailbox.answer, token)))
             else:
-                self.session = join_session(endpoint, token_file, credentials)
+                self.session = join_session(control.endpoint, control.token_file, credentials)
                 closing.callback(_quietly, self.session.close)
             closing.enter_context(contextlib.closing(OwnerToken(self.session, f"guidance/{name}")))
             queryable = self.session.declare_queryable(control_key(name, "*"), self._hear)
@@ -162,7 +143,7 @@ class ControlBus:
         exchanges.begin(partial(self._answer, query, word))
 
     def _answer(self, query: "zenoh.Query", order: str) -> None:
-        by = "" if query.payload is None else name_in(query.payload.to_bytes())
+        by = "" if query.payload is None else local.name_in(query.payload.to_bytes())
         answer = json.dumps({**self._shown, **self._mailbox.answer(order, by)})
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
             # Under our own key: one query may be answered by several daemons.
@@ -176,19 +157,19 @@ def _quietly(close: Callable[[], None]) -> None:
 
 
 @contextlib.contextmanager
-def _hosted(endpoint: str, token_file: Path | None) -> Iterator[tuple["zenoh.Session", ControlToken]]:
+def _hosted(endpoint: str, token_file: Path | None) -> Iterator[tuple["zenoh.Session", local.ControlToken]]:
     """Listen at an endpoint with a new token; publish the token once that works."""
-    path = token_file or token_path(endpoint)
-    token = draw_token(path)
+    path = token_file or local.token_path(endpoint)
+    token = local.draw_token(path)
     try:
         session = host_session(endpoint, token)
         try:
-            token = publish_token(token, path)
+            token = local.publish_token(token, path)
             yield session, token
         finally:
             _quietly(session.close)
     finally:
-        discard_token(token)
+        local.discard_token(token)
 
 
 @contextlib.contextmanager
@@ -209,17 +190,15 @@ def opened(
     """
     buses: dict[str, ControlBus] = {}
     with contextlib.ExitStack() as closing:
-        for name, mailbox in mailboxes.items():
-            if endpoint is None:
-                break
-            used: dict[str, Any] = {"host": not buses, "team": team, "mates": [one for one in mailboxes if one != name]}
+        for name, mailbox in mailboxes.items() if endpoint is not None else ():
+            mates = [one for one in mailboxes if one != name]
             try:
-                bus = ControlBus(name, mailbox, endpoint=endpoint, **used)
+                bus = ControlBus(name, mailbox, Control(endpoint=endpoint, host=not buses), team=team, mates=mates)
             except LinkError:
                 if buses:
                     raise
                 endpoint = free_endpoint()
-                bus = ControlBus(name, mailbox, endpoint=endpoint, **used)
+                bus = ControlBus(name, mailbox, Control(endpoint=endpoint), team=team, mates=mates)
             buses[name] = closing.enter_context(contextlib.closing(bus))
         if endpoint is not None:
             on_open(endpoint)
@@ -253,8 +232,8 @@ def join_session(
     """
     if credentials.tls is not None:
         return open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
-    path = token_path(endpoint) if token_file is None else token_file
-    token = read_token(path)
+    path = local.token_path(endpoint) if token_file is None else token_file
+    token = local.read_token(path)
     try:
         shown = Credentials(auth=None if token is None else token.for_client())
         return open_session(endpoint, timeout_s=timeout_s, credentials=shown)
@@ -272,7 +251,7 @@ def ask(
     *,
     endpoint: str,
     name: str | None,
-    timeout_s: float = TIMEOUT_S,
+    timeout_s: float = local.TIMEOUT_S,
     token_file: Path | None = None,
     credentials: Credentials = NO_CREDENTIALS,
     by: str = "",
@@ -292,11 +271,10 @@ def ask(
         ConfigError: If there are several daemons and no name, or the token may not be read.
         LinkError: If no answer comes, or the token is wrong.
     """
-    session = join_session(endpoint, token_file, credentials)
-    try:
+    with join_session(endpoint, token_file, credentials) as session:
         if name is None:
             # Never an order to all: first find out who is there.
-            there = answers(session, control_key("*", STATUS), timeout_s)
+            there = answers(session, control_key("*", local.STATUS), timeout_s)
             names = sorted(str(answer["name"]) for answer in there)
             if not names:
                 raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
@@ -304,8 +282,6 @@ def ask(
                 raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
             name = names[0]
         answered = answers(session, control_key(name, order), timeout_s, by)
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
     if not answered:
         raise LinkError(f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?")
     return answered[0]
@@ -320,7 +296,7 @@ def ask_team(
     token_file: Path | None = None,
     credentials: Credentials = NO_CREDENTIALS,
     by: str = "",
-    timeout_s: float = TIMEOUT_S,
+    timeout_s: float = local.TIMEOUT_S,
 ) -> list[dict[str, Any]]:
     """Give an order to all vehicles of a team, or to the named ones; return an answer for each.
 
@@ -330,13 +306,11 @@ def ask_team(
         ConfigError: If the token may not be read.
         LinkError: If no vehicle of the team answers, or the token is wrong.
     """
-    session = join_session(endpoint, token_file, credentials)
-    try:
-        return order_team(session, order, team, names, by=by, timeout_s=timeout_s)
-    except LinkError as error:
-        raise LinkError(f"{error} at {endpoint}; is `guidance run` running?") from error
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
+    with join_session(endpoint, token_file, credentials) as session:
+        try:
+            return order_team(session, order, team, names, by=by, timeout_s=timeout_s)
+        except LinkError as error:
+            raise LinkError(f"{error} at {endpoint}; is `guidance run` running?") from error
 
 
 def order_team(
@@ -368,14 +342,14 @@ def order_team(
         return {name: there.get(name, {"name": name, **silent}) for name in sorted(names or found[0]["vehicles"])}
 
     if order in {Event.START, Event.ENGAGE}:
-        found = asked(STATUS)
+        found = asked(local.STATUS)
         why = {name: one.get("reason") or one["refused_orders"][order] for name, one in found.items()}
         if any(why.values()):
             others = f"waits for {', '.join(name for name, reason in why.items() if reason)}"
-            common = {"accepted": False, "order": order}
+            refused = {"accepted": False, "order": order}
             return [
-                {"name": name, "state": one["state"], **common, "reason": why[name] or others}
-                for name, one in found.items()
+                {"name": name, "state": found[name]["state"], **refused, "reason": reason or others}
+                for name, reason in why.items()
             ]
     return list(asked(order).values())
 

@@ -353,8 +353,7 @@ class Daemon:
         """Log the cycle's events, count it, and show the flight once a second and when its state changes."""
         now_s = self._inputs.now_s
         say_outputs(self._log, outputs)
-        self.metrics.loop.lateness.observe(max(0.0, timing.late_s))
-        self.metrics.follow(outputs)
+        self.metrics.follow(outputs, timing.late_s)
         self._notifier.alive(now_s)
         changed = any(happening.after is not happening.before for happening in outputs.happenings)
         if now_s - self._shown_s < SHOWN_EVERY_S and not changed:

@@ -211,16 +211,11 @@ def run(
             worked_s = done_s - now_s
             due_s, missed = next_due(due_s, done_s)
             due_s += nudge_s(flying[0].position_age_s) if world.real_time else 0.0
-            _count(flying, worked_s, missed)
+            for daemon in flying:
+                daemon.metrics.worked(worked_s, missed)
             garbage.between(done_s, due_s - done_s if world.real_time else 0.0)
     finally:
         garbage.end()
-
-
-def _count(daemons: Sequence[Daemon], worked_s: float, missed: int) -> None:
-    for daemon in daemons:
-        daemon.metrics.loop.work.observe(worked_s)
-        daemon.metrics.loop.late += missed
 
 
 def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:

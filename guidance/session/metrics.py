@@ -1,18 +1,14 @@
 """Metrics of a vehicle. The loop sets the values; one thread serves them to Prometheus on loopback."""
 
 import asyncio
-import bisect
 import contextlib
-import itertools
 import math
 import socket
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Final
 
-from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Gauge, generate_latest
-from prometheus_client.core import CounterMetricFamily, HistogramMetricFamily, Metric
-from prometheus_client.registry import Collector
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
 from guidance.errors import LinkError
 from guidance.flight import Flight, Outputs, State
@@ -28,71 +24,11 @@ _GAME_METRICS: Final = (
 _BUCKETS_S: Final = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)
 
 
-class Durations:
-    """A histogram of durations."""
-
-    def __init__(self) -> None:
-        self.counts = [0] * (len(_BUCKETS_S) + 1)
-        self.sum_s = 0.0
-
-    def observe(self, duration_s: float) -> None:
-        """Count one."""
-        self.counts[bisect.bisect_left(_BUCKETS_S, duration_s)] += 1
-        self.sum_s += duration_s
-
-    @property
-    def buckets(self) -> list[tuple[str, float]]:
-        """Upper bounds, and how many durations are not above them."""
-        return list(zip((*map(str, _BUCKETS_S), "+Inf"), itertools.accumulate(self.counts), strict=True))
-
-
-class LoopCounts(Collector):
-    """What changes in every cycle, as plain numbers: the library's own counters take 20 µs a cycle.
-
-    Attributes:
-        late: Cycles that began more than one period late.
-        setpoints: Setpoints sent.
-        limits_acted: Cycles in which each limit acted.
-        lateness: Delay of the start of each cycle.
-        work: Working time of each cycle.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self.late = self.setpoints = 0
-        self.limits_acted: dict[str, int] = {}
-        self.lateness, self.work = Durations(), Durations()
-
-    def collect(self) -> Iterator[Metric]:
-        """Yield the metrics for one scrape."""
-        for key, words, value in (
-            ("cycles", "guidance cycles", sum(self.lateness.counts)),
-            ("late_cycles", "cycles that began more than one period late", self.late),
-            ("setpoints", "setpoints sent", self.setpoints),
-        ):
-            counter = CounterMetricFamily(f"guidance_{key}", words, labels=("vehicle",))
-            counter.add_metric((self._name,), value)
-            yield counter
-        acted = CounterMetricFamily(
-            "guidance_limits_acted", "cycles in which a limit acted", labels=("vehicle", "limit")
-        )
-        for limit, count in self.limits_acted.copy().items():  # the loop may add one meanwhile
-            acted.add_metric((self._name, limit), count)
-        yield acted
-        for key, words, durations in (
-            ("lateness_seconds", "delay of the start of a cycle", self.lateness),
-            ("work_seconds", "working time of a cycle", self.work),
-        ):
-            histogram = HistogramMetricFamily(f"guidance_{key}", words, labels=("vehicle",))
-            histogram.add_metric((self._name,), durations.buckets, durations.sum_s)
-            yield histogram
-
-
 class Metrics:
     """All metrics of one vehicle, in a separate registry."""
 
     def __init__(self, name: str) -> None:
-        self.registry = CollectorRegistry()
+        self._name, self.registry = name, CollectorRegistry()
         registry = self.registry
 
         def gauge(key: str, words: str, *labels: str) -> Gauge:
@@ -101,7 +37,10 @@ class Metrics:
         def counter(key: str, words: str, *labels: str) -> Counter:
             return Counter(f"guidance_{key}", words, ("vehicle", *labels), registry=registry)
 
-        self._name = name
+        def histogram(key: str, words: str) -> Histogram:
+            named = Histogram(f"guidance_{key}_seconds", words, ("vehicle",), registry=registry, buckets=_BUCKETS_S)
+            return named.labels(name)
+
         self._state = gauge("state", "1 for the state the flight is in", "state")
         self._ages = gauge("age_seconds", "age of the last message", "what")
         self._game = gauge("game", "the certificate of the last cycle", "what")
@@ -109,20 +48,30 @@ class Metrics:
         self._events = counter("events", "events of the flight", "event")
         self._alarms = counter("alarms", "alarms: violations of the guarantee", "broken")
         self._orders = counter("orders", "orders, accepted or refused", "order", "accepted")
-        self.loop = LoopCounts(name)
-        registry.register(self.loop)
+        self._acted = counter("limits_acted", "cycles in which a limit acted", "limit")
+        self._cycles = counter("cycles", "guidance cycles").labels(name)
+        self._setpoints = counter("setpoints", "setpoints sent").labels(name)
+        self._late = counter("late_cycles", "cycles that began more than one period late").labels(name)
+        self._lateness = histogram("lateness", "delay of the start of a cycle")
+        self._work = histogram("work", "working time of a cycle")
 
-    def follow(self, outputs: Outputs) -> None:
-        """Count the outputs of one cycle."""
-        self.loop.setpoints += outputs.setpoint is not None
+    def worked(self, work_s: float, missed: int) -> None:
+        """Count a cycle of the loop: its working time, and how many cycles it made late."""
+        self._work.observe(work_s)
+        self._late.inc(missed)
+
+    def follow(self, outputs: Outputs, late_s: float | None = None) -> None:
+        """Count the outputs of one cycle that began `late_s` late; None: of one that failed."""
+        if late_s is not None:
+            self._cycles.inc()
+            self._lateness.observe(max(0.0, late_s))
+        self._setpoints.inc(outputs.setpoint is not None)
         for happening in outputs.happenings:
-            self._events.labels(self._name, str(happening.event)).inc()
+            self.happened(str(happening.event))
         if outputs.alarm is not None:
             self._alarms.labels(self._name, str(outputs.alarm.violation)).inc()
-        if outputs.certificate is not None:
-            acted = self.loop.limits_acted
-            for limit in outputs.certificate.active_limits:
-                acted[limit] = acted.get(limit, 0) + 1
+        for limit in () if outputs.certificate is None else outputs.certificate.active_limits:
+            self._acted.labels(self._name, limit).inc()
 
     def show(self, now_s: float, flight: Flight, outputs: Outputs, counters: Mapping[str, Mapping[str, int]]) -> None:
         """Set the gauges. Called once a second.
@@ -177,11 +126,9 @@ class MetricsServer:
         except OSError as error:
             raise LinkError(f"metrics.port = {port}: {error.strerror}; choose another") from error
         self.port = int(listener.getsockname()[1])
-        self._registry = metrics.registry
-        self._deadline_s = deadline_s
+        self._registry, self._deadline_s = metrics.registry, deadline_s
         self._answering: list[asyncio.Task[None] | None] = []
-        self._loop = asyncio.new_event_loop()
-        self._ended = asyncio.Event()
+        self._loop, self._ended = asyncio.new_event_loop(), asyncio.Event()
         self._thread = threading.Thread(target=self._run, args=(listener,), name="metrics")
         self._thread.start()
 

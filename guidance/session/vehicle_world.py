@@ -86,17 +86,9 @@ def open_control(config: Config, mailbox: Mailbox) -> ControlBus:
         OutputError: If the token cannot be written.
         LinkError: If no session can be opened, or another daemon owns the vehicle.
     """
-    control = config.control
-    return ControlBus(
-        config.name,
-        mailbox,
-        endpoint=control.endpoint,
-        host=control.host,
-        token_file=control.token_file,
-        credentials=credentials_of(config.zenoh) if control.by_tls else NO_CREDENTIALS,
-        team="" if config.team is None else config.team.name,
-        mates=() if config.team is None else config.team.mates,
-    )
+    credentials = credentials_of(config.zenoh) if config.control.by_tls else NO_CREDENTIALS
+    team, mates = ("", ()) if config.team is None else (config.team.name, config.team.mates)
+    return ControlBus(config.name, mailbox, config.control, credentials, team, mates)
 
 
 def open_all(

@@ -33,7 +33,7 @@ from guidance.session.fly import fly
 from guidance.session.orders import Mailbox
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
-from guidance.session.vehicle_file import load_vehicle
+from guidance.session.vehicle_file import Control, load_vehicle
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 
@@ -141,7 +141,7 @@ def orders(wanted: int, within_s: float) -> bool:
     with daemon_on_the_ground() as (daemon, _, port):
         at = f"tcp/127.0.0.1:{port}"
         daemon.mailbox.meanwhile(lambda order: {"accepted": True, "order": order, "name": "bench"})
-        bus = ControlBus("bench", daemon.mailbox, endpoint=at, host=True)
+        bus = ControlBus("bench", daemon.mailbox, Control(endpoint=at, host=True))
         session = join_session(at)
         words = ("status", "hold", "land")
 

@@ -29,6 +29,7 @@ from guidance.links.zenoh_wire import open_router, open_session
 from guidance.log.broadcast import Broadcast, LiveFlight
 from guidance.session.control_bus import ControlBus, OwnerToken, ask, join_session
 from guidance.session.orders import Mailbox
+from guidance.session.vehicle_file import Control
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.transports.zenoh_session import ZenohEndpoint, read_keys
 from tests.links.peer import until
@@ -127,7 +128,7 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
 def test_an_operator_orders_and_a_viewer_looks_on(keys, port):
     endpoint, mailbox = f"tls/127.0.0.1:{port}", Mailbox()
     mailbox.meanwhile(lambda order: {"accepted": True, "order": order, "name": "uav1"})
-    bus = ControlBus("uav1", mailbox, endpoint=endpoint, host=False, credentials=of(keys, "uav1-guidance"))
+    bus = ControlBus("uav1", mailbox, Control(endpoint=endpoint, host=False), credentials=of(keys, "uav1-guidance"))
     broadcast = Broadcast("uav1", bus.session, {"seed": "3"})
     try:
         operator = of(keys, "operator")

@@ -17,6 +17,7 @@ from guidance.links.zenoh_access import Credentials, read_credentials
 from guidance.links.zenoh_wire import open_router, open_session
 from guidance.session.control_bus import ControlBus, OwnerToken, ask
 from guidance.session.orders import Mailbox
+from guidance.session.vehicle_file import Control
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 
@@ -61,7 +62,7 @@ class Orders:
 def daemon(keys, endpoint):
     """The daemon's control bus at a router; its orders."""
     orders, credentials = Orders(), of(keys, "uav1-guidance")
-    with closing(ControlBus("uav1", orders.mailbox, endpoint=endpoint, host=False, credentials=credentials)):
+    with closing(ControlBus("uav1", orders.mailbox, Control(endpoint=endpoint, host=False), credentials=credentials)):
         yield orders
 
 
@@ -115,7 +116,9 @@ def replay(port, recorded):
 def test_a_recorded_order_to_a_loopback_port_is_worthless(tmp_path):
     """The password answers a new challenge at each connection."""
     port, orders, token = free_port(socket.SOCK_STREAM), Orders(), tmp_path / "run" / "uav1.token"
-    with closing(ControlBus("uav1", orders.mailbox, endpoint=f"tcp/127.0.0.1:{port}", host=True, token_file=token)):
+    with closing(
+        ControlBus("uav1", orders.mailbox, Control(endpoint=f"tcp/127.0.0.1:{port}", host=True, token_file=token))
+    ):
         with recording_proxy(port) as (proxy, sent):
             ask("hold", endpoint=f"tcp/127.0.0.1:{proxy}", name="uav1", token_file=token)
         assert orders.taken == ["hold"]
@@ -142,7 +145,9 @@ def test_a_recorded_order_to_a_router_is_worthless(keys, endpoint):
 def test_with_a_certificate_of_another_role_nobody_owns_the_vehicle_or_takes_orders(keys, endpoint, name):
     with open_router(ROUTER, keys, endpoint):
         stranger = Orders()
-        forged = ControlBus("uav1", stranger.mailbox, endpoint=endpoint, host=False, credentials=of(keys, name))
+        forged = ControlBus(
+            "uav1", stranger.mailbox, Control(endpoint=endpoint, host=False), credentials=of(keys, name)
+        )
         with closing(forged), daemon(keys, endpoint) as orders:
             assert until(lambda: is_answered(keys, endpoint, "operator"))
         assert orders.taken

@@ -14,6 +14,7 @@ from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_router, open_session
 from guidance.session.control_bus import ControlBus, ask_team
 from guidance.session.orders import Mailbox
+from guidance.session.vehicle_file import Control
 from guidance.team.board import Board
 from guidance.team.messages import encode
 from tests.links.peer import until
@@ -84,15 +85,11 @@ def test_only_the_operator_orders_the_team(joined, keys):
         for name in VEHICLES:
             mailbox = Mailbox()
             mailbox.meanwhile(lambda order: {"accepted": True, "order": order, "state": "holding"})
-            bus = ControlBus(
-                name,
-                mailbox,
-                endpoint=joined[1],
-                host=False,
-                credentials=read_credentials(keys / f"{name}-guidance.toml"),
-                team="north",
-                mates=[mate for mate in VEHICLES if mate != name],
+            control, credentials = (
+                Control(endpoint=joined[1], host=False),
+                read_credentials(keys / f"{name}-guidance.toml"),
             )
+            bus = ControlBus(name, mailbox, control, credentials, "north", [mate for mate in VEHICLES if mate != name])
             open_here.callback(bus.close)
         operator, viewer = (read_credentials(keys / f"{name}.toml") for name in ("operator", "viewer"))
         answers = ask_team("hold", "north", (), endpoint=joined[1], credentials=operator)

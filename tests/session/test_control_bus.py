@@ -17,6 +17,7 @@ from guidance.session.control_bus import ControlBus, OwnerToken, answers, ask, c
 from guidance.session.control_bus import join_session as open_session
 from guidance.session.control_socket import TIMEOUT_S, ask_here
 from guidance.session.orders import ANSWER_LIMIT_S, Mailbox
+from guidance.session.vehicle_file import Control
 
 
 @pytest.fixture
@@ -54,7 +55,7 @@ def daemon(endpoint):
         mailbox = Mailbox()
         if answering:
             opened.append(AnsweringLoop(mailbox, name))
-        opened.append(ControlBus(name, mailbox, endpoint=endpoint, host=host))
+        opened.append(ControlBus(name, mailbox, Control(endpoint=endpoint, host=host)))
         return opened[-1]
 
     yield start

@@ -13,6 +13,7 @@ from guidance.links.zenoh_wire import open_session
 from guidance.session import control_socket
 from guidance.session.control_bus import ControlBus, join_session
 from guidance.session.orders import Mailbox
+from guidance.session.vehicle_file import Control
 
 
 @pytest.fixture
@@ -115,7 +116,7 @@ def test_the_token_lies_in_the_runtime_folder_of_the_service_or_of_the_user(monk
 
 @pytest.fixture
 def control(endpoint, path):
-    bus = ControlBus("uav1", Mailbox(), endpoint=endpoint, host=True, token_file=path)
+    bus = ControlBus("uav1", Mailbox(), Control(endpoint=endpoint, host=True, token_file=path))
     yield bus
     bus.close()
 
@@ -135,7 +136,7 @@ def test_nobody_gets_in_without_the_token(control, endpoint, path, tmp_path):
 def test_a_daemon_that_finds_the_endpoint_taken_leaves_the_owners_token_alone(control, endpoint, path):
     before = path.read_text()
     with pytest.raises(LinkError, match="cannot listen there"):
-        ControlBus("uav2", Mailbox(), endpoint=endpoint, host=True, token_file=path)
+        ControlBus("uav2", Mailbox(), Control(endpoint=endpoint, host=True, token_file=path))
     assert path.read_text() == before
     assert sorted(one.name for one in path.parent.iterdir()) == [path.with_suffix(".sock").name, path.name]
     control.close()

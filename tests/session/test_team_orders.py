@@ -13,6 +13,7 @@ from guidance.errors import LinkError
 from guidance.links.zenoh_wire import open_session
 from guidance.session.control_bus import ControlBus, ask, ask_team, free_endpoint
 from guidance.session.orders import Mailbox
+from guidance.session.vehicle_file import Control
 
 pytestmark = pytest.mark.slow
 
@@ -50,15 +51,8 @@ def team(tmp_path):
         def add(name, team):
             mailbox, mates = Mailbox(), [mate for mate in NAMES if mate != name]
             vehicles[name] = closing.enter_context(contextlib.closing(Vehicle(name, mailbox)))
-            bus = ControlBus(
-                name,
-                mailbox,
-                endpoint=endpoint,
-                host=not vehicles.keys() - {name},
-                token_file=token,
-                team=team,
-                mates=mates if team else (),
-            )
+            control = Control(endpoint=endpoint, host=not vehicles.keys() - {name}, token_file=token)
+            bus = ControlBus(name, mailbox, control, team=team, mates=mates if team else ())
             closing.callback(bus.close)
 
         add("uav1", "north")
