@@ -13,16 +13,17 @@ import heapq
 import json
 import math
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
 from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any, Final, NamedTuple, get_type_hints
+from typing import Any, Final, get_type_hints
 from xml.sax.saxutils import escape
 
 from pymavlink.dialects.v20 import all as dialect
 
+from guidance import messages
 from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.extras import require
@@ -35,19 +36,10 @@ from guidance.log.aggregator import SettingsOf
 from guidance.log.codec import inside
 from guidance.log.reader import Survey, cycles_of, metadata_of, scan, title_of
 from guidance.log.scene import fence_edges
-from guidance.messages import (
-    AltitudeSaid,
-    Attitude,
-    EvaderReport,
-    GlobalPosition,
-    Heartbeat,
-    Home,
-    LocalPosition,
-    Setpoint,
-    SystemStatus,
-)
+from guidance.messages import AltitudeSaid, EvaderReport, GlobalPosition, Home, Setpoint
 from guidance.vehicle import VehicleState, observe
 
+EXPORTS: Final = (".tlog", ".csv", ".parquet", ".geojson", ".kml")
 ENCODING: Final = "mavlink"
 _REORDER_S: Final = 1.0
 """Frames are recorded vehicle by vehicle each cycle, so times within this window may be out of order."""
@@ -56,11 +48,11 @@ _ROWS_AT_ONCE: Final = 4096
 _AXES: Final = {"_ned": ("north", "east", "down"), "_game": ("east", "north", "up")}
 _EVADER: Final = "received_s sent_s source latitude_deg longitude_deg altitude_amsl_m velocity_ned_m_s"
 _EXPORTED: Final[tuple[tuple[str, type, str], ...]] = (
-    ("vehicle_", LocalPosition, "position_ned_m velocity_ned_m_s"),
+    ("vehicle_", messages.LocalPosition, "position_ned_m velocity_ned_m_s"),
     ("vehicle_", GlobalPosition, "latitude_deg longitude_deg altitude_amsl_m altitude_above_home_m"),
-    ("vehicle_", Attitude, "yaw_rad"),
-    ("vehicle_", Heartbeat, "custom_mode armed"),
-    ("vehicle_", SystemStatus, "battery_remaining"),
+    ("vehicle_", messages.Attitude, "yaw_rad"),
+    ("vehicle_", messages.Heartbeat, "custom_mode armed"),
+    ("vehicle_", messages.SystemStatus, "battery_remaining"),
     ("evader_", EvaderReport, _EVADER),
     ("evader_said_", AltitudeSaid, " ".join(AltitudeSaid._fields)),
     ("setpoint_", Setpoint, " ".join(Setpoint._fields)),
@@ -74,13 +66,8 @@ Coordinates = tuple[float, float, float]
 """Longitude and latitude in degrees, altitude above mean sea level in metres."""
 
 
-class Feature(NamedTuple):
-    """One shape on the map: a `LineString`, a `Point`, or a `Polygon` given by its closed edge."""
-
-    name: str
-    shape: str
-    places: Sequence[Coordinates]
-    properties: Mapping[str, Any] = {}
+Feature = dict[str, Any]
+"""One shape on the map, as GeoJSON."""
 
 
 def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
@@ -92,10 +79,13 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
     """
     if out.suffix not in EXPORTS:
         raise ConfigError(f"{out}: must end in {', '.join(EXPORTS)}")
-    what, write = EXPORTS[out.suffix]
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        return f"{write(path, out, settings_of)} {what}"
+        if out.suffix == ".tlog":
+            return f"{write_tlog(path, out)} frames"
+        if out.suffix in {".csv", ".parquet"}:
+            return f"{write_table(path, out)} cycles"
+        return f"{write_map(path, out, settings_of)} features"
 
 
 def write_tlog(path: Path, out: Path) -> int:
@@ -165,9 +155,9 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
             tracks.setdefault(f"evader ({report.source})", []).append(report)
         if row.state != state and tracks["pursuer"]:
             state = row.state
-            changes.append(Feature(state, "Point", [_place(tracks["pursuer"][-1])], {"time_s": row.now_s}))
+            changes.append(feature(state, "Point", [_place(tracks["pursuer"][-1])], time_s=row.now_s))
     drawn = [
-        Feature(name, "LineString", [*map(_place, track)], {"times_s": [round(one.received_s, 3) for one in track]})
+        feature(name, "LineString", [*map(_place, track)], times_s=[round(one.received_s, 3) for one in track])
         for name, track in tracks.items()
         if len(track) > 1
     ]
@@ -186,14 +176,14 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
     for edge in fence_edges(envelope, (0.0, 0.0, 0.0)):
         places = [_placed(frame, north_m, east_m) for east_m, north_m in edge.tolist()]
         turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(places))
-        yield Feature("fence", "Polygon", places if turning > 0.0 else places[::-1])
+        yield feature("fence", "Polygon", places if turning > 0.0 else places[::-1])
 
 
 def _goal(settings: FlightSettings) -> Iterator[Feature]:
     target_m, site = settings.cycle.target_game_m, settings.cycle.site
     if target_m is not None and site is not None:
         frame = LocalFrame(*site, projection=settings.autopilot.projection)
-        yield Feature("target T", "Point", [_placed(frame, target_m[1], target_m[0])])
+        yield feature("target T", "Point", [_placed(frame, target_m[1], target_m[0])])
 
 
 def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
@@ -218,49 +208,46 @@ def write_map(path: Path, out: Path, settings_of: SettingsOf) -> int:
     return len(features)
 
 
+def feature(name: str, shape: str, places: Sequence[Coordinates], **properties: Any) -> Feature:  # noqa: ANN401
+    """Return a feature; a Polygon is given by its closed edge."""
+    line = [_rounded(place) for place in places]
+    coordinates = {"LineString": line, "Point": line[0], "Polygon": [line]}[shape]
+    geometry = {"type": shape, "coordinates": coordinates}
+    return {"type": "Feature", "properties": {"name": name, **properties}, "geometry": geometry}
+
+
 def geojson(features: Sequence[Feature], title: str) -> str:
     """Return a FeatureCollection."""
-    collection = {"type": "FeatureCollection", "name": title, "features": [*map(_geojson, features)]}
-    return json.dumps(collection, allow_nan=False)
+    return json.dumps({"type": "FeatureCollection", "name": title, "features": features}, allow_nan=False)
 
 
 def kml(features: Sequence[Feature], title: str) -> str:
     """Return a KML document with a placemark for each feature."""
-    styles = (
+    styles = "\n".join(
         f'<Style id="{name}"><LineStyle><color>{colour}</color><width>2</width></LineStyle></Style>'
         for name, colour in _COLOURS.items()
     )
-    parts = [
-        '<?xml version="1.0" encoding="utf-8"?>',
-        f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document>\n<name>{_xml(title)}</name>',
-        *styles,
-        *map(_placemark, features),
-        "</Document></kml>",
-    ]
-    return "\n".join(parts)
-
-
-def _geojson(feature: Feature) -> dict[str, Any]:
-    line = [_rounded(place) for place in feature.places]
-    coordinates = {"LineString": line, "Point": line[0], "Polygon": [line]}[feature.shape]
-    return {
-        "type": "Feature",
-        "properties": {"name": feature.name, **feature.properties},
-        "geometry": {"type": feature.shape, "coordinates": coordinates},
-    }
+    placemarks = "\n".join(map(_placemark, features))
+    return f"""<?xml version="1.0" encoding="utf-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2"><Document>
+<name>{_xml(title)}</name>
+{styles}
+{placemarks}
+</Document></kml>"""
 
 
 def _placemark(feature: Feature) -> str:
-    kind, time_s = feature.shape, feature.properties.get("time_s")
-    places = " ".join(",".join(map(str, _rounded(place))) for place in feature.places)
-    shape = f"<coordinates>{places}</coordinates>"
+    kind, coordinates = feature["geometry"]["type"], feature["geometry"]["coordinates"]
+    name, time_s = feature["properties"]["name"], feature["properties"].get("time_s")
+    line = {"Point": [coordinates], "Polygon": coordinates[0]}.get(kind, coordinates)
+    shape = f"<coordinates>{' '.join(','.join(map(str, place)) for place in line)}</coordinates>"
     if kind == "Polygon":
         shape = f"<outerBoundaryIs><LinearRing>{shape}</LinearRing></outerBoundaryIs>"
     else:
         shape = f"<altitudeMode>absolute</altitudeMode>{shape}"
     note = "" if time_s is None else f"<description>{time_s:.2f} s</description>"
-    style = "".join(f"<styleUrl>#{name}</styleUrl>" for name in _COLOURS if feature.name.startswith(name))
-    return f"<Placemark><name>{_xml(feature.name)}</name>{note}{style}<{kind}>{shape}</{kind}></Placemark>"
+    style = "".join(f"<styleUrl>#{known}</styleUrl>" for known in _COLOURS if name.startswith(known))
+    return f"<Placemark><name>{_xml(name)}</name>{note}{style}<{kind}>{shape}</{kind}></Placemark>"
 
 
 def _xml(text: str) -> str:
@@ -327,12 +314,3 @@ def _rows(path: Path) -> Iterator[dict[str, Any]]:
             else:
                 cells[names[0]] = "; ".join(value) if isinstance(value, tuple) else value
         yield cells
-
-
-EXPORTS: Final[Mapping[str, tuple[str, Callable[[Path, Path, SettingsOf], int]]]] = {
-    ".tlog": ("frames", lambda path, out, _: write_tlog(path, out)),
-    ".csv": ("cycles", lambda path, out, _: write_table(path, out)),
-    ".parquet": ("cycles", lambda path, out, _: write_table(path, out)),
-    ".geojson": ("features", write_map),
-    ".kml": ("features", write_map),
-}

@@ -28,7 +28,7 @@ from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import Aggregator, cycles_of, metadata_of, reports_of, scan, survey_of
 from guidance.log.entries import EVADER_TOPIC
-from guidance.log.export import EXPORTS, Feature, export, features_of, started_unix_s, write_tlog
+from guidance.log.export import EXPORTS, export, feature, features_of, started_unix_s, write_tlog
 from guidance.log.export import geojson as written
 from guidance.log.scene import fence_edges
 from guidance.log.writer import Recorder
@@ -186,8 +186,8 @@ def test_the_kml_is_well_formed_and_has_the_same_places(exported):
 
 
 def test_an_unknown_altitude_is_left_out_of_a_place():
-    feature = Feature("evader", "Point", [(8.0, 47.0, math.nan)])
-    assert json.loads(written([feature], "t"))["features"][0]["geometry"]["coordinates"] == [8.0, 47.0]
+    place = feature("evader", "Point", [(8.0, 47.0, math.nan)])
+    assert json.loads(written([place], "t"))["features"][0]["geometry"]["coordinates"] == [8.0, 47.0]
 
 
 @given(cuts=st.lists(st.integers(1, 60), min_size=1, max_size=20), begin=st.integers(0, 1000))
@@ -264,11 +264,12 @@ def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     else:
         corners = corners_deg if given == "degrees" else corners_deg[::-1]
         settings = settings.model_copy(update={"limits": Limits(fence_polygon_deg=corners)})
-    fence = [one for one in features_of(flight[1], settings) if one.name == "fence"][-1]
-    drawn = {(round(latitude, 9), round(longitude, 9)) for longitude, latitude, _ in fence.places}
-    assert drawn == {(round(latitude, 9), round(longitude, 9)) for latitude, longitude in corners_deg}
-    assert fence.places[0] == fence.places[-1]
-    assert sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(fence.places)) > 0.0  # anticlockwise
+    fences = [one for one in features_of(flight[1], settings) if one["properties"]["name"] == "fence"]
+    (edge,) = fences[-1]["geometry"]["coordinates"]
+    drawn = {(latitude, longitude) for longitude, latitude, _ in edge}
+    assert drawn == {(round(latitude, 8), round(longitude, 8)) for latitude, longitude in corners_deg}
+    assert edge[0] == edge[-1]
+    assert sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(edge)) > 0.0  # anticlockwise
     aggregator = Aggregator(lambda _: settings, {}, "test")
     for item in itertools.islice(scan(flight[1]), 10_000):
         aggregator.take(item)
