@@ -13,8 +13,7 @@ FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
 
 _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
-_FILES: Final = {"--token-file": "token_file", "--zenoh": "zenoh"}
-_OPTIONS: Final = frozenset({"--endpoint", "--name", "--team", *_FILES})
+_OPTIONS: Final = frozenset({"--endpoint", "--name", "--team", "--token-file", "--zenoh"})
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, imported lazily
@@ -67,54 +66,50 @@ def _short_order(arguments: Sequence[str]) -> int | None:
     given = dict(zip(arguments[2::2], arguments[3::2], strict=True))
     if not given.keys() <= _OPTIONS:
         return None
-    from guidance.session.control_socket import ENDPOINT  # noqa: PLC0415 - only orders need it
-
-    endpoint, name, team = given.get("--endpoint", ENDPOINT), given.get("--name"), given.get("--team")
-    files = {key: Path(given[option]) if option in given else None for option, key in _FILES.items()}
-    if team is None:
-        return show(ask(arguments[1], endpoint=endpoint, name=name, **files))
-    names = [] if name is None else name.split(",")
-    return max(map(show, ask_team(arguments[1], team, names, endpoint=endpoint, **files)))
+    options: dict[str, Any] = {option[2:].replace("-", "_"): word for option, word in given.items()}
+    options |= {name: Path(options[name]) for name in ("token_file", "zenoh") if name in options}
+    return max(map(show, ask(arguments[1], **options)))
 
 
 def ask(
-    order: str, *, endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None = None
-) -> Mapping[str, Any]:
-    """Give an order to a daemon: by its socket if it has one on this computer, else over Zenoh.
+    order: str,
+    *,
+    endpoint: str | None = None,
+    name: str | None = None,
+    team: str | None = None,
+    token_file: Path | None = None,
+    zenoh: Path | None = None,
+) -> Sequence[Mapping[str, Any]]:
+    """Give an order to a daemon, by its socket if it has one on this computer, else over Zenoh; or to a team.
 
     Args:
         order: An order or a query of a daemon.
-        endpoint: The daemon's control endpoint.
-        name: The daemon's; None takes the only one there is.
+        endpoint: The daemon's control endpoint; None is the usual one.
+        name: The daemon's; None takes the only one there is. Of a team: names separated by commas; None is all.
+        team: Name of the team.
         token_file: Where its token lies, if not in the usual place.
         zenoh: Our settings for a router that judges certificates, in place of a token.
+
+    Returns:
+        An answer of each vehicle.
 
     Raises:
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
-    from guidance.session.control_socket import ask_here, own_name  # noqa: PLC0415 - only orders need it
+    from guidance.session.control_socket import ENDPOINT, ask_here, own_name  # noqa: PLC0415 - only orders need it
 
-    given: dict[str, Any] = {"endpoint": endpoint, "name": name, "token_file": token_file, "by": own_name("ctl")}
-    answer = ask_here(order, **given) if zenoh is None else None
+    given: dict[str, Any] = {"endpoint": endpoint or ENDPOINT, "token_file": token_file, "by": own_name("ctl")}
+    answer = ask_here(order, name=name, **given) if team is None and zenoh is None else None
     if answer is not None:
-        return answer
+        return [answer]
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
     from guidance.session import control_bus  # noqa: PLC0415
 
-    return control_bus.ask(order, **given, credentials=read_credentials(zenoh))
-
-
-def ask_team(
-    order: str, team: str, names: Sequence[str], *, endpoint: str, token_file: Path | None, zenoh: Path | None
-) -> Sequence[Mapping[str, Any]]:
-    """Give an order to a team; see `guidance.session.control_bus.ask_team`."""
-    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
-    from guidance.session import control_bus  # noqa: PLC0415
-    from guidance.session.control_socket import own_name  # noqa: PLC0415 - only orders need it
-
-    given: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file, "by": own_name("ctl")}
-    return control_bus.ask_team(order, team, names, **given, credentials=read_credentials(zenoh))
+    given["credentials"] = read_credentials(zenoh)
+    if team is None:
+        return [control_bus.ask(order, name=name, **given)]
+    return control_bus.ask_team(order, team, [] if name is None else name.split(","), **given)
 
 
 def show(answer: Mapping[str, Any]) -> int:

@@ -3,22 +3,20 @@
 import contextlib
 import json
 import math
-import time
-from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, Final
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console, Group, RenderableType
-from rich.live import Live
+from rich.console import Group, RenderableType
 from rich.text import Text
 
-from guidance.cli import ask, ask_team, show
-from guidance.cli.arguments import Json, Panel, TokenFile, ZenohFile, refuse
+from guidance.cli import ask, show
+from guidance.cli.arguments import Json, Panel, TokenFile, ZenohFile
 from guidance.cli.viewers import panel_beside
 from guidance.config import find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
-from guidance.screen import Cell, console, pairs, redraws
+from guidance.screen import Cell, console, pairs
 from guidance.session.control_socket import ENDPOINT
 
 
@@ -54,7 +52,6 @@ def run(
 
 
 def ctl(
-    ctx: typer.Context,
     order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive.")],
     name: Annotated[
         str | None, typer.Option(help="The vehicle's name, if there are several; with --team uav1,uav2 for several.")
@@ -64,7 +61,6 @@ def ctl(
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
     as_json: Json = False,
-    watch: Annotated[bool, typer.Option("--watch", help="With status or alive: once a second, until Ctrl-C.")] = False,
 ) -> None:
     """Give a running daemon an order, and say what became of it; `status` shows where the flight stands.
 
@@ -80,46 +76,25 @@ def ctl(
 
     Exit codes: 0 accepted, 4 refused (the answer says why), 3 no answer.
 
-    - `guidance ctl status --watch`: where the flight stands, as it changes
     - `guidance ctl engage --name px4`: to one of several daemons
-    - `guidance ctl alive --watch`: a person is there, until Ctrl-C; and where the flight stands
+    - `watch guidance ctl alive`: a person is there, until Ctrl-C
     - `guidance ctl status --json`: for programs
     - `guidance ctl hold --team north`: to all vehicles of a team
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
-    if order not in {"alive", "status"} or as_json:
-        refuse(ctx, f"{order} --json" if as_json else order, "with status and alive, for people", "--watch")
-
-    def asked() -> Mapping[str, Any]:
-        return ask(order, endpoint=endpoint, name=name, token_file=token_file, zenoh=zenoh)
-
-    if team is not None:
-        refuse(ctx, "--team", "for one vehicle", "--watch")
-        names = [] if name is None else name.split(",")
-        answers = ask_team(order, team, names, endpoint=endpoint, token_file=token_file, zenoh=zenoh)
-    elif watch:
-        watch_status(console(), asked)
-        return
-    else:
-        answers = [asked()]
+    answers = ask(order, endpoint=endpoint, name=name, team=team, token_file=token_file, zenoh=zenoh)
     if as_json:
         typer.echo(json.dumps(answers[0] if team is None else answers, indent=2))
     else:
         for answer in answers:
-            show_answer(answer)
+            if answer["order"] == "status" and answer["accepted"]:
+                console().print(status_table(answer))
+            else:
+                show(answer)
     if not all(answer["accepted"] for answer in answers):
         raise typer.Exit(FlightError.exit_code)
 
 
-def show_answer(answer: Mapping[str, Any]) -> None:
-    """Show what became of an order, or the status."""
-    if answer["order"] == "status" and answer["accepted"]:
-        console().print(status_table(answer))
-    else:
-        show(answer)
-
-
-WATCH_S: Final = 1.0
 Status = Mapping[str, Any]
 
 
@@ -193,30 +168,3 @@ def _age(status: Status, key: str) -> str:
 def _number(game: Status, key: str) -> str:
     value = game.get(key)
     return "-" if value is None else f"{value:.1f}"
-
-
-def watch_status(
-    there: Console, ask: Callable[[], Status], sleep: Callable[[float], None] = time.sleep, *, times: int | None = None
-) -> None:
-    """Show a status once a second until Ctrl-C; without a terminal, one below the other.
-
-    Args:
-        there: The console.
-        ask: Returns the daemon's status.
-        sleep: Waits, s.
-        times: How often; None for ever.
-
-    Raises:
-        LinkError: If the daemon stops answering.
-    """
-    count = 0
-    with Live(console=there, auto_refresh=False, transient=False) as live:
-        while times is None or count < times:
-            table = status_table(ask())
-            if redraws(there):
-                live.update(table, refresh=True)
-            else:
-                there.print(table)
-                there.print("")
-            count += 1
-            sleep(WATCH_S)

@@ -1,6 +1,7 @@
 """The `guidance` command: its sub-commands, each imported only when it is used."""
 
-from collections.abc import Iterator, Mapping
+from collections import UserDict
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Annotated, Any, Final
 
@@ -32,11 +33,11 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
 """Every command: its module, and its line in the help. The function or `typer.Typer` has the command's name."""
 
 
-class _LazyCommands(Mapping[str, Any]):
-    """The commands by name."""
+class _LazyCommands(UserDict[str, Any]):
+    """The commands by name, imported when they are taken."""
 
     def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - click's own classes
-        command = getattr(import_module(f"guidance.cli.{COMMANDS[name][0]}"), name)
+        command = getattr(import_module(f"guidance.cli.{self.data[name][0]}"), name)
         if isinstance(command, typer.Typer):
             group = typer.main.get_group(command)
             group.name = name
@@ -45,18 +46,12 @@ class _LazyCommands(Mapping[str, Any]):
         alone.command(name)(command)
         return typer.main.get_command(alone)
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(COMMANDS)
-
-    def __len__(self) -> int:
-        return len(COMMANDS)
-
 
 class Program(CommandGroup):
     """The root command. Its help is printed without Rich, whose import is slow."""
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - click's
-        super().__init__(**settings | {"commands": _LazyCommands()})
+        super().__init__(**settings | {"commands": _LazyCommands(COMMANDS)})
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401, ARG002 - click's context
         """Return the names, without importing the commands."""

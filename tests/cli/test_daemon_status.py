@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from guidance.cli import answer_words
-from guidance.cli.daemon import status_table, watch_status
+from guidance.cli.daemon import status_table
 from guidance.screen import aged
 from guidance.session.log import Log
 
@@ -60,13 +60,6 @@ def test_an_order_is_answered_in_a_line():
     assert "engage accepted" in answer_words({"accepted": True, "order": "engage", "name": "px4"})
     refused = {"accepted": False, "order": "engage", "name": "px4", "state": "ready", "reason": "on the ground"}
     assert answer_words(refused) == "px4: engage refused, ready: on the ground"
-
-
-def test_a_status_is_watched_below_each_other_where_nothing_can_be_redrawn():
-    written, slept = io.StringIO(), []
-    watch_status(Console(file=written, width=80), lambda: STATUS, slept.append, times=3)
-    assert written.getvalue().count("31.4 m to the evader") == 3
-    assert slept == [1.0] * 3
 
 
 class Terminal(io.StringIO):

@@ -67,7 +67,6 @@ def test_what_arms_a_vehicle_says_so_in_its_help():
         (("solve", *PAPER, "--out", "a.csv"), "--out: only with --states, not with one state"),
         (("solve", "--states", "s.csv", "--speed-ratio", "2", "--json"), "--json: only for one state"),
         (("solve", "--states", "s.csv", *PAPER), "--pursuer: only for one state, not with --states"),
-        (("ctl", "engage", "--watch"), "--watch: only with status"),
     ],
 )
 def test_so_it_is_with_other_commands(arguments, words):
