@@ -20,19 +20,11 @@ Url = Annotated[str | None, typer.Option(help="URL of an autopilot that runs alr
 Expected = Annotated[str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT.")]
 Link = Annotated[str, typer.Option(help="Client in real time: mavsdk or pymavlink.")]
 Port = Annotated[int, typer.Option(help="Port of the mock's Zenoh session, or its first UDP port; 0 is any.")]
-FlightFolder = Annotated[
-    Path | None, typer.Option(help="New folder of the flight.", show_default="flights/SCENARIO-NUMBER")
-]
+FlightFolder = Annotated[Path | None, typer.Option(help="Its new folder.", show_default="flights/SCENARIO-NUMBER")]
 Name = Annotated[str | None, typer.Option(help="The vehicle's name; not needed if there is only one.")]
-TokenFile = Annotated[
-    Path | None, typer.Option(help="The daemon's control.token_file; not needed for your own daemon.")
-]
-ZenohFile = Annotated[
-    Path | None, typer.Option(help="For a router's endpoint (tls/…): our file from `guidance zenoh keys`.")
-]
-Panel = Annotated[
-    bool, typer.Option("--panel", help="Serve the operator's page too (extra panel; GUIDANCE_TILES names a map).")
-]
+TokenFile = Annotated[Path | None, typer.Option(help="The control.token_file; not needed for your own daemon.")]
+ZenohFile = Annotated[Path | None, typer.Option(help="For a router (tls/…): our file from `guidance zenoh keys`.")]
+Panel = Annotated[bool, typer.Option("--panel", help="Serve the operator's page (extra panel; map: GUIDANCE_TILES).")]
 WithParent = Annotated[bool, typer.Option("--with-parent", hidden=True)]
 
 

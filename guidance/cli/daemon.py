@@ -53,9 +53,7 @@ def run(
 
 def ctl(
     order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive.")],
-    name: Annotated[
-        str | None, typer.Option(help="The vehicle's name, if there are several; with --team uav1,uav2 for several.")
-    ] = None,
+    name: Annotated[str | None, typer.Option(help="Of one of several vehicles; with --team uav1,uav2.")] = None,
     team: Annotated[str | None, typer.Option(help="To all vehicles of a team, or to those of --name.")] = None,
     endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = ENDPOINT,
     token_file: TokenFile = None,

@@ -19,10 +19,7 @@ from guidance.sim.teams import TeamScenario
 def fly(
     ctx: typer.Context,
     scenario: Scenario = "pe",
-    vehicle: Annotated[
-        list[str] | None,
-        typer.Option(help="URL of a running autopilot: IT IS ARMED AND FLOWN; repeated for a team.", metavar="URL"),
-    ] = None,
+    vehicle: Annotated[list[str] | None, typer.Option(help="URL of an autopilot. IT IS ARMED.", metavar="URL")] = None,
     autopilot: Expected = None,
     yes: Yes = False,
     end: Annotated[str, typer.Option(help="End of a flight with --vehicle: return home, or land.")] = "return",
@@ -74,13 +71,12 @@ def fly(
         beside = _Beside(closing, view=view, panel=page, folder=folder)
         try:
             from guidance.cli.fly_scenario import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
-            from guidance.session.fly import Asked, MockOptions  # noqa: PLC0415
+            from guidance.session.fly import Asked, MockOptions, Onlooker  # noqa: PLC0415
 
             mock = MockOptions(fast=fast, link=link, port=port)
             how = Asked(tuple(vehicle), autopilot, link, end) if vehicle else mock
-            code = fly_scenario(
-                scenario, how, out=out, seed=seed, on_record=beside.record, on_control=beside.control, as_json=as_json
-            )
+            onlooker = Onlooker(on_record=beside.record, on_control=beside.control)
+            code = fly_scenario(scenario, how, out=out, seed=seed, onlooker=onlooker, as_json=as_json)
         except KeyboardInterrupt:
             nothing = "nothing was armed" if vehicle else "nothing was recorded"
             kept = f"the record so far is {beside.records[0]}" if beside.records else nothing

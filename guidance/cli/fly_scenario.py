@@ -7,8 +7,7 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
@@ -25,7 +24,7 @@ from guidance.screen import aged, live, pairs, redraws
 from guidance.screen import console as screen
 from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, Stopped, flight_folder, recorded_settings
-from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
+from guidance.session.fly import NOBODY, Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
 from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, MissionResult, ending_words, outcome_of_flight
 from guidance.sim.outcome import Outcome, outcome_json
@@ -50,8 +49,7 @@ def fly_scenario(
     *,
     out: Path | None,
     seed: int | None,
-    on_record: Callable[[Path], None] = lambda _: None,
-    on_control: Callable[[str], None] = lambda _: None,
+    onlooker: Onlooker = NOBODY,
     as_json: bool = False,
 ) -> int:
     """Fly a scenario; return the exit code: 0 when the game ended as it should have, or a team kept its guarantee.
@@ -61,54 +59,43 @@ def fly_scenario(
         how: The mock, or the vehicles that fly it: one, or in a game of teams one for each pursuer.
         out: Folder for the record and the picture.
         seed: In place of the scenario's.
-        on_record: Called with the record's path when it is open; of a team with the folder.
-        on_control: Called with the control endpoint; never in virtual time.
+        onlooker: Hears of the record (of a team, its folder) and, in real time, of the control endpoint.
         as_json: Print the outcome row as JSON, and text for people on standard error.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
     path, scenario = load_any(name, seed)
-    link, urls = (how.link, "") if isinstance(how, MockOptions) else (how.link, " ".join(how.urls))
+    urls = "" if isinstance(how, MockOptions) else " ".join(how.urls)
     console = screen(stderr=as_json)
-    words = "virtual time" if how.way == "fast" else ", ".join(filter(None, (link, urls)))
+    words = "virtual time" if how.way == "fast" else ", ".join(filter(None, (how.link, urls)))
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {words})", highlight=False)
     row: Any
     with flight_folder(out, path.stem) as folder, _advised(name, urls):
-        flight = flown(console, scenario, folder, how, on_record, on_control)
+        flight = flown(console, scenario, folder, how, onlooker)
         if isinstance(scenario, TeamScenario):
             rows = report_team(console, scenario, how.way, flight, folder)
-            code = 0 if rows and rows[0].captured >= rows[0].guaranteed else FlightError.exit_code
-            row = [outcome_json(one) for one in rows]
+            kept, row = bool(rows) and rows[0].captured >= rows[0].guaranteed, [outcome_json(one) for one in rows]
         else:
             (result,) = flight.vehicles.values()
             outcome = outcome_of_flight(result, how.way)
             report(console, result, outcome, folder)
-            code, row = 0 if result.captured else FlightError.exit_code, outcome_json(outcome)
+            kept, row = result.captured, outcome_json(outcome)
+    if as_json:
+        sys.stdout.write(json.dumps(row, indent=2) + "\n")
     if urls and any(one.interrupted for one in flight.vehicles.values()):
         ended = ", ".join(dict.fromkeys(str(one.ended) for one in flight.vehicles.values()))
         console.print(f"interrupted: the vehicle was told to land, and is {ended}")
-        code = INTERRUPTED
-    if as_json:
-        sys.stdout.write(json.dumps(row, indent=2) + "\n")
-    return code
+        return INTERRUPTED
+    return 0 if kept else FlightError.exit_code
 
 
-def flown(
-    console: Console,
-    scenario: Played,
-    folder: Path,
-    how: Way,
-    on_record: Callable[[Path], None] = lambda _: None,
-    on_control: Callable[[str], None] = lambda _: None,
-) -> MissionResult:
+def flown(console: Console, scenario: Played, folder: Path, how: Way, onlooker: Onlooker = NOBODY) -> MissionResult:
     """Fly a scenario with the live line; say what is left out, how it is ordered, and what was not recorded.
 
-    A vehicle of a file has a log instead of the live line.
-
-    Arguments as of `fly_scenario`.
+    A vehicle of a file has a log instead of the live line. Arguments as of `fly_scenario`.
     """
-    whom = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else ""
+    whom, on_control = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else "", onlooker.on_control
 
     def tell_endpoint(endpoint: str) -> None:
         where = "" if endpoint == ENDPOINT else f" --endpoint {endpoint}"
@@ -118,15 +105,14 @@ def flown(
 
     for what in left_out(scenario, how):
         console.print(f"{what}: only a mock can have that; the vehicle flies without")
-    if isinstance(how, ByFile):
-        result = fly_recorded(scenario, folder, how, Onlooker(on_record=on_record))
-    else:
-        control = None if how.way == "fast" else ENDPOINT
-        with (
-            live_line(console) as show,
-            noted_ctrl_c(show) if isinstance(how, MockOptions) else nullcontext(show) as look,
-        ):
-            result = fly_recorded(scenario, folder, how, Onlooker(look, on_record, control, tell_endpoint))
+    with contextlib.ExitStack() as stack:
+        if not isinstance(how, ByFile):
+            line = LiveLine(console)
+            stack.enter_context(live(console, line.line, every_s=0.1))
+            show = stack.enter_context(noted_ctrl_c(line.show)) if isinstance(how, MockOptions) else line.show
+            control = None if how.way == "fast" else ENDPOINT
+            onlooker = onlooker._replace(show=show, control=control, on_control=tell_endpoint)
+        result = fly_recorded(scenario, folder, how, onlooker)
     dropped = sum(one.record_dropped for one in result.vehicles.values())
     if dropped:
         console.print(f"[yellow]the disk was too slow: {dropped} messages are not in the record[/yellow]")
@@ -201,14 +187,6 @@ class LiveLine:
         lasting = list(self._last.values())
         stalled_s = math.inf if any(one.waiting for one in lasting) else STALLED_S
         return aged("\n".join(map(words, lasting)), time.perf_counter() - self._told_s, stalled_s)
-
-
-@contextlib.contextmanager
-def live_line(console: Console) -> Iterator[Show]:
-    """Show one live line, redrawn ten times a second; where nothing can be redrawn, a plain line at every change."""
-    line = LiveLine(console)
-    with live(console, line.line, every_s=0.1):
-        yield line.show
 
 
 def record_words(stopped: Stopped | None) -> str:

@@ -84,8 +84,6 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _root(
-    _: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and its commit.")
-    ] = False,
+    _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Version and commit.")] = False,
 ) -> None:
     """Closed-form pursuit guidance: fly it, solve it, check it against the paper."""

@@ -81,9 +81,7 @@ def events(file: File, as_json: Json = False) -> None:
 
 
 @log.command()
-def export(
-    file: File, out: Annotated[Path, typer.Argument(help="Name ending in .tlog, .csv, .parquet, .geojson or .kml.")]
-) -> None:
+def export(file: File, out: Annotated[Path, typer.Argument(help="Name with one of the endings below.")]) -> None:
     """Write a record in another format, chosen by the ending of OUT.
 
     - `.tlog`: the raw frames, for QGroundControl, Mission Planner and mavlogdump
@@ -101,9 +99,7 @@ def export(
 
 def replay(
     file: File,
-    changes: Annotated[
-        list[str] | None, typer.Option("--with", help="KEY=VALUE: replay with another setting; may be repeated.")
-    ] = None,
+    changes: Annotated[list[str] | None, typer.Option("--with", help="KEY=VALUE; may be repeated.")] = None,
     out: Annotated[Path | None, typer.Option(help="CSV for both velocities of each cycle.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -176,12 +172,8 @@ def _first(step: "ReplayedCycle") -> str:
 
 def report(
     files: Annotated[list[Path], typer.Argument(help="One or more record.mcap of flights, or a flight's folder.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for page and pictures; one folder in it for each of several records.")
-    ] = None,
-    animate: Annotated[
-        bool, typer.Option("--animate", help="Write flight.webp too: the game from above, and the height.")
-    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder; of several records, each has one in it.")] = None,
+    animate: Annotated[bool, typer.Option("--animate", help="Write flight.webp, too: plan and height.")] = False,
 ) -> None:
     """Draw records: one self-contained HTML page for each, and its pictures as PNG. A team flight has one for all.
 

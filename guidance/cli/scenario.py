@@ -59,31 +59,23 @@ _STANDARD_OUTPUT: Final = Path("-")
 def run(
     ctx: typer.Context,
     name: arguments.Scenario,
-    way: Annotated[
-        str, typer.Option("--as", help="maths, fast (virtual time), live (real time) or vehicle (needs --config).")
-    ] = "maths",
-    config: Annotated[str | None, typer.Option(help="The vehicle file, with --as vehicle.")] = None,
-    vehicle: Annotated[
-        list[str] | None,
-        typer.Option(help="With --as vehicle and a team: URL of each autopilot. THEY ARE ARMED.", metavar="URL"),
-    ] = None,
-    engage: Annotated[
-        bool, typer.Option("--engage", help="With --as vehicle: THE VEHICLE IS ARMED, takes off and engages at once.")
-    ] = False,
+    way: Annotated[str, typer.Option("--as", help="maths, fast (virtual time), live or vehicle.")] = "maths",
+    config: Annotated[str | None, typer.Option(help="With --as vehicle: the vehicle file.")] = None,
+    vehicle: Annotated[list[str] | None, typer.Option(help="URLs of a team. THEY ARE ARMED.", metavar="URL")] = None,
+    engage: Annotated[bool, typer.Option("--engage", help="THE VEHICLE IS ARMED, takes off, engages at once.")] = False,
     yes: arguments.Yes = False,
     link: arguments.Link = "mavsdk",
     over: Annotated[str, typer.Option(help="With --as live: zenoh or udp.")] = "zenoh",
     port: arguments.Port = 0,
     out: arguments.FlightFolder = None,
     seed: arguments.Seed = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the outcome row to this JSON file; - is standard output.")
-    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="File for the outcome row; - is the output.")] = None,
 ) -> None:
     """Run one scenario and show the outcome beside the game's value.
 
     The columns are the same for mathematics, mock and vehicle, so `guidance compare` can compare them. A scenario is
-    also a test: if an expectation in `[expect]` fails, the exit code is 1.
+    also a test: if an expectation in `[expect]` fails, the exit code is 1. `--as vehicle` needs `--config`, or for a
+    team `--vehicle` with the URL of each autopilot.
 
     - `guidance scenario run pe`: the paper's game between point masses
     - `guidance scenario run pe --as fast`: the same file, flown by the mock in virtual time
@@ -166,7 +158,7 @@ def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Ways", out: Path | 
     """Fly a scenario, and show the outcome."""
     from guidance.cli.fly_scenario import flown  # noqa: PLC0415 - slow imports
     from guidance.session.flight_files import flight_folder  # noqa: PLC0415
-    from guidance.session.fly import ByFile  # noqa: PLC0415
+    from guidance.session.fly import ByFile, Onlooker  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
     def on_record(path: Path) -> None:
@@ -175,7 +167,7 @@ def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Ways", out: Path | 
             there.print("waiting for a person: `guidance ctl start`, then `guidance ctl engage`", soft_wrap=True)
 
     with flight_folder(out, how.config.name if isinstance(how, ByFile) else stem) as folder:
-        result = flown(there, scenario, folder, how, on_record)
+        result = flown(there, scenario, folder, how, Onlooker(on_record=on_record))
         if isinstance(scenario, TeamScenario):
             rows = report_team(there, scenario, how.way, result, folder)
             if not rows:

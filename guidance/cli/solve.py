@@ -27,9 +27,7 @@ def solve(
     target: Annotated[str | None, typer.Option(help="Position x,y of the evader's target, m: the TAD game.")] = None,
     speed_ratio: Annotated[float | None, typer.Option(help="δ = u/v, more than 1: the paper's speed set.")] = None,
     evader_speed: Annotated[float, typer.Option(help="Speed bound v of the evader, m/s.")] = 1.0,
-    cylinder: Annotated[
-        str | None, typer.Option(help="In place of the ratio: speeds level,climb,descent, m/s.")
-    ] = None,
+    cylinder: Annotated[str | None, typer.Option(help="Not the ratio: speeds level,climb,descent, m/s.")] = None,
     standoff: Annotated[str, typer.Option(help="Radius and height R,h of the stand-off disc, m.")] = "0,0",
     as_json: Json = False,
     states: Annotated[Path | None, typer.Option(help="CSV or Parquet file with a state in each row.")] = None,

@@ -36,34 +36,21 @@ sweep = typer.Typer(
 @sweep.command()
 def run(
     file: Annotated[str, typer.Argument(help="A sweep file, or one of the package: policies, barrier, flown, teams.")],
-    way: Annotated[
-        str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights); overrides the file.")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes on this machine.", show_default="one per processor")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of a Dask scheduler, used instead of processes (extra `cluster`): tcp://HOST:PORT, or "
-            "tls://HOST:PORT with the certificate of Dask's configuration (distributed.comm.tls). Without TLS, anyone "
-            "who can reach the scheduler can run code on its workers."
-        ),
-    ] = None,
+    way: Annotated[str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights).")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one per processor")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler: tcp://HOST:PORT or tls://HOST:PORT.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the rows.", show_default="sweeps/FILE-WAY")] = None,
-    chunk: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Rows in one file.",
-            show_default="4,096 games (512 of teams, one flight), or fewer so that each worker has four chunks",
-        ),
-    ] = None,
+    chunk: Annotated[int | None, typer.Option(min=1, help="Rows in one file.", show_default="4,096 or fewer")] = None,
 ) -> None:
     """Play every row of a sweep and write the rows as Parquet, chunk by chunk.
 
     To continue after an interruption, even by kill -9, run the same command: existing chunks are kept. The rows do not
-    depend on the number of workers. A row whose values allow no game is written with the reason.
+    depend on the number of workers. A row whose values allow no game is written with the reason. `--as` replaces the
+    file's `as`. A file has 4,096 games (512 of teams, one flight), or fewer so that each worker has four chunks.
+
+    `--scheduler` uses a Dask cluster instead of processes (extra `cluster`). For tls://HOST:PORT, Dask's configuration
+    has the certificate (distributed.comm.tls). Without TLS, anyone who can reach the scheduler can run code on its
+    workers.
 
     A sweep file names a scenario and any of its keys:
 
@@ -126,9 +113,7 @@ def report(
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="An outcome (JSON), or a sweep's folder.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="Another of the same kind.")],
-    column: Annotated[
-        str, typer.Option("--by", help="Sweeps: list the rows with the largest differences in this column.")
-    ] = "game_time_s",
+    column: Annotated[str, typer.Option("--by", help="Sweeps: the column whose rows are listed.")] = "game_time_s",
     rows: Annotated[int, typer.Option(min=0, help="Sweeps: number of rows to list.")] = 10,
     as_json: Json = False,
 ) -> None:

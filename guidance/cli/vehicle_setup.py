@@ -35,9 +35,7 @@ _NEXT: Final = """next
 
 def init(
     url: Annotated[str | None, typer.Argument(help="URL of the autopilot, which is only read.")] = None,
-    out: Annotated[Path, typer.Option(help="The file to write; existing files are not overwritten.")] = Path(
-        "vehicle.toml"
-    ),
+    out: Annotated[Path, typer.Option(help="The new file; none is overwritten.")] = Path("vehicle.toml"),
     autopilot: arguments.Expected = None,
 ) -> None:
     """Write a commented vehicle file for the autopilot at a URL, and print the next steps.
@@ -76,9 +74,7 @@ def init(
 
 
 def doctor(
-    config: Annotated[
-        str | None, typer.Argument(help="A vehicle file with ports and folders; default: the usual ones.")
-    ] = None,
+    config: Annotated[str | None, typer.Argument(help="A vehicle file; default: the usual ports and folders.")] = None,
     all_rows: arguments.AllRows = False,
     as_json: arguments.Json = False,
 ) -> None:
@@ -99,9 +95,7 @@ def doctor(
 
 def check(
     ctx: typer.Context,
-    name: Annotated[
-        str | None, typer.Argument(help="A vehicle file or px4, arducopter; with --vehicle a scenario, default pe.")
-    ] = None,
+    name: Annotated[str | None, typer.Argument(help="A vehicle file; with --vehicle a scenario (default: pe).")] = None,
     vehicle: arguments.Url = None,
     autopilot: arguments.Expected = None,
     link: arguments.Link = "mavsdk",

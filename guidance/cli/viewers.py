@@ -23,9 +23,7 @@ TILES: Final = "GUIDANCE_TILES"
 
 def view(
     ctx: typer.Context,
-    file: Annotated[
-        Path | None, typer.Argument(help="A record.mcap, finished or still growing, or the folder of a team flight.")
-    ] = None,
+    file: Annotated[Path | None, typer.Argument(help="A record.mcap, or the folder of a team flight.")] = None,
     live: Annotated[bool, typer.Option("--live", help="Show a daemon (`guidance run`) instead of a record.")] = False,
     follow: Annotated[bool, typer.Option("--follow", help="Follow a record that is still being written.")] = False,
     save: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun's viewer instead of serving.")] = None,
@@ -78,9 +76,7 @@ def view(
 
 
 def panel(
-    endpoint: Annotated[
-        list[str] | None, typer.Option(help="A daemon's control endpoint; may be repeated.", show_default=ENDPOINT)
-    ] = None,
+    endpoint: Annotated[list[str] | None, typer.Option(help="Of daemons; repeatable.", show_default=ENDPOINT)] = None,
     port: Annotated[int, typer.Option(help="TCP port of the page; 0 picks a free one.")] = 8088,
     host: Annotated[str, typer.Option(help="Its address; others than loopback need TLS and a password.")] = "127.0.0.1",
     look: Annotated[bool, typer.Option("--look", help="Show only; no orders.")] = False,
@@ -90,20 +86,15 @@ def panel(
     certificate: Annotated[Path | None, typer.Option(help="TLS certificate chain, PEM.")] = None,
     key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
     password_file: Annotated[Path | None, typer.Option(help="The password in one line, readable only by you.")] = None,
-    tiles: Annotated[
-        str,
-        typer.Option(
-            envvar=TILES,
-            help="Map under the plan view: a folder with Z/X/Y.png, or https://HOST/{z}/{x}/{y}.png on another host.",
-        ),
-    ] = "tiles",
+    tiles: Annotated[str, typer.Option(envvar=TILES, help="Map: a folder with Z/X/Y.png, or a URL.")] = "tiles",
     with_parent: WithParent = False,
 ) -> None:
     """Serve the operator's page: map, state, checks, reasons and orders.
 
     Shows every daemon (`guidance run`, or a flight with --panel) at the endpoints, also those that start later. It is a
     separate process: the flight continues if it hangs or dies. Open the printed address. Its token allows orders, so
-    keep it secret. Needs the extra `panel`.
+    keep it secret. The map under the plan is a folder with Z/X/Y.png, or https://HOST/{z}/{x}/{y}.png on another host.
+    Needs the extra `panel`.
 
     - `guidance panel`: the daemons on this computer
     - `guidance panel --look`: without orders

@@ -77,9 +77,9 @@ def test_so_it_is_with_other_commands(arguments, words):
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_ctrl_c_names_the_record_if_there_is_one(begun, tmp_path, monkeypatch):
-    def interrupted(_scenario, _how, *, on_record, **_):
+    def interrupted(_scenario, _how, *, onlooker, **_):
         if begun:
-            on_record(tmp_path / RECORD)
+            onlooker.on_record(tmp_path / RECORD)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(fly_scenario, "fly_scenario", interrupted)
@@ -103,8 +103,8 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
 
     control = "tcp/127.0.0.1:7499"
 
-    def flown(scenario, how, *, on_control, **_):
-        on_control(control)
+    def flown(scenario, how, *, onlooker, **_):
+        onlooker.on_control(control)
         (panel,) = panels(within_s=10.0)  # until the child has become the program
         seen.append((scenario, not isinstance(how, MockOptions), panel.cmdline()[4:]))
         panel.terminate()  # as a person does who has seen enough
