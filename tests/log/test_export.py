@@ -174,14 +174,14 @@ def test_the_kml_is_well_formed_and_has_the_same_places(exported):
     marks = root.findall(".//k:Placemark", space)
     features = json.loads((exported / "flight.geojson").read_text())["features"]
     assert [mark.findtext("k:name", namespaces=space) for mark in marks] == [
-        feature["properties"]["name"] for feature in features
+        one["properties"]["name"] for one in features
     ]
-    for mark, feature in zip(marks, features, strict=True):
+    for mark, one in zip(marks, features, strict=True):
         said = [
             [float(part) for part in place.split(",")]
             for place in mark.findtext(".//k:coordinates", namespaces=space).split()
         ]
-        kind, coordinates = feature["geometry"]["type"], feature["geometry"]["coordinates"]
+        kind, coordinates = one["geometry"]["type"], one["geometry"]["coordinates"]
         assert said == {"Point": [coordinates], "Polygon": coordinates[0]}.get(kind, coordinates)
 
 
