@@ -26,7 +26,7 @@ def report_team(
 ) -> list[TeamOutcome]:
     """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
     from guidance.session.flight_files import OUTCOME, RECORD  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.session.fly_team import team_rows  # noqa: PLC0415
+    from guidance.session.result import team_rows  # noqa: PLC0415
 
     rows, wanted = team_rows(scenario, way, result), scenario.flight
     tell_players(rows, console, result)

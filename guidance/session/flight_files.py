@@ -17,7 +17,6 @@ from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.files import private_folder, writing
 from guidance.flight import Authority, FlightSettings, Inputs, Outputs
-from guidance.flight.settings import TeamSection
 from guidance.links.wires import CapturedFrame
 from guidance.log.entries import BEGUN, STOPPED, cycle_entry
 from guidance.log.reader import CONFIG, SCENARIO
@@ -233,19 +232,7 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
         config = parse(Config, json.loads(metadata[CONFIG]), source="the record's config")
     from guidance.sim.scenario import Scenario  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
-    settings = plan_of(config, parse(Scenario, document, source=source)).flight
-    return with_team(settings, metadata[TEAM]) if TEAM in metadata else settings
-
-
-def with_team(settings: FlightSettings, document: str) -> FlightSettings:
-    """Return the settings of a vehicle of a team.
-
-    Args:
-        settings: Of the vehicle alone.
-        document: JSON with the separation, `team`, and the speeds of the evaders by name, `evaders`.
-    """
-    told = json.loads(document)
-    return settings.model_copy(update={"team": TeamSection(**told["team"]), "evaders": told["evaders"]})
+    return plan_of(config, parse(Scenario, document, source=source), metadata.get(TEAM)).flight
 
 
 def changes_of(words: Sequence[str]) -> dict[str, Any]:

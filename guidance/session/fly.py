@@ -4,7 +4,8 @@ Each way opens what its flight needs (`Opened`); `fly_recorded` flies all of the
 """
 
 import contextlib
-import time
+import json
+import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ from guidance.links.opening import KINDS
 from guidance.links.port import Wire, parse
 from guidance.links.udp import UdpWire
 from guidance.links.wires import share
+from guidance.links.zenoh_team import ZenohTeam
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.log.writer import Record, Recorder
@@ -30,59 +32,31 @@ from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus, opened
 from guidance.session.daemon import Equipment
 from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
-from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording, with_team
-from guidance.session.fly_team import MakeJoin, joined, separation_of, team_document
-from guidance.session.loop import Signals, World, run
+from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording
+from guidance.session.loop import Signals, World
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
-from guidance.session.plan import FlightPlan, config_of, plan_of
+from guidance.session.plan import config_of, plan_of
 from guidance.session.result import FlightResult, MissionResult, closing_detail
 from guidance.session.service import opened_equipment, opened_vehicle
-from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_file import Config, Vehicle
 from guidance.session.vehicle_world import VehicleWorld, open_all
 from guidance.sim.live import OVER, ZENOH, LiveWorld
 from guidance.sim.mock_files import check_faults
-from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Flown, Pursuit, Scenario, Site, Wind, pursuits_of
+from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario, Site, Wind
 from guidance.sim.stepped import EvaderHere, SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
+from guidance.team import Member, MemoryNetwork, Transport
+
+DELAY_S: Final = 0.02
+"""Delay of the messages between the vehicles of a team in virtual time."""
+
+MakeJoin = Callable[[Clock], Callable[[str], Transport]]
+"""Makes what connects a vehicle to its team."""
 
 ENDS: Final = ("return", "land")
 """Endings of a flight at a URL: fly home and land, or land at once."""
-
-
-def fly(
-    flown: Flown,
-    world: World,
-    clock: Clock,
-    *,
-    plans: Mapping[str, FlightPlan] | None = None,
-    equipment: Mapping[str, Equipment] | None = None,
-    policy: MissionPolicy = MOCKED,
-    show: Show | None = None,
-    signals: Signals | None = None,
-) -> MissionResult:
-    """Fly a scenario, or several pursuits at the same time, to the end. The caller closes the world.
-
-    Args:
-        flown: Who pursues whom.
-        world: All vehicles and evaders.
-        clock: The world's time.
-        plans: Flight plans by vehicle; by default the scenario's own.
-        equipment: Of the daemons, by vehicle.
-        policy: Which orders the mission may give, and how vehicles are handed over.
-        show: Called for each vehicle ten times a second and at every event; None shows nothing.
-        signals: Of the operating system; None leaves them to the process.
-
-    Raises:
-        ConfigError: If a scenario names what does not exist.
-        FlightError: If a vehicle may not fly, or does not get ready.
-        LinkError: If the world ends before the flight does.
-    """
-    mission = Mission(flown, world, clock, plans=plans, equipment=equipment, policy=policy, show=show)
-    begun_s = time.perf_counter()
-    run(mission.daemons, world, clock, mission=mission, signals=signals)
-    return mission.stop(time.perf_counter() - begun_s)
 
 
 class Onlooker(NamedTuple):
@@ -154,24 +128,16 @@ class MockOptions:
     @contextlib.contextmanager
     def opened(self, scenario: Played, onlooker: Onlooker) -> Iterator[Opened]:
         """Open the mocks, and take orders."""
-        pursuits, clock = _pursuits(scenario), self.clock()
+        pursuits, clock = _pursuits(scenario), VirtualClock() if self.fast else MonotonicClock()
         check_faults(pursuits)
-        with (
-            _ordered(scenario, pursuits, onlooker) as (mailboxes, buses),
-            closing(self.world(pursuits, clock)) as world,
-        ):
+        with _ordered(scenario, pursuits, onlooker) as (mailboxes, buses), contextlib.ExitStack() as stack:
             used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
-            yield Opened(pursuits, world, clock, buses, used, {})
-
-    def clock(self) -> Clock:
-        """Return a clock of virtual or real time."""
-        return VirtualClock() if self.fast else MonotonicClock()
-
-    def world(self, flown: Flown, clock: Clock) -> SteppedWorld | LiveWorld:
-        """Start the mock of one or several pursuits."""
-        if self.fast:
-            return SteppedWorld(flown, clock)
-        return LiveWorld(flown, clock, link=self.link, port=self.port, over=self.over)
+            world: SteppedWorld | LiveWorld
+            if self.fast:
+                world = SteppedWorld(pursuits, clock)
+            else:
+                world = LiveWorld(pursuits, clock, link=self.link, port=self.port, over=self.over)
+            yield Opened(pursuits, stack.enter_context(closing(world)), clock, buses, used, {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,13 +211,12 @@ class Asked:
             raise ConfigError(
                 f"--vehicle: {len(self.urls)} given; the scenario has {len(pursuits)} vehicles: give one URL each"
             )
-        separation = None if isinstance(scenario, Scenario) else separation_of(scenario)
         with _ordered(scenario, pursuits, onlooker) as (mailboxes, buses), contextlib.ExitStack() as stack:
             for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
                 for_whom = f"a HEARTBEAT at {url}, {FOUND_WITHIN_S:g} s at most"
                 onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
                 mailbox.meanwhile(startup_answers(name, for_whom, FOUND_WITHIN_S, MonotonicClock()))
-            reached = stack.enter_context(reach(pursuits, self, separation))
+            reached = stack.enter_context(reach(pursuits, self, _separation(scenario)))
             configs, world, clock = reached.configs, reached.world, reached.clock
             laid = list[Pursuit]()
             for pursuit in pursuits:
@@ -329,43 +294,32 @@ def fly_recorded(
     """
     with contextlib.ExitStack() as stack:
         flight = stack.enter_context(how.opened(scenario, onlooker))
-        pursuits, world, clock, buses, used, configs, policy, signals = flight
-        team = None if isinstance(scenario, Scenario) else team_document(scenario)
-        members = {} if isinstance(scenario, Scenario) else joined(scenario, pursuits, clock, buses, join, stack)
-        plans = {one.vehicle: _plan(configs.get(one.vehicle), one.scenario, team) for one in pursuits}
+        pursuits, clock, team, members = flight.pursuits, flight.clock, None, dict[str, Member]()
+        if isinstance(scenario, TeamScenario):
+            team = team_document(scenario, pursuits)
+            members = _joined(scenario, flight, join, stack)
+        plans = {one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team) for one in pursuits}
         files = {name: None if folder is None else (folder / name if team else folder) / RECORD for name in plans}
         equipment = {
-            name: replace(_recorded(flight, one, team, files[name], stack), team=members.get(name))
-            for name, one in zip(plans, pursuits, strict=True)
+            one.vehicle: replace(_recorded(flight, one, team, files[one.vehicle], stack), team=members.get(one.vehicle))
+            for one in pursuits
         }
         if folder is not None:
             onlooker.on_record(folder if team else folder / RECORD)
-        for one in used.values():
-            one.mailbox.meanwhile(None)
-        result = fly(
-            pursuits,
-            world,
-            clock,
-            plans=plans,
-            equipment=equipment,
-            policy=policy,
-            show=onlooker.show,
-            signals=signals,
-        )
+        for used in equipment.values():
+            used.mailbox.meanwhile(None)
+        show, policy = onlooker.show, flight.policy
+        mission = Mission(pursuits, flight.world, clock, plans=plans, equipment=equipment, policy=policy, show=show)
+        result = mission.fly(flight.signals)
         for name, flown in result.vehicles.items():
             if (told := equipment[name].broadcast) is not None:
                 told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, files[name], folder))
     for name, flown in result.vehicles.items():
-        _note_record(flown, equipment[name].record)
+        _note_missing(flown, equipment[name].record)
     return result
 
 
-def _plan(own: Config | None, scenario: Scenario, team: str | None) -> FlightPlan:
-    plan = plan_of(own, scenario)
-    return plan if team is None else replace(plan, flight=with_team(plan.flight, team))
-
-
-def _note_record(flown: FlightResult, record: Record | None) -> None:
+def _note_missing(flown: FlightResult, record: Record | None) -> None:
     """Note what is missing in a closed record."""
     if isinstance(record, Recorder):
         flown.record_dropped = record.dropped
@@ -373,17 +327,50 @@ def _note_record(flown: FlightResult, record: Record | None) -> None:
             flown.record_stopped = Stopped(flown.duration_s, record.failed)
 
 
+def _separation(scenario: Played) -> dict[str, float] | None:
+    """Return how far the vehicles of a team stay from each other; None without a team."""
+    own = {*TeamSection.model_fields}
+    return None if isinstance(scenario, Scenario) else scenario.flight.model_dump(include=own)
+
+
+def _declared_m_s(pursuits: Sequence[Pursuit]) -> dict[str, float]:
+    """Return the declared speeds of the evaders, by name."""
+    return {one.evader: one.scenario.evader.believed_speed_m_s for one in reversed(pursuits)}
+
+
+def team_document(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> str:
+    """Return the separation and the speeds of all evaders as JSON."""
+    return json.dumps({"team": _separation(scenario), "evaders": _declared_m_s(pursuits)})
+
+
+def _joined(
+    scenario: TeamScenario, flight: Opened, join: MakeJoin | None, stack: contextlib.ExitStack
+) -> dict[str, Member]:
+    """Return the members of a team, connected until the stack is closed: by `join`, or else over the control buses."""
+    names, evaders = [one.vehicle for one in flight.pursuits], sorted({one.evader for one in flight.pursuits})
+    now_s, above_m = flight.clock.now_s, scenario.flight.separation_height_m
+    connect = MemoryNetwork(now_s, delay_s=DELAY_S, seed=scenario.seed).join if join is None else join(flight.clock)
+    members = {}
+    for number, (_, name, first) in enumerate(flight.pursuits):
+        over_zenoh = join is None and name in flight.buses
+        transport = ZenohTeam(now_s, flight.buses[name].session, TEAM, name, names) if over_zenoh else connect(name)
+        stack.callback(transport.close)
+        epoch = random.Random(f"{scenario.seed} {number}").getrandbits(48)
+        chased = [first, *(evader for evader in evaders if evader != first)]
+        members[name] = Member(name, names, chased, transport, epoch=epoch, separation_height_m=above_m)
+    return members
+
+
 def _recorded(
     flight: Opened, pursuit: Pursuit, team: str | None, path: Path | None, stack: contextlib.ExitStack
 ) -> Equipment:
     """Return the equipment of a vehicle with its record, and its broadcast where orders are taken."""
-    name, world, record, broadcast = pursuit.vehicle, flight.world, None, None
-    clock = flight.clock if world.real_time else None
-    metadata = flight_metadata(pursuit.scenario, flight.configs.get(name), clock)
+    name, real_time, record, broadcast = pursuit.vehicle, flight.world.real_time, None, None
+    metadata = flight_metadata(pursuit.scenario, flight.configs.get(name), flight.clock if real_time else None)
     if team is not None:
         metadata |= {TEAM: team, "vehicle": name}
     if path is not None:
-        record = stack.enter_context(recording(path, metadata, real_time=world.real_time))
+        record = stack.enter_context(recording(path, metadata, real_time=real_time))
     if name in flight.buses:
         broadcast = stack.enter_context(closing(Broadcast(name, flight.buses[name].session, metadata)))
     return replace(flight.equipment[name], record=record, broadcast=broadcast)
@@ -395,15 +382,17 @@ class Reached(NamedTuple):
     configs: dict[str, Config]
     world: VehicleWorld
     clock: MonotonicClock
-    radios: dict[str, Wire]
+    radios: Mapping[str, Wire]
 
 
 @contextlib.contextmanager
-def reach(flown: Flown, asked: Asked, separation: TeamSection | None = None) -> Iterator[Reached]:
+def reach(
+    pursuits: Sequence[Pursuit], asked: Asked, separation: Mapping[str, float] | None = None
+) -> Iterator[Reached]:
     """Find the vehicles at their URLs and open their links, and a loopback port for each evader's reports.
 
     Args:
-        flown: Who pursues whom.
+        pursuits: Who pursues whom.
         asked: A URL for each vehicle.
         separation: Of a team; None for one vehicle.
 
@@ -411,22 +400,23 @@ def reach(flown: Flown, asked: Asked, separation: TeamSection | None = None) -> 
         ConfigError: If an argument is wrong, or another autopilot is there.
         LinkError: If there is no vehicle.
     """
-    clock, pursuits = MonotonicClock(), pursuits_of(flown)
-    ears, reached = dict[str, UdpWire](), Reached({}, VehicleWorld(), clock, {})
-    speeds_m_s = {one.evader: one.scenario.evader.believed_speed_m_s for one in reversed(pursuits)}
+    clock, speeds_m_s = MonotonicClock(), _declared_m_s(pursuits)
     with contextlib.ExitStack() as stack:
-        for name in speeds_m_s:
-            ears[name] = UdpWire(clock.now_s, host="127.0.0.1", port=0, listen=True, systems=(EVADER_ID,))
-            stack.callback(ears[name].close)
-            radio = UdpWire(clock.now_s, host="127.0.0.1", port=ears[name].port, listen=False)
-            reached.radios[name] = radio
-            stack.callback(radio.close)
+
+        def udp(port: int, systems: Sequence[int] = ()) -> UdpWire:
+            listens = UdpWire(clock.now_s, host="127.0.0.1", port=port, listen=port == 0, systems=systems)
+            return stack.enter_context(closing(listens))
+
+        ears = {name: udp(0, (EVADER_ID,)) for name in speeds_m_s}
+        radios = {name: udp(wire.port) for name, wire in ears.items()}
+        reports = {name: f"udpin://127.0.0.1:{wire.port}" for name, wire in ears.items()}
         heard = {name: iter(share(wire, len(pursuits))) for name, wire in ears.items()}
+        reached = Reached({}, VehicleWorld(), clock, radios)
         for (scenario, vehicle, evader), url in zip(pursuits, asked.urls, strict=True):
             at_url = autopilot_at(url, asked.autopilot, clock, who=f"--vehicle {url}")
             wire, found, autopilot = stack.enter_context(at_url)
-            reports = {name: f"udpin://127.0.0.1:{wire.port}" for name, wire in ears.items()}
-            team = None
+            ids = {"system_id": found.system_id, "component_id": found.component_id}
+            own, team = Vehicle(autopilot=autopilot.name, link=asked.link, url=url, **ids), None
             if separation is not None:
                 others = {
                     name: {"kind": "global_position", "url": at, "system_id": EVADER_ID, "speed_m_s": speeds_m_s[name]}
@@ -434,19 +424,10 @@ def reach(flown: Flown, asked: Asked, separation: TeamSection | None = None) -> 
                     if name != evader
                 }
                 mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
-                team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **dict(separation)}
-            own = reached.configs[vehicle] = config_of(
-                scenario,
-                name=vehicle,
-                url=url,
-                link=asked.link,
-                autopilot=autopilot.name,
-                found=found,
-                evader_url=reports[evader],
-                team=team,
-            )
+                team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **separation}
+            config = reached.configs[vehicle] = config_of(scenario, vehicle, own, reports[evader], team)
             wires = {name: next(shares) for name, shares in heard.items()}
-            reached.world.add(open_all(own, clock, tapped=True, wire=wire, evader_wires=wires))
+            reached.world.add(open_all(config, clock, tapped=True, wire=wire, evader_wires=wires))
         stack.callback(reached.world.close)
         yield reached
 
@@ -458,7 +439,7 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    with reach(scenario, asked) as reached:
+    with reach((Pursuit(scenario),), asked) as reached:
         own = reached.configs[PURSUER]
         pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
         plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))

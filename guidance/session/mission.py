@@ -6,6 +6,7 @@ has for itself, is sent home or landed and watched until it is disarmed.
 """
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
@@ -19,7 +20,7 @@ from guidance.preflight import advice, refusals
 from guidance.session.answers import failed_checks, missing, next_words
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import Stopped
-from guidance.session.loop import PERIOD_S, World
+from guidance.session.loop import PERIOD_S, Signals, World, run
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.result import PLAYED, PLAYING, EvaderResult, FlightResult, MissionResult, note
@@ -127,17 +128,13 @@ class MissionSequencer:
         timed_out: Whether the game lasted too long.
     """
 
-    def __init__(self, *, hold_s: float, time_limit_s: float, policy: MissionPolicy = MOCKED) -> None:
-        self._hold_s = hold_s
-        self._time_limit_s = time_limit_s
+    def __init__(self, hold_s: float, time_limit_s: float, policy: MissionPolicy = MOCKED) -> None:
+        self._hold_s, self._time_limit_s = hold_s, time_limit_s
         self._patience_s = PATIENCE_S if policy.engage else {}
         self._end_with = policy.end_with or Event.LAND
-        self._state = State.CONNECTING
-        self._since_s = self._now_s = 0.0
-        self._lost_contact = False
-        self.by_operator = False
+        self._state, self._since_s, self._now_s = State.CONNECTING, 0.0, 0.0
+        self.by_operator = self._lost_contact = self.timed_out = False
         self.engaged_s: float | None = None
-        self.timed_out = False
 
     @property
     def playing(self) -> bool:
@@ -156,16 +153,13 @@ class MissionSequencer:
 
     def follow(self, now_s: float, outputs: Outputs) -> None:
         """Take note of what a cycle did."""
-        self._now_s = now_s
-        cause = outputs.cause
+        self._now_s, cause, before = now_s, outputs.cause, self._state
         self.by_operator = cause is not None and cause.by is Authority.OPERATOR
         self._lost_contact = cause is not None and cause.event is Event.CONTACT
-        before = self._state
-        if outputs.state is before:
-            return
-        self._state, self._since_s = outputs.state, now_s
-        if self._state is State.ENGAGED and before not in PLAYED:
-            self.engaged_s = now_s
+        if outputs.state is not before:
+            self._state, self._since_s = outputs.state, now_s
+            if self._state is State.ENGAGED and before not in PLAYED:
+                self.engaged_s = now_s
 
     def orders(self, now_s: float, *, evader_ready: bool, evader_fresh: bool) -> Sequence[Event]:
         """Give the orders for this cycle."""
@@ -176,7 +170,7 @@ class MissionSequencer:
             return (Event.START,)
         if self._state is State.STANDING_BY and first and evader_ready and evader_fresh:
             return (Event.ENGAGE,)
-        if self._state in PLAYING and self._overtime(now_s):
+        if self._state in PLAYING and self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s:
             self.timed_out = True
             return (self._end_with,)
         return (self._end_with,) if now_s - self._since_s >= self._lingers_s() else ()
@@ -188,9 +182,6 @@ class MissionSequencer:
         if self._state is State.STANDING_BY and self._lost_contact:
             return CONTACT_PATIENCE_S
         return LINGER_S if self._state in {State.HOLDING, State.STANDING_BY} else math.inf
-
-    def _overtime(self, now_s: float) -> bool:
-        return self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s
 
 
 class Mission:
@@ -227,24 +218,32 @@ class Mission:
         ready_within_s: float = READY_WITHIN_S,
     ) -> None:
         self.world, self.clock, self.policy, self.show, self.ready_within_s = world, clock, policy, show, ready_within_s
-        plans, equipment = plans or {}, equipment or {}
+        plans, equipment, pursuits = plans or {}, equipment or {}, pursuits_of(flown)
         self._vehicles = [
-            VehicleMission(
-                self,
-                one,
-                plans.get(one.vehicle) or plan_of(scenario=one.scenario),
-                equipment.get(one.vehicle, Equipment()),
-            )
-            for one in pursuits_of(flown)
+            VehicleMission(self, one, plans.get(one.vehicle), equipment.get(one.vehicle, Equipment()))
+            for one in pursuits
         ]
         self.daemons = [one.daemon for one in self._vehicles]
         self._team = any(daemon.team is not None for daemon in self.daemons)
-        evaders = dict.fromkeys(one.pursuit.evader for one in self._vehicles)
         self.result = MissionResult(
             {one.pursuit.vehicle: one.result for one in self._vehicles},
-            {name: EvaderResult() for name in evaders},
+            {one.evader: EvaderResult() for one in pursuits},
             {one.name: one.team for one in self.daemons if one.team is not None},
         )
+
+    def fly(self, signals: Signals | None = None) -> MissionResult:
+        """Fly to the end. The caller closes the world.
+
+        Args:
+            signals: Of the operating system; None leaves them to the process.
+
+        Raises:
+            FlightError: If a vehicle may not fly, or does not get ready.
+            LinkError: If the world ends before the flight does.
+        """
+        begun_s = time.perf_counter()
+        run(self.daemons, self.world, self.clock, mission=self, signals=signals)
+        return self.stop(time.perf_counter() - begun_s)
 
     @property
     def finished(self) -> bool:
@@ -258,15 +257,11 @@ class Mission:
         for name, player in self.world.players.items():
             pursuers = [one for one in self._vehicles if self._team or one.pursuit.evader == name]
             places = [one.position_game_m for one in pursuers if one.position_game_m is not None]
-            playing = any(one.sequencer.playing for one in pursuers) and not self._is_over(name)
-            player.step(now_s, places, playing=playing)
+            over = any(name in member.board.over for member in self.result.members.values())
+            player.step(now_s, places, playing=not over and any(one.sequencer.playing for one in pursuers))
         states = {one.daemon.flight.state for one in self._vehicles} if self._team else set()
         for one in self._vehicles:
             one.before(now_s, waiting=bool(states & _WAITS_FOR.get(one.daemon.flight.state, frozenset())))
-
-    def _is_over(self, evader: str) -> bool:
-        """Return true if a vehicle of the team knows that an evader is out of play."""
-        return any(daemon.team is not None and evader in daemon.team.board.over for daemon in self.daemons)
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
         """Follow a cycle.
@@ -280,7 +275,9 @@ class Mission:
             evader_m, evader = one.evader_game_m(now_s), self.result.evaders[one.evader]
             one.after(now_s, late_s, evader_m)
             evader.note(now_s, evader_m)
-            if one.captures and evader.captured_by is None:
+            outputs = one.daemon.outputs
+            captures = outputs is not None and any(each.event is Event.CAPTURED for each in outputs.happenings)
+            if captures and evader.captured_by is None:
                 evader.captured_by, evader.captured_s = one.pursuit.vehicle, now_s
 
     def stop(self, wall_s: float) -> MissionResult:
@@ -288,7 +285,8 @@ class Mission:
         for player in self.world.players.values():
             player.stop()
         for one in self._vehicles:
-            one.result.interrupted, one.result.wall_s = not one.left, wall_s
+            left = one.over or one.daemon.leaving is Authority.MISSION
+            one.result.interrupted, one.result.wall_s = not left, wall_s
         return self.result
 
 
@@ -303,43 +301,28 @@ _WAITS_FOR: Final[Mapping[State, frozenset[State]]] = {
 class VehicleMission:
     """One vehicle's part of a mission, with its daemon."""
 
-    def __init__(self, mission: Mission, pursuit: Pursuit, plan: FlightPlan, equipment: Equipment) -> None:
+    def __init__(self, mission: Mission, pursuit: Pursuit, plan: FlightPlan | None, equipment: Equipment) -> None:
         scenario, vehicle, evader = self.pursuit = pursuit
-        self.result = FlightResult(scenario, State.CONNECTING)
-        self.over = False
-        self.position_game_m: Vector | None = None
         self._mission, self._policy, world = mission, mission.policy, mission.world
+        self.result, self.over = FlightResult(scenario, State.CONNECTING), False
+        self.position_game_m: Vector | None = None
         self._heard = {
             name: SensedEvader(source, scenario.sensor, scenario.seed, mission.clock.now_s)
             for name, source in world.evaders[vehicle].items()
             if equipment.team is not None or name == evader
         }
+        plan = plan or plan_of(scenario=scenario)
         self.daemon = Daemon(vehicle, plan, world.links[vehicle], self._heard, equipment)
-        self.sequencer = MissionSequencer(
-            hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s, policy=mission.policy
-        )
+        self.sequencer = MissionSequencer(scenario.hold_s, scenario.time_limit_s, mission.policy)
         self._engaged_once = False
         self._begun_s: float | None = None
-        self._limit_from_s = 0.0
-        self._refused_s = math.inf
-        self._asked_s = self._shown_s = -math.inf
+        self._limit_from_s, self._refused_s, self._asked_s, self._shown_s = 0.0, math.inf, -math.inf, -math.inf
 
     @property
     def evader(self) -> str:
         """The evader that it plays against now."""
         role = self.daemon.flight.role
         return self.pursuit.evader if role is None else role.evader
-
-    @property
-    def captures(self) -> bool:
-        """True if it captured its evader in this cycle."""
-        outputs = self.daemon.outputs
-        return outputs is not None and any(one.event is Event.CAPTURED for one in outputs.happenings)
-
-    @property
-    def left(self) -> bool:
-        """Whether the mission ended the run, and not a person."""
-        return self.over or self.daemon.leaving is Authority.MISSION
 
     def locate(self, now_s: float) -> None:
         """Note the vehicle's position in the game frame from its own telemetry, None until heard."""

@@ -5,9 +5,10 @@ tighter limit of both applies. If the files contradict each other, nothing flies
 file with the scenario's own limits.
 """
 
+import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from guidance.config import parse
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
-from guidance.flight.settings import LIMITS_S, FlightSection
+from guidance.flight.settings import LIMITS_S, FlightSection, TeamSection
 from guidance.frames import Amsl
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
 from guidance.game.extent import POINT
@@ -25,7 +26,6 @@ from guidance.session.vehicle_file import Config, EvaderSection, GameSection, Lo
 from guidance.strategies import Strategy
 
 if TYPE_CHECKING:
-    from guidance.links.opening import Found
     from guidance.sim.scenario import Scenario
 
 _UNLIMITED_WITH_A_PERSON: Final = (State.CONNECTING, State.CHECKING)
@@ -47,16 +47,25 @@ class FlightPlan:
     document: str = ""
 
 
-def plan_of(config: Config | None = None, scenario: "Scenario | None" = None) -> FlightPlan:
+def plan_of(config: Config | None = None, scenario: "Scenario | None" = None, team: str | None = None) -> FlightPlan:
     """Return the plan of a vehicle file, a scenario, or both.
 
     A scenario alone is flown by a mock: preflight does not judge it, and the flight fails if the mock does not become
     ready. With a scenario, the game frame's zero is the scenario's site. If the scenario names no site, it is the
     origin of the vehicle's local frame, so the scenario can be flown anywhere.
 
+    Args:
+        config: The vehicle file.
+        scenario: The scenario.
+        team: JSON of a scenario's team: the separation, `team`, and the speeds of the evaders by name, `evaders`.
+
     Raises:
         ConfigError: If the files contradict themselves or each other, or both are missing.
     """
+    if team is not None:
+        alone, told = plan_of(config, scenario), json.loads(team)
+        mates = {"team": TeamSection(**told["team"]), "evaders": told["evaders"]}
+        return replace(alone, flight=alone.flight.model_copy(update=mates))
     if config is None:
         if scenario is None:
             raise ConfigError("neither a vehicle file nor a scenario: give at least one")
@@ -154,36 +163,22 @@ def merged(scenario: "Scenario", config: Config) -> Config:
 
 
 def config_of(
-    scenario: "Scenario",
-    *,
-    name: str,
-    url: str,
-    link: str,
-    autopilot: str,
-    found: "Found",
-    evader_url: str,
-    team: Mapping[str, Any] | None = None,
+    scenario: "Scenario", name: str, vehicle: Vehicle, evader_url: str, team: Mapping[str, Any] | None = None
 ) -> Config:
     """Return the vehicle file that flies a scenario with the scenario's own limits.
 
     Args:
         scenario: Who plays what, where and within which limits.
         name: Of the vehicle.
-        url: Where the vehicle is.
-        link: `mavsdk` or `pymavlink`.
-        autopilot: Name of the autopilot.
-        found: System and component id of the vehicle.
+        vehicle: Where it is.
         evader_url: Where the simulated evader reports.
         team: The section `[team]`.
 
     Raises:
         ConfigError: If the scenario asks for what no vehicle file may.
     """
-    vehicle = Vehicle(
-        autopilot=autopilot, link=link, url=url, system_id=found.system_id, component_id=found.component_id
-    )
     document = _as_vehicle_file(scenario, vehicle, evader_url).model_dump(mode="json")
-    return parse(Config, document | {"name": name, "team": team}, source=f"{scenario.title!r} at {url}")
+    return parse(Config, document | {"name": name, "team": team}, source=f"{scenario.title!r} at {vehicle.url}")
 
 
 def _as_vehicle_file(scenario: "Scenario", vehicle: Vehicle, evader_url: str) -> Config:

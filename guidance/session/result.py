@@ -25,6 +25,8 @@ from guidance.sim.batch import stack
 from guidance.sim.maths import game_of
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind
+from guidance.sim.team_flight import rows_of
+from guidance.sim.teams import TeamOutcome, TeamScenario
 from guidance.team import Member
 
 PLAYING = frozenset({State.ENGAGED, State.PAUSED})
@@ -270,3 +272,28 @@ def _predicted(result: FlightResult) -> tuple[float, str]:
 
 def _beside_m(sample: FlightSample) -> float:
     return math.dist(sample.pursuer_m[:2], sample.evader_m[:2])
+
+
+def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[TeamOutcome]:
+    """Return the rows, one for each evader; the game began when the last vehicle engaged. Without a game: none."""
+    begun = [[one.now_s for one in each.happenings if one.event is Event.GUIDED] for each in result.vehicles.values()]
+    if not all(begun):
+        return []
+    began_s, vehicles, names = max(times[0] for times in begun), list(result.vehicles), sorted(result.evaders)
+    starts = [_at([(one.now_s, one.pursuer_m) for one in result.vehicles[name].samples], began_s) for name in vehicles]
+    ends = []
+    for name in names:
+        evader = result.evaders[name]
+        arrived_s = min((one.board.over.get(name, math.inf) for one in result.members.values()), default=math.inf)
+        if evader.captured_by is not None:
+            captor = vehicles.index(evader.captured_by)
+            ends.append(("captured", evader.captured_s, _at(evader.track, evader.captured_s), captor))
+        else:
+            end, end_s = ("arrived", arrived_s) if math.isfinite(arrived_s) else ("time_up", evader.track[-1][0])
+            ends.append((end, end_s, _at(evader.track, end_s), -1))
+    return rows_of(scenario, way, (began_s, starts, [_at(result.evaders[name].track, began_s) for name in names]), ends)
+
+
+def _at(track: Sequence[tuple[float, Vector]], now_s: float) -> Vector:
+    """Return the last place of a track until a time."""
+    return next((place for at_s, place in reversed(track) if at_s <= now_s), track[0][1])

@@ -238,14 +238,14 @@ def flown(scenario: Scenario) -> Outcome:
     Raises:
         GuidanceError: If it cannot be flown.
     """
-    from guidance.session.fly import fly  # noqa: PLC0415 - flights only: imports the mock
+    from guidance.session.mission import Mission  # noqa: PLC0415 - flights only: imports the mock
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
     from guidance.sim.stepped import SteppedWorld  # noqa: PLC0415
 
     clock = VirtualClock()
     world = SteppedWorld(scenario, clock)
     try:
-        result = fly(scenario, world, clock)
+        result = Mission(scenario, world, clock).fly()
     finally:
         world.close()
     return outcome_of_flight(result.vehicles[PURSUER], "fast")

@@ -20,7 +20,7 @@ from guidance.clock import VirtualClock
 from guidance.flight import Flight
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Equipment
-from guidance.session.fly import fly
+from guidance.session.mission import Mission
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 
@@ -86,7 +86,7 @@ def flown_s(scenario: Scenario, path: Path, watch: Stopwatch | None = None) -> t
         with mock.patch.object(Flight, "step", step):
             if watch is not None:
                 watch.switch("loop")
-            fly(scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)})
+            Mission(scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)}).fly()
     finally:
         recorder.close()
         if watch is not None:

@@ -29,7 +29,7 @@ from guidance.flight import State
 from guidance.log.writer import Recorder
 from guidance.session.control_bus import ControlBus, answers, ask, control_key, join_session
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.fly import fly
+from guidance.session.mission import Mission
 from guidance.session.orders import Mailbox
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
@@ -102,7 +102,11 @@ def flights(wanted: int, within_s: float) -> bool:
         world = SteppedWorld(scenario.model_copy(update={"seed": number}), clock)
         with tempfile.TemporaryDirectory() as folder:
             record = Recorder(Path(folder) / "record.mcap", {})
-            result = fly(scenario, world, clock, equipment={"pursuer": Equipment(record=record)}).vehicles["pursuer"]
+            result = (
+                Mission(scenario, world, clock, equipment={"pursuer": Equipment(record=record)})
+                .fly()
+                .vehicles["pursuer"]
+            )
             record.close()
         world.close()
         if result.ended is not State.LANDED or record.failed is not None:

@@ -23,7 +23,7 @@ from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Equipment
 from guidance.session.flight_files import recorded_settings
-from guidance.session.fly import fly
+from guidance.session.mission import Mission
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 
@@ -57,7 +57,7 @@ def flown(scenario: Scenario) -> Kept:
     clock = VirtualClock()
     world, kept = SteppedWorld(scenario, clock), Kept()
     try:
-        fly(scenario, world, clock, equipment={"pursuer": Equipment(record=kept)})
+        Mission(scenario, world, clock, equipment={"pursuer": Equipment(record=kept)}).fly()
     finally:
         world.close()
     return kept

@@ -11,7 +11,6 @@ import math
 import random
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations, permutations
 from typing import Any, Final, NamedTuple, cast
 
@@ -25,8 +24,7 @@ from guidance.game import Game, Winner
 from guidance.links.port import EvaderSource
 from guidance.messages import EvaderReport
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.flight_files import with_team
-from guidance.session.fly_team import team_document
+from guidance.session.fly import team_document
 from guidance.session.loop import run
 from guidance.session.mission import Mission, MissionPolicy
 from guidance.session.plan import plan_of
@@ -153,7 +151,7 @@ class Sortie:
     """A mission of a team with its faults and its judge."""
 
     def __init__(self, case: TeamCase) -> None:
-        self.case, self.clock, document = case, VirtualClock(), team_document(case.scenario)
+        self.case, self.clock = case, VirtualClock()
         wind = Wind(velocity_m_s=case.wind_m_s)
         self.pursuits = [
             one._replace(scenario=one.scenario.model_copy(update={"wind": wind}))
@@ -177,12 +175,12 @@ class Sortie:
             )
             for number, one in enumerate(self.pursuits)
         }
-        plans = {one.vehicle: plan_of(scenario=one.scenario) for one in self.pursuits}
+        document = team_document(case.scenario, self.pursuits)
         self.mission = Mission(
             tuple(self.pursuits),
             self.world,
             self.clock,
-            plans={name: replace(plan, flight=with_team(plan.flight, document)) for name, plan in plans.items()},
+            plans={one.vehicle: plan_of(None, one.scenario, document) for one in self.pursuits},
             equipment={name: Equipment(team=member) for name, member in self.members.items()},
             policy=MissionPolicy(engage=True, end_with=Event.HOLD),
         )

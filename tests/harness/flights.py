@@ -7,8 +7,7 @@ from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Equipment
-from guidance.session.fly import fly
-from guidance.session.mission import Progress
+from guidance.session.mission import Mission, Progress
 from guidance.session.result import FlightResult
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.stepped import SteppedWorld
@@ -32,9 +31,8 @@ def flown(
     metadata = {"scenario": scenario.model_dump_json(), "seed": str(scenario.seed), "guidance": "0.1.0"}
     recorder = None if path is None else Recorder(path, metadata)
     try:
-        return fly(scenario, world, clock, equipment={PURSUER: Equipment(record=recorder)}, show=watch).vehicles[
-            PURSUER
-        ]
+        used = {PURSUER: Equipment(record=recorder)}
+        return Mission(scenario, world, clock, equipment=used, show=watch).fly().vehicles[PURSUER]
     finally:
         world.close()
         if recorder is not None:

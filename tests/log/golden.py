@@ -16,7 +16,7 @@ from guidance.log import cycles_of, scan
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Equipment
-from guidance.session.fly import fly
+from guidance.session.mission import Mission
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 
@@ -31,7 +31,7 @@ def main() -> None:
         path = Path(folder) / "record.mcap"
         world, recorder = SteppedWorld(scenario, clock), Recorder(path, metadata)
         try:
-            fly(scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)})
+            Mission(scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)}).fly()
         finally:
             world.close()
             recorder.close()

@@ -16,7 +16,7 @@ from guidance.log.replay import Comparison
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Equipment
 from guidance.session.flight_files import recorded_settings
-from guidance.session.fly import fly
+from guidance.session.mission import Mission
 from guidance.session.vehicle_file import RecordSection
 from guidance.sim.stepped import SteppedWorld
 
@@ -92,7 +92,7 @@ def test_a_flight_in_several_files_is_replayed_bit_for_bit(tmp_path, flight):
     world = SteppedWorld(result.scenario, clock)
     recorder = Recorder(path, metadata_of(whole), rotate_s=10.0)
     try:
-        fly(result.scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)})
+        Mission(result.scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)}).fly()
     finally:
         world.close()
         recorder.close()

@@ -13,7 +13,7 @@ from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.fly import fly
+from guidance.session.mission import Mission
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
 from guidance.session.vehicle_file import Config
@@ -75,7 +75,7 @@ def test_a_whole_flight_leaves_nothing(tmp_path):
         clock = VirtualClock()
         world = SteppedWorld(NEAR.model_copy(update={"seed": number}), clock)
         record = Recorder(tmp_path / "record.mcap", {})
-        flown = fly(NEAR, world, clock, equipment={"pursuer": Equipment(record=record)})
+        flown = Mission(NEAR, world, clock, equipment={"pursuer": Equipment(record=record)}).fly()
         assert flown.vehicles["pursuer"].ended is State.LANDED
         record.close()
         world.close()

@@ -10,7 +10,7 @@ from guidance.log.reader import cycles_of, scan
 from guidance.log.replay import compare
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Equipment
-from guidance.session.fly import fly
+from guidance.session.mission import Mission
 from guidance.session.plan import plan_of
 from guidance.session.result import outcome_of_flight
 from guidance.sim.scenario import Pursuit
@@ -36,13 +36,8 @@ def several(tmp_path_factory):
     world = SteppedWorld(pursuits, clock)
     records = {one.vehicle: Recorder(folder / f"{one.vehicle}.mcap", {"seed": "1"}) for one in pursuits}
     shown = []
-    result = fly(
-        pursuits,
-        world,
-        clock,
-        equipment={name: Equipment(record=record) for name, record in records.items()},
-        show=shown.append,
-    )
+    used = {name: Equipment(record=record) for name, record in records.items()}
+    result = Mission(pursuits, world, clock, equipment=used, show=shown.append).fly()
     world.close()
     for record in records.values():
         record.close()

@@ -10,7 +10,7 @@ from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
-from guidance.session.fly_team import team_rows
+from guidance.session.result import team_rows
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.team import MemoryNetwork

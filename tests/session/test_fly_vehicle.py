@@ -27,6 +27,7 @@ from guidance.session.fly import laid_about
 from guidance.session.mission import MissionPolicy
 from guidance.session.plan import config_of, plan_of
 from guidance.session.result import outcome_of_flight
+from guidance.session.vehicle_file import Vehicle
 from guidance.session.vehicle_world import VehicleWorld
 from guidance.sim.scenario import EVADER_ID, Scenario
 from guidance.sim.stepped import EvaderHere, SteppedMock
@@ -111,16 +112,8 @@ class Sortie(Supervised):
     def __init__(self, world, *, scenario=NEAR, ready_within_s=120.0):
         name = world.profile.name
         self.laid = laid_about(scenario, *world.meet(), name)
-        found = Found(1, 1, world.profile.autopilot_id, 2, armed=False)
-        self.own = config_of(
-            scenario,
-            name="pursuer",
-            url="udpin://127.0.0.1:14540",
-            link="pymavlink",
-            autopilot=name,
-            found=found,
-            evader_url="udpin://127.0.0.1:14541",
-        )
+        vehicle = Vehicle(autopilot=name, link="pymavlink", url="udpin://127.0.0.1:14540")
+        self.own = config_of(scenario, "pursuer", vehicle, "udpin://127.0.0.1:14541")
         ears, radio = MemoryWire.pair(world.now_s)
         self.evader = EvaderHere(self.laid, world, radio)
         source = MavlinkEvader(ears, GlobalPositionInt(), system_id=EVADER_ID, clock=world.now_s)

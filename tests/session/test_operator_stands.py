@@ -6,8 +6,7 @@ from guidance.clock import VirtualClock
 from guidance.flight import Authority, Event, State
 from guidance.session import mission
 from guidance.session.daemon import Equipment
-from guidance.session.fly import fly
-from guidance.session.mission import MOCKED, MissionPolicy
+from guidance.session.mission import MOCKED, Mission, MissionPolicy
 from guidance.session.orders import Mailbox
 from guidance.session.result import outcome_of_flight
 from guidance.sim.stepped import SteppedWorld
@@ -55,7 +54,7 @@ class Operator:
         world = SteppedWorld(scenario, clock)
         try:
             used = {"pursuer": Equipment(mailbox=self.mailbox)}
-            flown = fly(scenario, world, clock, equipment=used, policy=policy, show=self.watch)
+            flown = Mission(scenario, world, clock, equipment=used, policy=policy, show=self.watch).fly()
             self.result = flown.vehicles["pursuer"]
         finally:
             world.close()

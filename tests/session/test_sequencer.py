@@ -14,7 +14,7 @@ def orders(director, now_s, *, ready=True, fresh=True):
 
 @pytest.fixture
 def director():
-    return MissionSequencer(hold_s=3.0, time_limit_s=60.0)
+    return MissionSequencer(3.0, 60.0)
 
 
 def test_the_flight_starts_only_when_the_evader_is_ready(director):
