@@ -10,25 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.certificate import Certificate, Players, Vehicle, certify, without_game
-from guidance.control import (
-    Acceleration,
-    AltitudeHold,
-    Envelope,
-    LimitMemory,
-    Situation,
-    SpeedMemory,
-    Wall,
-    held_back,
-    hold_altitude,
-    keep_station,
-    limit,
-    observe_speed,
-)
-from guidance.control.follow import Following, FollowMemory, follow, gaps_to_disc, less_drift, observe_drift, with_drift
-from guidance.control.servo import NorthEast
+from guidance.control import Acceleration, Envelope, Situation, Wall
+from guidance.control.braking_law import held_back
+from guidance.control.capability import SpeedMemory, observe_speed
+from guidance.control.follow import Following, FollowMemory, Pace, follow, gaps_to_disc, observe_drift
+from guidance.control.servo import AltitudeHold, NorthEast, hold_altitude, keep_station
+from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
-from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
+from guidance.frames import Amsl, GameFrame, Vector, difference, game_from_ned, ned_from_game, total
 from guidance.game import Ball, Extent, Game, Reason, SpeedSet, StandOff, guaranteed_age_s
 from guidance.game.extent import POINT
 from guidance.messages import Setpoint
@@ -80,14 +70,9 @@ class CycleSettings:
     ground_speed_m_s: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        speed_m_s, target_m_s = self.declared_evader_speed_m_s, self.target_velocity_m_s
-        game = Game(
-            self.speed_set,
-            speed_m_s,
-            standoff=self.standoff,
-            target_velocity_m_s=target_m_s,
-            target_extent=self.target_extent,
-        )
+        speed_m_s, moving_m_s, extent = self.declared_evader_speed_m_s, self.target_velocity_m_s, self.target_extent
+        disc = self.standoff
+        game = Game(self.speed_set, speed_m_s, standoff=disc, target_velocity_m_s=moving_m_s, target_extent=extent)
         object.__setattr__(self, "game", game)
         object.__setattr__(self, "ground_speed_m_s", float(self.speed_set.horizontal_m_s))
 
@@ -102,7 +87,6 @@ class CycleInputs(NamedTuple):
         evader: The estimated evader.
         game_frame: The game's frame, if it is known.
         guided: Whether a HEARTBEAT of this cycle shows the guided mode, so the vehicle has followed the setpoints.
-        battery_needed: Share of the charge needed to fly home from here, for the certificate.
     """
 
     dt_s: float
@@ -111,7 +95,6 @@ class CycleInputs(NamedTuple):
     evader: EvaderEstimate | None
     game_frame: GameFrame | None
     guided: bool = False
-    battery_needed: float = math.nan
 
 
 class CycleMemory(NamedTuple):
@@ -141,34 +124,22 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     Raises:
         ValueError: If there is no evader or no game frame; the flight hovers then instead.
     """
-    (dt_s, here, walls, evader, frame, guided, battery_needed), envelope = inputs, settings.envelope
+    (dt_s, here, walls, evader, frame, guided), envelope = inputs, settings.envelope
     if evader is None or frame is None:
         raise ValueError("play needs an evader and a game frame; hover without them")
-    players = Players(
-        frame.position_from_ned(here.position_ned_m),
-        game_from_ned(here.velocity_ned_m_s),
-        frame.position_from_ned(evader.position_ned_m),
-        game_from_ned(evader.velocity_ned_m_s),
-        _target_at(settings, memory.strategy.played_s),
-    )
+    P, flown_m_s = frame.position_from_ned(here.position_ned_m), game_from_ned(here.velocity_ned_m_s)
+    E, seen_m_s = frame.position_from_ned(evader.position_ned_m), game_from_ned(evader.velocity_ned_m_s)
+    players = Players(P, flown_m_s, E, seen_m_s, _target_at(settings, memory.strategy.played_s))
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.standoff)
     try:
         game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
         refused = without_game(players, gaps, evader.age_s)
-        command_ned_m_s = output.setpoint.velocity_ned_m_s
-        told = refused._replace(command_ned_m_s=command_ned_m_s, battery_needed=battery_needed)
-        return output._replace(certificate=told)
-    vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s)
+        return output._replace(certificate=refused._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s))
+    vehicle, before = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s), memory.optimal_game_m_s
     solution, waiting, certificate = certify(
-        game,
-        players,
-        vehicle,
-        gaps,
-        memory.optimal_game_m_s,
-        evader_age_s=evader.age_s,
-        tolerance_m=settings.tolerance_m,
+        game, players, vehicle, gaps, before, evader_age_s=evader.age_s, tolerance_m=settings.tolerance_m
     )
     optimal = solution.pursuer_velocity_m_s
     asked = waiting or optimal
@@ -179,21 +150,11 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     asked_ned_m_s = held_back(nominal_ned_m_s, walls, envelope)
     max_speed_ratio = envelope.speed_m_s / settings.ground_speed_m_s
     at_wall = memory.limits is not None and memory.limits.held_back
-    followed = follow(
-        asked_ned_m_s,
-        here,
-        gaps,
-        settings.following,
-        memory.follow,
-        max_speed_ratio=max_speed_ratio,
-        meeting_m_s=envelope.speed_m_s + evader.speed_bound_m_s,
-        dt_s=dt_s,
-        hurried=hurried,
-        held_back=at_wall,
-    )
+    pace = Pace(dt_s, max_speed_ratio, envelope.speed_m_s + evader.speed_bound_m_s, hurried, at_wall)
+    followed = follow(asked_ned_m_s, here, gaps, settings.following, memory.follow, pace)
     unslowed = followed.unslowed and hurried and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
     flown = followed.flown_ned_m_s
-    speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, confirmed=guided, dt_s=dt_s)
+    speed = observe_speed(memory.speed, asked_ned_m_s, flown, unslowed=unslowed, confirmed=guided, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     already_shaped = settings.following is not None
@@ -203,17 +164,10 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         command_ned_m_s=limited.setpoint.velocity_ned_m_s,
         active_limits=tuple(map(str, limited.active)),
         reason=int(Reason.TOO_OLD) if too_old else certificate.reason,
-        battery_needed=battery_needed,
     )
     played = StrategyMemory(np.array(asked), memory.strategy.played_s + dt_s)
     kept = CycleMemory(
-        followed.memory,
-        limited.memory,
-        None,
-        yaw_rad,
-        strategy=played,
-        optimal_game_m_s=optimal,
-        speed=speed,
+        followed.memory, limited.memory, None, yaw_rad, strategy=played, optimal_game_m_s=optimal, speed=speed
     )
     return CycleOutput(limited.setpoint, certificate, kept)
 
@@ -262,8 +216,9 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     down_m_s, height = hold_altitude(memory.height, down_m=here.position_ned_m[2], envelope=envelope, dt_s=dt_s)
     drift = observe_drift(memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
-    (north, east), place = keep_station(memory.place, here.position_ned_m, less_drift(here.velocity_ned_m_s, drift))
-    still = with_drift((north, east, down_m_s), drift)
+    flown_ned_m_s = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s)
+    (north, east), place = keep_station(memory.place, here.position_ned_m, flown_ned_m_s)
+    still = total((north, east, down_m_s), drift.velocity_ned_m_s)
     limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s, walls=inputs.walls)
     begun = memory.strategy.velocity_m_s is not None
     paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()

@@ -169,6 +169,12 @@ def difference(one: Vector, other: Vector) -> Vector:
     return (x - other_x, y - other_y, z - other_z)
 
 
+def total(one: Vector, other: Vector) -> Vector:
+    """Return `one` + `other`, in whichever axes both are."""
+    (x, y, z), (other_x, other_y, other_z) = one, other
+    return (x + other_x, y + other_y, z + other_z)
+
+
 def game_from_ned(vector_ned: Vector) -> Vector:
     """Turn a free vector (velocity, acceleration) from NED into the game frame; its own inverse."""
     north, east, down = vector_ned

@@ -207,28 +207,10 @@ class Aircraft(NamedTuple):
     error_m: float
 
 
-Message = (
-    Heartbeat
-    | LocalPosition
-    | GlobalPosition
-    | Attitude
-    | Odometry
-    | EstimatorStatus
-    | LandedState
-    | SystemStatus
-    | GpsFix
-    | Home
-    | Origin
-    | CommandAck
-    | StatusText
-    | PositionTarget
-    | Timesync
-    | Parameter
-    | FenceCount
-    | FenceItem
-    | FenceRefused
-    | Aircraft
-)
+Moved = LocalPosition | GlobalPosition | Attitude | Odometry | EstimatorStatus | Home | Origin
+Stated = Heartbeat | LandedState | SystemStatus | GpsFix | StatusText | PositionTarget | Timesync
+Answered = CommandAck | Parameter | FenceCount | FenceItem | FenceRefused
+Message = Moved | Stated | Answered | Aircraft
 
 
 class Datum(StrEnum):

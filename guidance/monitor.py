@@ -105,20 +105,14 @@ class MonitorMemory(NamedTuple):
 
 
 def watch(
-    memory: MonitorMemory,
-    now_s: float,
-    certificate: Certificate,
-    *,
-    with_target: bool,
-    speed_m_s: float,
-    slack_s: float,
+    memory: MonitorMemory, now_s: float, latest: Certificate, *, with_target: bool, speed_m_s: float, slack_s: float
 ) -> tuple[MonitorMemory, Alarm | None]:
     """Compare this cycle's certificate with the best promise before it.
 
     Args:
         memory: From the last call; `MonitorMemory()` at engagement.
         now_s: Time of the injected clock.
-        certificate: Of this cycle; one without a game is ignored.
+        latest: Certificate of this cycle; one without a game is ignored.
         with_target: Whether the game is TAD.
         speed_m_s: The configured speed over the ground.
         slack_s: Permitted loss besides the allowances above, s; in TAD, the distance that the evader covers in
@@ -127,20 +121,19 @@ def watch(
     Returns:
         The memory for the next call, and the alarm if there is one.
     """
-    if certificate.winner == Winner.UNDECIDED or math.isnan(certificate.value):
+    if latest.winner == Winner.UNDECIDED or math.isnan(latest.value):
         return memory, None
-    age_s = certificate.evader_age_s
+    age_s = latest.evader_age_s
     if age_s > max(STALE_S, STALER * memory.oldest_s):
         return memory._replace(oldest_s=age_s), Alarm(Violation.STALE, age_s)
-    if certificate.reason == Reason.TOO_OLD:  # no promise now; it starts anew with the next report
-        memory = memory.restarted()._replace(lost=None)
-        certificate = certificate._replace(meeting_time_s=0.0)
-    memory, alarm = _reach(memory, certificate, speed_m_s)
+    if latest.reason == Reason.TOO_OLD:  # no promise now; it starts anew with the next report
+        memory, latest = memory.restarted()._replace(lost=None), latest._replace(meeting_time_s=0.0)
+    memory, alarm = _reach(memory, latest, speed_m_s)
     if alarm is None and with_target:
-        memory, alarm = _cross(memory, now_s, certificate)
-    if alarm is not None or (with_target and (memory.lost or certificate.winner == Winner.EVADER)):
+        memory, alarm = _cross(memory, now_s, latest)
+    if alarm is not None or (with_target and (memory.lost or latest.winner == Winner.EVADER)):
         return memory, alarm
-    return _watch_promise(memory, now_s, certificate, slack_s, with_target=with_target)
+    return _watch_promise(memory, now_s, latest, slack_s, with_target=with_target)
 
 
 def _watch_promise(
@@ -156,8 +149,13 @@ def _watch_promise(
     if with_target:  # a second of slack is the evader's way in it
         cost, violation = certificate.allowance - certificate.assured_distance_m, Violation.EVADER_CLOSER
         slack *= evader_m_s
-    memory, lost = _compare(memory, now_s, cost, slack)
-    return memory, None if lost is None else Alarm(violation, lost)
+    lost = cost - memory.best
+    if 0.0 <= lost <= slack and memory.since_s is None:
+        return memory, None
+    if not lost > slack:
+        return memory._replace(best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None), None
+    memory, lasts = _lasting(memory, now_s)
+    return (memory._replace(best=cost, since_s=None), Alarm(violation, lost)) if lasts else (memory, None)
 
 
 def _reach(memory: MonitorMemory, certificate: Certificate, speed_m_s: float) -> tuple[MonitorMemory, Alarm | None]:
@@ -177,27 +175,14 @@ def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tup
     won = certificate.vehicle_winner == Winner.PURSUER and not losing
     if not (won if memory.lost else losing):
         return memory if not memory.lost else memory._replace(since_s=None), None
-    memory = _since(memory, now_s)
-    if not _lasts(memory, now_s):
+    memory, lasts = _lasting(memory, now_s)
+    if not lasts:
         return memory, None
     violation = Violation.BARRIER_WON if memory.lost else Violation.BARRIER_LOST
     return memory.restarted()._replace(lost=not memory.lost), Alarm(violation, 0.0)
 
 
-def _compare(memory: MonitorMemory, now_s: float, cost: float, slack: float) -> tuple[MonitorMemory, float | None]:
-    """Compare a cost with the best before it; return the loss if it exceeds the slack for long enough."""
-    lost = cost - memory.best
-    if 0.0 <= lost <= slack and memory.since_s is None:
-        return memory, None
-    if not lost > slack:
-        return memory._replace(best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None), None
-    memory = _since(memory, now_s)
-    return (memory._replace(best=cost, since_s=None), lost) if _lasts(memory, now_s) else (memory, None)
-
-
-def _since(memory: MonitorMemory, now_s: float) -> MonitorMemory:
-    return memory if memory.since_s is not None else memory._replace(since_s=now_s)
-
-
-def _lasts(memory: MonitorMemory, now_s: float) -> bool:
-    return memory.since_s is not None and now_s - memory.since_s >= LASTING_S
+def _lasting(memory: MonitorMemory, now_s: float) -> tuple[MonitorMemory, bool]:
+    """Note since when a promise is worse than allowed or a barrier is crossed, and return whether that lasts."""
+    since_s = now_s if memory.since_s is None else memory.since_s
+    return memory._replace(since_s=since_s), now_s - since_s >= LASTING_S

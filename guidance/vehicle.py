@@ -10,27 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeVar
 
-from guidance.frames import Amsl, LocalFrame, Projection, Vector
-from guidance.messages import (
-    Aircraft,
-    Attitude,
-    CommandAck,
-    EstimatorStatus,
-    EvaderReport,
-    FenceItem,
-    GlobalPosition,
-    Heartbeat,
-    Home,
-    LandedState,
-    LocalPosition,
-    Message,
-    Odometry,
-    Origin,
-    Parameter,
-    PositionTarget,
-    StatusText,
-    SystemStatus,
-)
+from guidance import messages
+from guidance.frames import Amsl, LocalFrame, Projection, Vector, total
+from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition, Message, Odometry, Origin
 
 LANDED_ON_GROUND = 1
 
@@ -100,35 +82,32 @@ class VehicleState(NamedTuple):
     @property
     def yaw_rad(self) -> float:
         """Heading in the last ATTITUDE, from north; zero before the first one."""
-        attitude = self.last(Attitude)
+        attitude = self.last(messages.Attitude)
         return 0.0 if attitude is None else attitude.yaw_rad
 
     @property
     def on_ground(self) -> bool:
         """Whether the last EXTENDED_SYS_STATE says on ground; False before the first one."""
-        landed = self.last(LandedState)
+        landed = self.last(messages.LandedState)
         return landed is not None and landed.landed_state == LANDED_ON_GROUND
 
 
-def observe(state: VehicleState, messages: Sequence[Message]) -> VehicleState:
+def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
     """Fold messages, oldest first, into the state.
 
     The messages must be plausible, as links deliver them. Local positions that are not newer than the last one are
     ignored. So is a home reported in flight: PX4 moves it by up to 2 m every two seconds, and heights and fences refer
     to home at arming.
     """
-    if not messages:
+    if not arrived:
         return state
     latest = dict(state.latest)  # states that the caller holds do not change
     seen = VehicleState(latest, *state[1:])
-    for message in messages:
+    for message in arrived:
         change = _CHANGES.get(type(message))
-        if change is not None:
-            changed = change(message, seen)
-            if changed is None:
-                continue
-            seen = changed
-        latest[type(message)] = message
+        changed = seen if change is None else change(message, seen)
+        if changed is not None:
+            seen, latest[type(message)] = changed, message
     return seen
 
 
@@ -164,47 +143,23 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
     if held is None:
         return state
     step_s = now.time_boot_s - held.time_boot_s
-    if -_REBOOT_S <= step_s <= 0.0:
-        return None
-    if step_s < 0.0:
-        return state._replace(reboots=state.reboots + 1)
-    moved = VehicleState(*state[:-1], _smoothed(state.acceleration_ned_m_s2, held, now, step_s))
-    jump = _jump_ned_m(held, now, step_s)
-    if jump is None:
-        return moved
-    north, east, down = (total + part for total, part in zip(state.jumped_ned_m, jump, strict=True))
-    return moved._replace(
-        resets=state.resets + 1,
-        reset_s=now.received_s,
-        jumped_ned_m=(north, east, down),
-        jumped_boot_s=now.time_boot_s,
-    )
-
-
-def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step_s: float) -> Vector:
-    """Return the acceleration after one more velocity; zero after a gap."""
-    if step_s > _GAP_S:
-        return (0.0, 0.0, 0.0)
-    share = min(1.0, step_s / _SMOOTHED_S)
-    (a_n, a_e, a_d), (was_n, was_e, was_d), (v_n, v_e, v_d) = before_m_s2, held.velocity_ned_m_s, now.velocity_ned_m_s
-    return (
-        a_n + share * ((v_n - was_n) / step_s - a_n),
-        a_e + share * ((v_e - was_e) / step_s - a_e),
-        a_d + share * ((v_d - was_d) / step_s - a_d),
-    )
-
-
-def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vector | None:
-    """Return the movement that the velocities do not explain; None if a manoeuvre explains it."""
-    (to_n, to_e, to_d), (from_n, from_e, from_d) = now.position_ned_m, before.position_ned_m
-    (v_n, v_e, v_d), (was_n, was_e, was_d) = now.velocity_ned_m_s, before.velocity_ned_m_s
-    half_s = 0.5 * step_s
-    jump = (
-        to_n - from_n - half_s * (was_n + v_n),
-        to_e - from_e - half_s * (was_e + v_e),
-        to_d - from_d - half_s * (was_d + v_d),
-    )
-    return jump if math.hypot(*jump) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s else None
+    if step_s <= 0.0:
+        return None if step_s >= -_REBOOT_S else state._replace(reboots=state.reboots + 1)
+    speeds = tuple(zip(held.velocity_ned_m_s, now.velocity_ned_m_s, strict=True))
+    gained, share = (0.0, 0.0, 0.0), min(1.0, step_s / _SMOOTHED_S)
+    if step_s <= _GAP_S:
+        rows = zip(state.acceleration_ned_m_s2, speeds, strict=True)
+        a_north, a_east, a_down = (a + share * ((v - was) / step_s - a) for a, (was, v) in rows)
+        gained = (a_north, a_east, a_down)
+    state = VehicleState(*state[:-1], gained)
+    # What the velocities do not explain is a jump, if no manoeuvre explains it either.
+    steps = zip(now.position_ned_m, held.position_ned_m, speeds, strict=True)
+    north, east, down = (to - at - 0.5 * step_s * (was + v) for to, at, (was, v) in steps)
+    if not math.hypot(north, east, down) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:
+        return state
+    jumped = total(state.jumped_ned_m, (north, east, down))
+    resets, moment_s = state.resets + 1, now.time_boot_s
+    return state._replace(resets=resets, reset_s=now.received_s, jumped_ned_m=jumped, jumped_boot_s=moment_s)
 
 
 _CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], VehicleState | None]]] = {
@@ -212,8 +167,8 @@ _CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], VehicleState | None]
     Home: _changed_by_home,
     Odometry: _changed_by_odometry,
     Heartbeat: _changed_by_heartbeat,
-    CommandAck: lambda _message, _state: None,
-    StatusText: lambda _message, _state: None,
+    messages.CommandAck: lambda _message, _state: None,
+    messages.StatusText: lambda _message, _state: None,
 }
 """The state after messages that change more than the last message of their kind; None if the message is ignored."""
 
@@ -229,9 +184,8 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
         return None
     home_amsl = Amsl(home.altitude_amsl_m)
     if origin is not None:
-        frame = LocalFrame(
-            origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), home_amsl, projection=projection
-        )
+        place = (origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m))
+        frame = LocalFrame(*place, home_amsl, projection=projection)
         away = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, home_amsl)
         return frame if math.hypot(*away) <= FARTHEST_M else None
     if not all(map(math.isfinite, home.position_ned_m)):
@@ -244,7 +198,7 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
     return LocalFrame(latitude_deg, longitude_deg, altitude, home_amsl, projection=projection)
 
 
-def is_plausible(message: Message | EvaderReport) -> bool:
+def is_plausible(message: Message | messages.EvaderReport) -> bool:
     """Whether all values of a message are plausible. Values that MAVLink defines as unknown (NaN) are allowed."""
     judge = _JUDGES.get(type(message))
     return judge is None or judge(message)
@@ -254,7 +208,7 @@ def _within(limit: float, *numbers: float) -> bool:
     return all(abs(number) <= limit for number in numbers)
 
 
-def _on_earth(place: GlobalPosition | Home | Origin | EvaderReport) -> bool:
+def _on_earth(place: GlobalPosition | Home | Origin | messages.EvaderReport) -> bool:
     here = abs(place.latitude_deg) < 90.0 and abs(place.longitude_deg) <= 180.0  # north has no direction at a pole
     return here and abs(place.altitude_amsl_m) <= HIGHEST_M
 
@@ -276,31 +230,22 @@ def _global(place: GlobalPosition) -> bool:
     return _on_earth(place) and height and rate and 0.0 <= place.time_boot_s <= _LATEST_S
 
 
-def _aircraft(one: Aircraft) -> bool:
+def _aircraft(one: messages.Aircraft) -> bool:
     here = abs(one.latitude_deg) < 90.0 and abs(one.longitude_deg) <= 180.0
     return here and not abs(one.altitude_amsl_m) > HIGHEST_M and not math.hypot(*one.velocity_ned_m_s) > FASTEST_M_S
 
 
-def _status(status: SystemStatus) -> bool:
-    return math.isnan(status.battery_remaining) or 0.0 <= status.battery_remaining <= 1.0
-
-
-def _echo(echo: PositionTarget) -> bool:
-    north, east, down = echo.velocity_ned_m_s
-    return not (abs(north) > FASTEST_M_S or abs(east) > FASTEST_M_S or abs(down) > FASTEST_M_S)
-
-
 _JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {
-    Aircraft: _aircraft,
-    Attitude: lambda attitude: abs(attitude.yaw_rad) <= _TURNED_RAD,
-    EstimatorStatus: lambda status: math.isnan(status.height_sd_m) or 0.0 <= status.height_sd_m <= HIGHEST_M,
-    FenceItem: lambda item: abs(item.size) <= FARTHEST_M and abs(item.latitude_deg) < 90.0,
+    messages.Aircraft: _aircraft,
+    messages.Attitude: lambda attitude: abs(attitude.yaw_rad) <= _TURNED_RAD,
+    messages.EstimatorStatus: lambda status: math.isnan(status.height_sd_m) or 0.0 <= status.height_sd_m <= HIGHEST_M,
+    messages.FenceItem: lambda item: abs(item.size) <= FARTHEST_M and abs(item.latitude_deg) < 90.0,
     GlobalPosition: _global,
     Home: _home,
     LocalPosition: _local,
     Origin: _on_earth,
-    Parameter: lambda parameter: math.isfinite(parameter.value),
-    PositionTarget: _echo,
-    SystemStatus: _status,
-    EvaderReport: _on_earth,
+    messages.Parameter: lambda parameter: math.isfinite(parameter.value),
+    messages.PositionTarget: lambda echo: not any(abs(part) > FASTEST_M_S for part in echo.velocity_ned_m_s),
+    messages.SystemStatus: lambda status: not (status.battery_remaining < 0.0 or status.battery_remaining > 1.0),
+    messages.EvaderReport: _on_earth,
 }

@@ -19,12 +19,7 @@ Limiting, always last:
 """
 
 from guidance.control.braking_law import held_back
-from guidance.control.capability import (
-    Acceleration,
-    SpeedMemory,
-    late_start,
-    observe_speed,
-)
+from guidance.control.capability import Acceleration, SpeedMemory, late_start, observe_speed
 from guidance.control.follow import Approach, Following, Gaps
 from guidance.control.limits import Dynamics, Envelope, Limiter, Limits, Speeds
 from guidance.control.polygon import Polygon

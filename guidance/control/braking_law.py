@@ -231,22 +231,9 @@ def braked(
         if wall.approached or closing <= 0.0 or stop_m <= wall.gap_m:
             continue
         a_north, a_east, a_down = fed or STILL
-        wanted = deceleration_m_s2(closing, wall.gap_m, braking_m_s2, envelope.reaction_s)
+        # The excess over the allowed closing speed has to be gone within half the reaction time.
+        allowed = approach_speed(wall.gap_m - closing * envelope.reaction_s, braking_m_s2, envelope.reaction_s)
+        wanted = 2.0 * (closing - allowed) / envelope.reaction_s
         missing = max(0.0, a_north * north + a_east * east + a_down * down + wanted)
         fed = (a_north - missing * north, a_east - missing * east, a_down - missing * down)
     return fed
-
-
-def deceleration_m_s2(closing_m_s: float, gap_m: float, braking_m_s2: float, reaction_s: float) -> float:
-    """Return the least deceleration before a wall; negative if the vehicle may still accelerate.
-
-    The excess over the allowed closing speed has to be gone within half the reaction time.
-
-    Args:
-        closing_m_s: Closing speed, not negative.
-        gap_m: Distance to the wall, negative beyond it.
-        braking_m_s2: Guaranteed deceleration.
-        reaction_s: Time until it begins.
-    """
-    allowed = approach_speed(gap_m - closing_m_s * reaction_s, braking_m_s2, reaction_s)
-    return 2.0 * (closing_m_s - allowed) / reaction_s

@@ -88,13 +88,7 @@ class SpeedMemory(NamedTuple):
 
 
 def observe_speed(
-    memory: SpeedMemory,
-    asked_ned_m_s: Vector,
-    flown_ned_m_s: Vector,
-    *,
-    at_full_speed: bool,
-    confirmed: bool,
-    dt_s: float,
+    memory: SpeedMemory, asked_ned_m_s: Vector, flown_ned_m_s: Vector, *, unslowed: bool, confirmed: bool, dt_s: float
 ) -> SpeedMemory:
     """Compare the velocity that the game asks for with the one flown, for one cycle.
 
@@ -102,7 +96,7 @@ def observe_speed(
         memory: From the last call.
         asked_ned_m_s: Velocity of the game at the vehicle's nominal speed.
         flown_ned_m_s: Velocity of the vehicle over the ground.
-        at_full_speed: Whether the whole speed is commanded, not reduced by the approach or a limit.
+        unslowed: Whether the whole speed is commanded, not reduced by the approach or a limit.
         confirmed: Whether a HEARTBEAT of this cycle shows the guided mode.
         dt_s: Seconds since the last call.
     """
@@ -115,7 +109,7 @@ def observe_speed(
     shown_m_s = max(memory.shown_m_s, speed)
     asked = math.hypot(*asked_ned_m_s[:2])
     along = (north * asked_ned_m_s[0] + east * asked_ned_m_s[1]) / max(asked, _LEAST_ASKED_M_S)
-    if not (at_full_speed and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
+    if not (unslowed and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
         return SpeedMemory(shown_m_s, memory.share, mean)
     began_m_s = memory.began_m_s if memory.compared_s > 0.0 else along
     compared_s, covered_s = memory.compared_s + dt_s, memory.covered_s + dt_s * along / asked

@@ -41,7 +41,7 @@ from typing import NamedTuple
 from guidance.control.braking_law import approach_speed
 from guidance.control.servo import ServoGains, ServoMemory, serve
 from guidance.control.walls import Situation
-from guidance.frames import Vector
+from guidance.frames import Vector, difference, total
 from guidance.game import StandOff
 
 _STILL: Vector = (0.0, 0.0, 0.0)
@@ -104,25 +104,8 @@ def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector
     return Drift((drift_north, drift_east, drift_down), (north, east, down))
 
 
-def with_drift(velocity_ned_m_s: Vector, drift: Drift) -> Vector:
-    """Return a velocity over the ground in the autopilot's own terms."""
-    (north, east, down), (by_north, by_east, by_down) = velocity_ned_m_s, drift.velocity_ned_m_s
-    return (north + by_north, east + by_east, down + by_down)
-
-
-def less_drift(velocity_ned_m_s: Vector, drift: Drift) -> Vector:
-    """Return a reported velocity as one over the ground."""
-    (north, east, down), (by_north, by_east, by_down) = velocity_ned_m_s, drift.velocity_ned_m_s
-    return (north - by_north, east - by_east, down - by_down)
-
-
 def catch_up(
-    desired_ned_m_s: Vector,
-    flown_ned_m_s: Vector,
-    deficit_m: float,
-    *,
-    max_speed_ratio: float,
-    dt_s: float,
+    desired_ned_m_s: Vector, flown_ned_m_s: Vector, deficit_m: float, *, max_speed_ratio: float, dt_s: float
 ) -> tuple[Vector, float]:
     """Increase a velocity to work off the along-track deficit over the ground; return it and the deficit, m.
 
@@ -200,20 +183,6 @@ def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOf
     return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
 
 
-def closing_allowed(left_m: float, braking_m_s2: float, settle_s: float, backing_m_s: float) -> float:
-    """Return the allowed closing speed, m/s; negative (backing off) inside.
-
-    Args:
-        left_m: Remaining distance, negative inside.
-        braking_m_s2: Deceleration.
-        settle_s: Time constant near zero distance.
-        backing_m_s: Largest speed for backing off.
-    """
-    if left_m > 0.0:
-        return approach_speed(left_m, braking_m_s2, settle_s)
-    return max(-backing_m_s, 0.5 * left_m / settle_s)
-
-
 def approach(
     desired_ned_m_s: Vector, flown_ned_m_s: Vector, evader_ned_m_s: Vector, gaps: Gaps, settings: Approach
 ) -> tuple[Vector, bool]:
@@ -226,8 +195,10 @@ def approach(
         gaps: To the disc.
         settings: Of the vehicle.
     """
-    down = _vertical(desired_ned_m_s[2], flown_ned_m_s[2], gaps.height_m, settings)
-    (north, east, _), (evader_north, evader_east, _) = desired_ned_m_s, evader_ned_m_s
+    (north, east, down), (evader_north, evader_east, _) = desired_ned_m_s, evader_ned_m_s
+    left_m = abs(gaps.height_m) - settings.lag_s * math.copysign(flown_ned_m_s[2], gaps.height_m * flown_ned_m_s[2])
+    allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
+    down = max(-allowed, min(allowed, down))
     to_north, to_east = gaps.towards_north, gaps.towards_east
     coming = max(0.0, -evader_north * to_north - evader_east * to_east)
     wait = coming * min(1.0, max(0.0, gaps.ground_m / RETREAT_M)) if -BELOW_M < gaps.height_m < ABOVE_M else 0.0
@@ -237,21 +208,15 @@ def approach(
     closing_now = (flown_ned_m_s[0] - evader_north) * to_north + (flown_ned_m_s[1] - evader_east) * to_east
     left_m = gaps.ground_m - settings.margin_m - settings.lag_s * (closing_now + wait)
     settle_s = settings.settle_s + wait / settings.braking_m_s2
-    allowed = closing_allowed(left_m, settings.braking_m_s2, settle_s, settings.backing_m_s)
+    allowed = max(-settings.backing_m_s, 0.5 * left_m / settle_s)  # inside, it backs off
+    if left_m > 0.0:
+        allowed = approach_speed(left_m, settings.braking_m_s2, settle_s)
     if closing <= allowed:
         return (north, east, down), False
     across = max(0.0, allowed / closing) if closing > 0.0 else 0.0
     north = evader_north + across * (relative_north - closing * to_north) + allowed * to_north
     east = evader_east + across * (relative_east - closing * to_east) + allowed * to_east
     return (north, east, down), True
-
-
-def _vertical(desired_m_s: float, flown_m_s: float, height_m: float, settings: Approach) -> float:
-    """Return the vertical speed (down positive), reduced near the disc's height and never reversed."""
-    closing_now = math.copysign(flown_m_s, height_m * flown_m_s)
-    left_m = max(0.0, abs(height_m) - settings.lag_s * closing_now)
-    allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
-    return max(-allowed, min(allowed, desired_m_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,18 +249,27 @@ class Followed(NamedTuple):
     unslowed: bool = False
 
 
+class Pace(NamedTuple):
+    """What speeds are about in one cycle.
+
+    Attributes:
+        dt_s: Seconds since the last cycle.
+        max_speed_ratio: Speed limit over the game's speed.
+        meeting_m_s: Sum of the largest speeds of vehicle and evader.
+        hurried: Whether the game's full speed is desired. A vehicle that waits for its height catches nothing up over
+            the ground, and uses its whole vertical speed.
+        held_back: Whether a limit reduced the last command; the servo learns nothing then.
+    """
+
+    dt_s: float
+    max_speed_ratio: float
+    meeting_m_s: float
+    hurried: bool = True
+    held_back: bool = False
+
+
 def follow(
-    desired_ned_m_s: Vector,
-    here: Situation,
-    gaps: Gaps,
-    following: Following | None,
-    memory: FollowMemory,
-    *,
-    max_speed_ratio: float,
-    meeting_m_s: float,
-    dt_s: float,
-    hurried: bool = True,
-    held_back: bool = False,
+    desired_ned_m_s: Vector, here: Situation, gaps: Gaps, following: Following | None, memory: FollowMemory, pace: Pace
 ) -> Followed:
     """Follow the game's velocity for one cycle; without `following` it is sent unchanged.
 
@@ -305,31 +279,26 @@ def follow(
         gaps: To the disc.
         following: Settings of the vehicle.
         memory: From the last call.
-        max_speed_ratio: Speed limit over the game's speed.
-        meeting_m_s: Sum of the largest speeds of vehicle and evader.
-        dt_s: Seconds since the last call.
-        hurried: Whether the game's full speed is desired. A vehicle that waits for its height catches nothing up over
-            the ground, and uses its whole vertical speed.
-        held_back: Whether a limit reduced the last command; the servo learns nothing then.
+        pace: Of this cycle.
     """
     if following is None:
-        flown = less_drift(here.velocity_ned_m_s, memory.drift)
+        flown = difference(here.velocity_ned_m_s, memory.drift.velocity_ned_m_s)
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory, flown)
-    drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
-    flown = less_drift(here.velocity_ned_m_s, drift)
+    drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=pace.dt_s)
+    flown, max_speed_ratio = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s), pace.max_speed_ratio
     north, east, down = desired_ned_m_s
     wanted, deficit_m = (north, east, down * max_speed_ratio), 0.0
-    if hurried:
+    if pace.hurried:
         wanted, deficit_m = catch_up(
-            desired_ned_m_s, flown, memory.deficit_m, max_speed_ratio=max_speed_ratio, dt_s=dt_s
+            desired_ned_m_s, flown, memory.deficit_m, max_speed_ratio=max_speed_ratio, dt_s=pace.dt_s
         )
-        wanted = unhurried(wanted, gaps, deficit_m, meeting_m_s)
+        wanted = unhurried(wanted, gaps, deficit_m, pace.meeting_m_s)
     desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach)
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
-    served = serve(desired, flown, memory.servo, following.servo, dt_s=dt_s, held_back=held_back)
+    served = serve(desired, flown, memory.servo, following.servo, dt_s=pace.dt_s, held_back=pace.held_back)
     return Followed(
-        with_drift(served.velocity_ned_m_s, drift),
+        total(served.velocity_ned_m_s, drift.velocity_ned_m_s),
         served.acceleration_ned_m_s2,
         desired,
         FollowMemory(served.memory, deficit_m, drift),

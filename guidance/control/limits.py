@@ -4,7 +4,7 @@ Heights are above home, distances are from home. Speeds bound every command; the
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Annotated, Final, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from guidance.config import Latitude, Longitude, Section
-from guidance.control.polygon import Polygon
+from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.game import StandOff
@@ -103,13 +103,19 @@ class StandOffLimit(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dynamics:
+class Agility:
+    """Largest horizontal acceleration, vertical acceleration, and change of the acceleration, of a command."""
+
+    acceleration_m_s2: float
+    vertical_acceleration_m_s2: float
+    jerk_m_s3: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dynamics(Agility):
     """Acceleration, braking and delay of a vehicle.
 
     Attributes:
-        acceleration_m_s2: Largest horizontal acceleration of a command.
-        vertical_acceleration_m_s2: Largest vertical acceleration of a command.
-        jerk_m_s3: Largest change of the acceleration.
         braking_m_s2: Guaranteed horizontal deceleration.
         vertical_braking_m_s2: Guaranteed vertical deceleration.
         reaction_s: Time until it brakes: velocity lag, telemetry age and one cycle. The stopping distance is
@@ -117,9 +123,6 @@ class Dynamics:
         easing_m_s3: Jerk while an acceleration is released.
     """
 
-    acceleration_m_s2: float
-    vertical_acceleration_m_s2: float
-    jerk_m_s3: float
     braking_m_s2: float = 2.0
     vertical_braking_m_s2: float = 1.0
     reaction_s: float = 0.6
@@ -167,22 +170,22 @@ class Envelope(Dynamics):
 
 
 class Tighter(NamedTuple):
-    """Marks a limit, and says which of two values is the tighter one."""
+    """Marks a limit, and says which of several values is the tightest one."""
 
-    of: Callable[[float, float], float]
+    of: Callable[[Iterable[float]], float]
 
 
-_LOWER, _HIGHER = Tighter(min), Tighter(max)
+AtLeast = Annotated[float, Tighter(max)]
+AtMost = Annotated[float, Tighter(min)]
+AtMostIfAny = Annotated[float | None, Tighter(min)]
 
 
 class Limits(Section):
     """Limits of the flight."""
 
-    floor_m: Annotated[float, _HIGHER] = Field(5.0, ge=1.0, description="lowest height")
-    ceiling_m: Annotated[float, _LOWER] = Field(60.0, gt=5.0, le=500.0, description="greatest height")
-    fence_radius_m: Annotated[float | None, _LOWER] = Field(
-        200.0, gt=10.0, le=10_000.0, description="greatest distance from home"
-    )
+    floor_m: AtLeast = Field(5.0, ge=1.0, description="lowest height")
+    ceiling_m: AtMost = Field(60.0, gt=5.0, le=500.0, description="greatest height")
+    fence_radius_m: AtMostIfAny = Field(200.0, gt=10.0, le=10_000.0, description="greatest distance from home")
     fence_polygon_ne_m: tuple[tuple[float, float], ...] | None = Field(None, description="corners north, east of home")
     fence_polygon_deg: tuple[tuple[Latitude, Longitude], ...] | None = Field(
         None, description="corners by latitude, longitude"
@@ -190,17 +193,11 @@ class Limits(Section):
     fence_plan_file: Path | None = Field(
         None, description="a QGroundControl plan (.plan) with one inclusion polygon, which becomes the fence"
     )
-    fence_margin_m: Annotated[float, _HIGHER] = Field(2.0, ge=0.0, description="how far inside the fence commands stay")
-    yaw_rate_deg_s: Annotated[float, _LOWER] = Field(45.0, gt=0.0, le=180.0, description="fastest turn of the nose")
-    speed_m_s: Annotated[float | None, _LOWER] = Field(
-        None, gt=0.0, le=33.0, description=f"horizontal speed of every command{_DEFAULT}"
-    )
-    climb_m_s: Annotated[float | None, _LOWER] = Field(
-        None, gt=0.0, le=11.0, description=f"climb rate of every command{_DEFAULT}"
-    )
-    descent_m_s: Annotated[float | None, _LOWER] = Field(
-        None, gt=0.0, le=11.0, description=f"descent rate of every command{_DEFAULT}"
-    )
+    fence_margin_m: AtLeast = Field(2.0, ge=0.0, description="how far inside the fence commands stay")
+    yaw_rate_deg_s: AtMost = Field(45.0, gt=0.0, le=180.0, description="fastest turn of the nose")
+    speed_m_s: AtMostIfAny = Field(None, gt=0.0, le=33.0, description=f"horizontal speed of every command{_DEFAULT}")
+    climb_m_s: AtMostIfAny = Field(None, gt=0.0, le=11.0, description=f"climb rate of every command{_DEFAULT}")
+    descent_m_s: AtMostIfAny = Field(None, gt=0.0, le=11.0, description=f"descent rate of every command{_DEFAULT}")
 
     @model_validator(mode="after")
     def _check_fence(self) -> Self:
@@ -236,27 +233,25 @@ class Limits(Section):
         Raises:
             ValueError: If a limit is below the game's speed. The message names both keys.
         """
-        return Speeds(*(self._speed(name, played, section) for name, played in game._asdict().items()))
-
-    def _speed(self, name: str, played_m_s: float, section: str) -> float:
-        limit_m_s: float | None = getattr(self, name)
-        if limit_m_s is None:
-            return CATCH_UP_RATIO * played_m_s
-        if limit_m_s < played_m_s:
-            raise ValueError(
-                f"limits.{name} = {limit_m_s:g}: must be at least {section}.{name} = {played_m_s:g}, the game's own "
-                f"speed; raise limits.{name} or lower {section}.{name}"
-            )
-        return limit_m_s
+        limits = []
+        for name, played_m_s in game._asdict().items():
+            limit_m_s: float | None = getattr(self, name)
+            if limit_m_s is not None and limit_m_s < played_m_s:
+                raise ValueError(
+                    f"limits.{name} = {limit_m_s:g}: must be at least {section}.{name} = {played_m_s:g}, the game's "
+                    f"own speed; raise limits.{name} or lower {section}.{name}"
+                )
+            limits.append(CATCH_UP_RATIO * played_m_s if limit_m_s is None else limit_m_s)
+        return Speeds(*limits)
 
     def tighter(self, other: "Limits") -> Self:
         """Return these limits, each replaced by the other's value where that one is tighter. Polygons stay."""
         changed = {}
         for name, declared in type(self).model_fields.items():
-            rule = next((mark for mark in declared.metadata if isinstance(mark, Tighter)), None)
             values = [value for value in (getattr(self, name), getattr(other, name)) if value is not None]
-            if rule is not None and values:
-                changed[name] = values[0] if len(values) == 1 else rule.of(*values)
+            for rule in declared.metadata:
+                if isinstance(rule, Tighter) and values:
+                    changed[name] = rule.of(values)
         return self.model_copy(update=changed)
 
     def envelope(self, speeds: Speeds, dynamics: Dynamics, standoff: StandOff) -> Envelope:
@@ -270,6 +265,7 @@ class Limits(Section):
         Raises:
             ConfigError: If the limits contradict each other.
         """
+        zone_m = (max(0.5, float(size) - _STANDOFF_MARGIN_M) for size in (standoff.radius_m, standoff.height_m))
         return Envelope(
             **asdict(dynamics),
             **speeds._asdict(),
@@ -277,10 +273,7 @@ class Limits(Section):
             yaw_rate_rad_s=math.radians(self.yaw_rate_deg_s),
             floor_margin_m=min(_FLOOR_MARGIN_M, max(0.0, float(standoff.height_m) - self.floor_m)),
             fence_polygon=None if self.fence_polygon_ne_m is None else Polygon(self.fence_polygon_ne_m),
-            stand_off=StandOffLimit(
-                radius_m=max(0.5, float(standoff.radius_m) - _STANDOFF_MARGIN_M),
-                height_m=max(0.5, float(standoff.height_m) - _STANDOFF_MARGIN_M),
-            ),
+            stand_off=StandOffLimit(*zone_m),
         )
 
 
@@ -288,13 +281,12 @@ def _check_corners(corners_deg: tuple[tuple[float, float], ...]) -> None:
     """Check the polygon in metres about its first corner; about home it has the same shape."""
     if not corners_deg:
         raise ValueError("limits.fence_polygon_deg has 0 corners: needs at least 3")
-    frame = LocalFrame(*corners_deg[0], Amsl(0.0))
-    places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
+    corners_m = corners_about_home(corners_deg, (0.0, 0.0, 0.0), LocalFrame(*corners_deg[0], Amsl(0.0)))
     try:
-        Polygon(tuple((north, east) for north, east, _ in places))
+        Polygon(corners_m)
     except ConfigError as error:
         raise ValueError(f"limits.fence_polygon_deg, in metres about its first corner: {error}") from error
-    widest_m = max(math.hypot(north, east) for north, east, _ in places)
+    widest_m = max(math.hypot(*corner) for corner in corners_m)
     if widest_m > FARTHEST_FENCE_M:
         raise ValueError(
             f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner: at most {FARTHEST_FENCE_M:g} m "

@@ -1,10 +1,12 @@
 """A polygon fence: its checks, and the geometry that limits and preflight ask of it."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 from guidance.errors import ConfigError
+from guidance.frames import LocalFrame, Vector
 
 Point = tuple[float, float]
 
@@ -34,9 +36,7 @@ class Polygon:
                 raise ConfigError(f"fence_polygon corner {corner}: must be two finite numbers")
         for index, edge in enumerate(self.edges()):
             if math.dist(*edge) < _SHORTEST_EDGE_M:
-                raise ConfigError(
-                    f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: leave it out"
-                )
+                raise ConfigError(f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it")
         for (i, one), (j, other) in combinations(enumerate(self.edges()), 2):
             neighbours = j - i in (1, len(corners) - 1)
             if _overlap(one, other) if neighbours else _meet(one, other):
@@ -66,6 +66,19 @@ class Polygon:
     def nearest_points(self, point: Point) -> tuple[Point, ...]:
         """The nearest point of every edge."""
         return tuple(_nearest(point, edge) for edge in self.edges())
+
+
+def corners_about_home(corners_deg: Iterable[Point], home_ned_m: Vector, frame: LocalFrame) -> tuple[Point, ...]:
+    """Return places in metres north and east of home, with the map projection of the frame.
+
+    Args:
+        corners_deg: Latitude and longitude of each place.
+        home_ned_m: Home in the local frame.
+        frame: The vehicle's local frame.
+    """
+    north_m, east_m, _ = home_ned_m
+    places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
+    return tuple((north - north_m, east - east_m) for north, east, _ in places)
 
 
 def _nearest(point: Point, edge: tuple[Point, Point]) -> Point:

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from guidance.control.braking_law import approach_speed
-from guidance.control.limits import Bounds, Envelope, clamp, usable
+from guidance.control.limits import Agility, Bounds, Envelope, clamp, usable
 from guidance.control.walls import STILL
 from guidance.frames import Vector, difference
 
@@ -37,30 +37,21 @@ _SLOW_M_S: Final = 1.0
 
 def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vector:
     """Move from the previous vector towards a new one by at most a change, over the ground and vertically."""
+    (north, east, down), (was_north, was_east, was_down) = vector_ned, previous_ned
     bounds = Bounds(largest_change, largest_change, largest_change)
-    north, east, down = clamp(difference(vector_ned, previous_ned), bounds)
-    return (previous_ned[0] + north, previous_ned[1] + east, previous_ned[2] + down)
-
-
-class Shaped(NamedTuple):
-    """A velocity after one step, and the acceleration of that step."""
-
-    velocity_m_s: Vector
-    acceleration_m_s2: Vector
+    north, east, down = clamp((north - was_north, east - was_east, down - was_down), bounds)
+    return (was_north + north, was_east + east, was_down + down)
 
 
 def shape(
     desired_m_s: Vector,
     velocity_m_s: Vector,
     acceleration_m_s2: Vector,
-    *,
-    ground_m_s2: float,
-    vertical_m_s2: float,
-    jerk_m_s3: float,
+    most: Agility,
     dt_s: float,
-    settle_per_s: float = math.inf,
-) -> Shaped:
-    """Move a velocity towards the desired one for one step, within acceleration and jerk.
+    settle_per_s: float,
+) -> tuple[Vector, Vector]:
+    """Move a velocity towards the desired one for one step; return it and the acceleration of that step.
 
     The acceleration is small enough for the jerk to reduce it to zero before the desired velocity is reached, so the
     velocity arrives without overshoot: a²/(2·jerk) + a·dt bounds the velocity gained meanwhile.
@@ -69,33 +60,28 @@ def shape(
         desired_m_s: Desired velocity.
         velocity_m_s: Present velocity.
         acceleration_m_s2: Of the last step.
-        ground_m_s2: Largest acceleration over the ground.
-        vertical_m_s2: Largest acceleration upwards and downwards.
-        jerk_m_s3: Largest jerk.
+        most: Largest acceleration and jerk.
         dt_s: Duration of the step.
-        settle_per_s: Largest gain from the missing velocity to the acceleration.
+        settle_per_s: Largest gain from the missing velocity to the acceleration; infinite for none.
     """
     north, east, down = difference(desired_m_s, velocity_m_s)
     size, height = math.hypot(north, east), abs(down)
-    level = min(approach_speed(size, jerk_m_s3, dt_s), ground_m_s2)
-    steep = min(approach_speed(height, jerk_m_s3, dt_s), vertical_m_s2)
+    level = min(approach_speed(size, most.jerk_m_s3, dt_s), most.acceleration_m_s2)
+    steep = min(approach_speed(height, most.jerk_m_s3, dt_s), most.vertical_acceleration_m_s2)
     if settle_per_s < math.inf:
         level, steep = min(level, settle_per_s * size), min(steep, settle_per_s * height)
     share = level / size if size > 0.0 else 0.0
     wanted = (north * share, east * share, math.copysign(steep, down))
-    a_north, a_east, a_down = slewed = slew(wanted, acceleration_m_s2, jerk_m_s3 * dt_s)
+    a_north, a_east, a_down = slewed = slew(wanted, acceleration_m_s2, most.jerk_m_s3 * dt_s)
     now_north, now_east, now_down = velocity_m_s
-    return Shaped((now_north + a_north * dt_s, now_east + a_east * dt_s, now_down + a_down * dt_s), slewed)
+    return (now_north + a_north * dt_s, now_east + a_east * dt_s, now_down + a_down * dt_s), slewed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ServoGains:
-    """Gains of one vehicle.
+class ServoGains(Agility):
+    """Gains of one vehicle, and the largest accelerations and jerk of the reference.
 
     Attributes:
-        acceleration_m_s2: Largest horizontal acceleration of the reference.
-        vertical_acceleration_m_s2: Largest vertical acceleration of the reference.
-        jerk_m_s3: Largest jerk of the reference.
         settle_per_s: Largest gain from the missing velocity to the reference's acceleration.
         lag_s: Delay of the vehicle behind the reference.
         drag_per_s: Initial drag rate.
@@ -107,9 +93,6 @@ class ServoGains:
             not.
     """
 
-    acceleration_m_s2: float
-    vertical_acceleration_m_s2: float
-    jerk_m_s3: float
     settle_per_s: float = 4.0
     lag_s: float = 0.3
     drag_per_s: float = 0.0
@@ -169,16 +152,8 @@ def serve(
     before, delayed = memory.reference_ned_m_s, memory.expected_ned_m_s
     if before is None:
         before = delayed = flown_ned_m_s
-    reference, acceleration = shape(
-        desired_ned_m_s,
-        before,
-        memory.acceleration_ned_m_s2,
-        ground_m_s2=gains.acceleration_m_s2,
-        vertical_m_s2=gains.vertical_acceleration_m_s2,
-        jerk_m_s3=gains.jerk_m_s3,
-        dt_s=dt_s,
-        settle_per_s=gains.settle_per_s,
-    )
+    gained_m_s2, settle_per_s = memory.acceleration_ned_m_s2, gains.settle_per_s
+    reference, acceleration = shape(desired_ned_m_s, before, gained_m_s2, gains, dt_s, settle_per_s)
     share = 1.0 - math.exp(-dt_s / gains.lag_s)
     north, east, down = (now + (new - now) * share for now, new in zip(delayed, reference, strict=True))
     expected = (north, east, down)

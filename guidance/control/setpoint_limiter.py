@@ -23,9 +23,9 @@ from typing import Final, NamedTuple
 
 from guidance.control.braking_law import Constraint, braked, constraints_of, obey
 from guidance.control.limits import Bounds, Envelope, Limiter, clamp, usable
-from guidance.control.servo import Shaped, shape, slew
+from guidance.control.servo import shape, slew
 from guidance.control.walls import STILL, Situation, Wall, measure_walls
-from guidance.frames import Vector, difference, wrap_rad
+from guidance.frames import Vector, difference, total, wrap_rad
 from guidance.messages import Setpoint
 
 _LONGEST_STEP_S: Final = 0.1
@@ -149,29 +149,23 @@ def _repaired(
     return situation, command
 
 
-def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Shaped:
+def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> tuple[Vector, Vector]:
     """Approach the allowed velocity within acceleration and jerk, and stay within the speeds meanwhile."""
-    velocity, acceleration = shape(
-        allowed,
-        clamp(memory.velocity_ned_m_s, envelope.speeds),
-        clamp(memory.acceleration_ned_m_s2, envelope.accelerations),
-        ground_m_s2=envelope.acceleration_m_s2,
-        vertical_m_s2=envelope.vertical_acceleration_m_s2,
-        jerk_m_s3=envelope.jerk_m_s3,
-        dt_s=dt_s,
-    )
-    return Shaped(clamp(velocity, envelope.speeds), acceleration)
+    before, gained = clamp(memory.velocity_ned_m_s, envelope.speeds), memory.acceleration_ned_m_s2
+    gained = clamp(gained, envelope.accelerations)
+    velocity, acceleration = shape(allowed, before, gained, envelope, dt_s, math.inf)
+    return clamp(velocity, envelope.speeds), acceleration
 
 
-def _accelerate(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Shaped:
+def _accelerate(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> tuple[Vector, Vector]:
     """Approach the allowed velocity within the acceleration alone."""
     before, most = clamp(memory.velocity_ned_m_s, envelope.speeds), envelope.accelerations
     if dt_s <= 0.0:
-        return Shaped(before, STILL)
+        return before, STILL
     change = difference(allowed, before)
     north, east, down = step = clamp(change, Bounds(most.ground * dt_s, most.up * dt_s, most.down * dt_s))
-    reached = allowed if step == change else (before[0] + north, before[1] + east, before[2] + down)
-    return Shaped(reached, (north / dt_s, east / dt_s, down / dt_s))
+    reached = allowed if step == change else total(before, step)
+    return reached, (north / dt_s, east / dt_s, down / dt_s)
 
 
 def _turn(wanted_rad: float, before_rad: float, envelope: Envelope, dt_s: float, active: list[Limiter]) -> float:

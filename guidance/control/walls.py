@@ -109,16 +109,8 @@ def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
     fleeing = max(0.0, flight[0] * to_north + flight[1] * to_east) if usable(*flight) else 0.0
     fleeing *= min(1.0, max(0.0, above_m) / COVER_M)
     moving = (fleeing * to_north, fleeing * to_east, 0.0)
-    return [
-        Wall(
-            Limiter.STAND_OFF,
-            (level * to_north, level * to_east, steep),
-            gap_m,
-            velocity_ned_m_s=moving,
-            approached=True,
-        )
-        for level, steep in normals
-    ]
+    inward = ((level * to_north, level * to_east, steep) for level, steep in normals)
+    return [Wall(Limiter.STAND_OFF, normal, gap_m, velocity_ned_m_s=moving, approached=True) for normal in inward]
 
 
 def _outside(beside_m: float, above_m: float) -> tuple[float, list[tuple[float, float]]]:

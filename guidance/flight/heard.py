@@ -11,10 +11,11 @@ from typing import Final, NamedTuple
 
 from guidance.autopilots import Mode
 from guidance.control import Envelope, Limiter, Situation, Wall, measure_walls
+from guidance.control.polygon import Polygon, corners_about_home
 from guidance.control.walls import Separation
 from guidance.estimation import EvaderEstimate
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
-from guidance.flight.tracking import NOWHERE, Tracking, polygon_about_home
+from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference
 from guidance.game import StandOff
 from guidance.messages import (
@@ -267,7 +268,7 @@ class Heard:
         """Return the envelope about home, which may differ from the origin of the local frame."""
         envelope, corners_deg = self.cycle.envelope, self._settings.limits.fence_polygon_deg
         if corners_deg is not None:
-            envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
+            envelope = replace(envelope, fence_polygon=Polygon(corners_about_home(corners_deg, home_ned_m, frame)))
         return replace(envelope, home_ned_m=home_ned_m)
 
 

@@ -253,11 +253,11 @@ class Playing:
         played = play if playing and view.evader is not None else hover
         guided = bool(heard.beats) and heard.mode is Mode.GUIDED
         frame = heard.tracking.game_frame
-        inputs = CycleInputs(dt_s, view.situation, view.walls, view.evader, frame, guided, battery_needed)
+        inputs = CycleInputs(dt_s, view.situation, view.walls, view.evader, frame, guided)
         output = played(inputs, heard.cycle, self._memory)
         self._memory = output.memory
         if output.certificate is not None:
-            self.certificate = output.certificate
+            self.certificate = output.certificate._replace(battery_needed=battery_needed)
             if state is State.ENGAGED:
                 self._monitor, self.alarm = self._watch(self._monitor, now_s, self.certificate)
         return output.setpoint

@@ -14,7 +14,6 @@ from types import MappingProxyType
 from typing import Final
 
 from guidance.autopilots import AutopilotProfile
-from guidance.control import Polygon
 from guidance.cycle import CycleSettings
 from guidance.estimation import EvaderEstimate, Observer, moved, observe, predict
 from guidance.estimation.measurement import TrackSettings
@@ -197,27 +196,3 @@ def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> 
     then = [at + step_s * rate for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)]
     altitude = Amsl(place.altitude_amsl_m)
     return math.dist(then, frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, altitude))
-
-
-Corner = tuple[float, float]
-
-
-def polygon_about_home(corners_deg: Sequence[Corner], home_ned_m: Vector, frame: LocalFrame) -> Polygon:
-    """Return the polygon in metres about home, with the autopilot's map projection.
-
-    Args:
-        corners_deg: Configured corners.
-        home_ned_m: Home in the local frame.
-        frame: The vehicle's local frame.
-
-    Raises:
-        ConfigError: If the corners are not a polygon.
-    """
-    return Polygon(corners_about_home(corners_deg, home_ned_m, frame))
-
-
-def corners_about_home(corners_deg: Sequence[Corner], home_ned_m: Vector, frame: LocalFrame) -> tuple[Corner, ...]:
-    """Return places in metres north and east of home; arguments as of `polygon_about_home`."""
-    north_m, east_m, _ = home_ned_m
-    places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
-    return tuple((north - north_m, east - east_m) for north, east, _ in places)

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
+from guidance.control.polygon import Polygon, corners_about_home
 from guidance.flight import FlightSettings
-from guidance.flight.tracking import Tracking, polygon_about_home
+from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry
 from guidance.log.reader import CONFIG, Item, entry_of
@@ -146,7 +147,7 @@ class Aggregator:
         self._home_ned_m, self.home_m = home_ned_m, game.position_from_ned(home_ned_m)
         corners_deg = self.settings.limits.fence_polygon_deg
         if corners_deg is not None:
-            polygon = polygon_about_home(corners_deg, home_ned_m, local)
+            polygon = Polygon(corners_about_home(corners_deg, home_ned_m, local))
             self.envelope = replace(self.envelope, fence_polygon=polygon)
 
     def _add(self, report: EvaderReport) -> None:

@@ -25,11 +25,11 @@ from pymavlink.dialects.v20 import all as dialect
 
 from guidance import messages
 from guidance.certificate import Certificate
+from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.files import writing
 from guidance.flight import FlightSettings
-from guidance.flight.tracking import polygon_about_home
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.frames import FrameReader, frame_length
 from guidance.log.aggregator import SettingsOf
@@ -172,7 +172,7 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
     frame = LocalFrame(*place, projection=settings.autopilot.projection)
     envelope, corners_deg = settings.cycle.envelope, settings.limits.fence_polygon_deg
     if corners_deg is not None:
-        envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, (0.0, 0.0, 0.0), frame))
+        envelope = replace(envelope, fence_polygon=Polygon(corners_about_home(corners_deg, (0.0, 0.0, 0.0), frame)))
     for edge in fence_edges(envelope, (0.0, 0.0, 0.0)):
         places = [_placed(frame, north_m, east_m) for east_m, north_m in edge.tolist()]
         turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(places))

@@ -9,9 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Finding, Verdict, Wants
-from guidance.control import Polygon
+from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
-from guidance.flight.tracking import corners_about_home
 from guidance.frames import LocalFrame
 from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Home, Message
 

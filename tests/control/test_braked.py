@@ -10,8 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
-from guidance.control import Envelope, Limiter, Polygon, Situation, held_back, limit, measure_walls, setpoint_limiter
-from guidance.control.braking_law import braked, deceleration_m_s2
+from guidance.control import (
+    Envelope,
+    Limiter,
+    Polygon,
+    Situation,
+    Wall,
+    held_back,
+    limit,
+    measure_walls,
+    setpoint_limiter,
+)
+from guidance.control.braking_law import approach_speed, braked
 from guidance.control.servo import ServoMemory, serve
 from guidance.messages import Setpoint
 from sitl_mock import dynamics
@@ -32,17 +42,24 @@ def stop_m(speed_m_s, envelope):
     return speed_m_s * 2.0 * envelope.reaction_s + speed_m_s**2 / (2.0 * envelope.braking_m_s2)
 
 
+def wanted_m_s2(speed_m_s, gap_m, envelope):
+    """Return the deceleration fed to a vehicle that closes on a wall."""
+    wall = Wall(Limiter.FENCE_POLYGON, (1.0, 0.0, 0.0), gap_m)
+    fed = braked(None, Situation((0.0, 0.0, 0.0), (speed_m_s, 0.0, 0.0)), (wall,), envelope)
+    return 0.0 if fed is None else -fed[0]
+
+
 @given(speeds, gaps)
 def test_a_vehicle_brakes_if_drift_and_stopping_distance_exceed_the_room(speed, gap_m):
-    wanted = deceleration_m_s2(speed, gap_m, OPEN.braking_m_s2, OPEN.reaction_s)
-    spare_m = gap_m - stop_m(speed, OPEN)
+    wanted, spare_m = wanted_m_s2(speed, gap_m, OPEN), gap_m - stop_m(speed, OPEN)
     assert wanted <= 1e-6 or spare_m <= 1e-6
-    assert wanted >= -1e-6 or spare_m >= -1e-6
+    assert wanted > 0.0 or speed == 0.0 or spare_m >= -1e-6
 
 
 def test_beyond_the_wall_all_the_speed_is_to_be_gone_within_half_the_reaction():
-    assert deceleration_m_s2(1.5, -3.0, 2.0, 0.5) == 6.0
-    assert deceleration_m_s2(1.5, 0.0, 2.0, 0.5) == 6.0
+    envelope = replace(OPEN, braking_m_s2=2.0, reaction_s=0.5)
+    assert wanted_m_s2(1.5, -3.0, envelope) == 6.0
+    assert wanted_m_s2(1.5, 0.0, envelope) == 6.0
 
 
 OUT = (0.6, 0.8, 0.0)
@@ -71,7 +88,8 @@ def test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it(wall, spe
     normal, limits = WALLS[wall]
     envelope = replace(OPEN, **limits, vertical_braking_m_s2=1.2)
     braking = envelope.vertical_braking_m_s2 if normal[2] else OPEN.braking_m_s2
-    wanted = deceleration_m_s2(max(0.0, speed), GAP_M[wall], braking, OPEN.reaction_s)
+    closing, reaction_s = max(0.0, speed), OPEN.reaction_s
+    wanted = 2.0 * (closing - approach_speed(GAP_M[wall] - closing * reaction_s, braking, reaction_s)) / reaction_s
     here = Situation(AT, tuple(speed * part for part in normal))
     got, before = braked(fed, here, measure_walls(here, envelope), envelope), fed or (0.0, 0.0, 0.0)
     if wanted <= 0.0:

@@ -15,7 +15,7 @@ def flown(speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number:
             memory,
             (asked_m_s, 0.0, 0.0),
             (speed, 0.0, 0.0),
-            at_full_speed=at_full_speed,
+            unslowed=at_full_speed,
             confirmed=number % 50 == 49 and guided(number),
             dt_s=DT_S,
         )

@@ -1,7 +1,5 @@
 """Following as a whole: what is not set up passes, and drift is taken out and put back."""
 
-from functools import partial
-
 import pytest
 
 from guidance.autopilots import AUTOPILOTS, PX4
@@ -11,15 +9,19 @@ from guidance.control.follow import (
     Following,
     FollowMemory,
     Gaps,
+    Pace,
     follow,
     gaps_to_disc,
 )
 from guidance.game import StandOff
 
-followed = partial(follow, max_speed_ratio=1.1, meeting_m_s=9.0)
 FAR = Gaps(60.0, 15.0, 1.0, 0.0)
 WANTED = (6.0, 0.0, 1.5)
 STILL = (0.0, 0.0, 0.0)
+
+
+def followed(*given, dt_s, **said):
+    return follow(*given, Pace(dt_s, max_speed_ratio=1.1, meeting_m_s=9.0, **said))
 
 
 def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():

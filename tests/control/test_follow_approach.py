@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
-from guidance.control.follow import RETREAT_M, Approach, Gaps, approach, closing_allowed
+from guidance.control.follow import RETREAT_M, Approach, Gaps, approach
 
 DT_S = 0.02
 SETTINGS = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.3, margin_m=0.15)
@@ -113,10 +113,10 @@ def test_what_goes_across_the_line_of_sight_fades_as_the_closing_does(
 
 
 def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
-    for left_m in (0.01, 0.5, 3.0, 40.0):
-        v = closing_allowed(left_m, 2.0, 0.3, 1.0)
+    bare = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.0, settle_s=0.3, margin_m=0.0)
+    for left_m in (0.0, 0.01, 0.5, 3.0, 40.0):
+        (v, _, _), _ = approach((50.0, 0.0, 0.0), STILL, STILL, Gaps(left_m, 0.0, 1.0, 0.0), bare)
         assert v * 0.3 + v * v / 4.0 == pytest.approx(left_m)
-    assert closing_allowed(0.0, 2.0, 0.3, 1.0) == 0.0
 
 
 def _rest_m(settings, coming_m_s):

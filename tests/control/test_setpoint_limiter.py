@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.control import Limiter, LimitMemory, Situation, limit
 from guidance.control.braking_law import approach_speed
+from guidance.control.limits import Agility
 from guidance.control.servo import shape
 from guidance.control.setpoint_limiter import NOTED, start
 from guidance.messages import Setpoint
@@ -59,8 +60,8 @@ def test_acceleration_is_limited_on_the_ground_as_a_vector_and_vertically_on_its
 
 @pytest.mark.parametrize("down", [10.0, -10.0, 0.3, -0.3])
 def test_a_vertical_velocity_settles_within_its_acceleration_up_and_down(down):
-    bounds = {"ground_m_s2": 4.0, "vertical_m_s2": 2.0, "jerk_m_s3": 1e6, "dt_s": DT_S, "settle_per_s": 4.0}
-    shaped = shape((0.0, 0.0, down), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), **bounds)
+    most = Agility(acceleration_m_s2=4.0, vertical_acceleration_m_s2=2.0, jerk_m_s3=1e6)
+    shaped = shape((0.0, 0.0, down), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), most, DT_S, 4.0)
     wanted = math.copysign(min(2.0, 4.0 * abs(down)), down)
     assert shaped == ((0.0, 0.0, pytest.approx(wanted * DT_S)), (0.0, 0.0, pytest.approx(wanted)))
 

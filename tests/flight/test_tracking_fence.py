@@ -5,9 +5,9 @@ import math
 import pytest
 
 from guidance.control import Limits
+from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs
-from guidance.flight.tracking import polygon_about_home
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import Home, Origin
 from tests.flight.scenes import BOTH, SETTINGS, heartbeat, local, settings_of
@@ -29,7 +29,7 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autop
     latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
     home = Home(0.0, latitude, longitude, altitude.metres, home_ned_m)
     corners_deg = on_the_map(frame, home_ned_m)
-    made = polygon_about_home(corners_deg, home_ned_m, frame).corners_ne_m
+    made = Polygon(corners_about_home(corners_deg, home_ned_m, frame)).corners_ne_m
     assert [place for corner in made for place in corner] == pytest.approx(
         [place for corner in SQUARE_M for place in corner], abs=1e-3
     )
@@ -84,4 +84,4 @@ def test_without_corners_on_the_map_the_fence_stays_as_it_was_configured():
 def test_corners_that_make_no_polygon_are_refused_before_they_are_flown():
     frame = LocalFrame(47.397742, 8.545594, Amsl(488.0))
     with pytest.raises(ConfigError, match="2 corners"):
-        polygon_about_home(on_the_map(frame, (0.0, 0.0, 0.0))[:2], (0.0, 0.0, 0.0), frame)
+        Polygon(corners_about_home(on_the_map(frame, (0.0, 0.0, 0.0))[:2], (0.0, 0.0, 0.0), frame))
