@@ -5,9 +5,11 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from pymavlink.dialects.v20 import common as mavlink
+
 from guidance import messages
 from guidance.frames import Vector
-from guidance.links.frames import MAGIC_V1, Fields, Frame, outgoing
+from guidance.links.frames import MAGIC_V1, Fields, Frame
 from guidance.vehicle import is_plausible
 
 MAV_AUTOPILOT_PX4: Final = 12
@@ -172,7 +174,7 @@ def parameter(frame: Frame, received_s: float, *, autopilot: int) -> messages.Pa
     Raises:
         ValueError: If it is not finite.
     """
-    name, value, kind = frame.fields[:3]
+    name, value, kind = frame.fields.param_id, frame.fields.param_value, frame.fields.param_type
     if is_bytewise(kind, autopilot=autopilot):
         # The float would not do: the bytes of a negative integer are a NaN, which loses bits.
         data = frame.data
@@ -211,7 +213,7 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, compo
     mask |= IGNORE_ACCELERATION if acceleration is None else 0
     mask |= IGNORE_YAW if yaw_rad is None else 0
     target = int(now_s * 1e3) % 2**32, system_id, component_id, MAV_FRAME_LOCAL_NED, mask
-    return outgoing("SET_POSITION_TARGET_LOCAL_NED", *target, *_ZERO, *numbers, 0.0)
+    return mavlink.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
 
 
 def request(
@@ -232,16 +234,16 @@ def request(
     to = system_id, component_id
     match request:
         case messages.ParameterRequest():
-            return outgoing("PARAM_REQUEST_READ", *to, _parameter_name(request.name), -1)
+            return mavlink.MAVLink_param_request_read_message(*to, _parameter_name(request.name), -1)
         case messages.ParameterSet():
             value = _parameter_value(request, autopilot)
-            return outgoing("PARAM_SET", *to, _parameter_name(request.name), value, request.param_type)
+            return mavlink.MAVLink_param_set_message(*to, _parameter_name(request.name), value, request.param_type)
         case messages.FenceRequest(None):
-            return outgoing("MISSION_REQUEST_LIST", *to, MAV_MISSION_TYPE_FENCE)
+            return mavlink.MAVLink_mission_request_list_message(*to, MAV_MISSION_TYPE_FENCE)
         case messages.FenceRequest(int(sequence)):
-            return outgoing("MISSION_REQUEST_INT", *to, sequence, MAV_MISSION_TYPE_FENCE)
+            return mavlink.MAVLink_mission_request_int_message(*to, sequence, MAV_MISSION_TYPE_FENCE)
         case messages.FenceReceived():
-            return outgoing("MISSION_ACK", *to, 0, MAV_MISSION_TYPE_FENCE)
+            return mavlink.MAVLink_mission_ack_message(*to, 0, MAV_MISSION_TYPE_FENCE)
         case messages.Command():
             return _command(request, to, attempt)
 
@@ -250,16 +252,17 @@ def _command(request: messages.Command, to: tuple[int, int], attempt: int) -> Fi
     if any(math.isinf(value) for value in request.params):
         raise ValueError(f"command {request.command}: params = {request.params}: infinite values are not allowed")
     if request.frame is None:
-        return outgoing("COMMAND_LONG", *to, request.command, attempt, *request.params)
+        return mavlink.MAVLink_command_long_message(*to, request.command, attempt, *request.params)
     *numbers, latitude_deg, longitude_deg, z = request.params
     place = _e7(latitude_deg), _e7(longitude_deg), z
-    return outgoing("COMMAND_INT", *to, request.frame, request.command, 0, 0, *numbers, *place)
+    return mavlink.MAVLink_command_int_message(*to, request.frame, request.command, 0, 0, *numbers, *place)
 
 
-def _parameter_name(name: str) -> str:
-    if not 0 < len(name.encode()) <= 16:
+def _parameter_name(name: str) -> bytes:
+    encoded = name.encode()
+    if not 0 < len(encoded) <= 16:
         raise ValueError(f"parameter {name!r}: a name has 1 to 16 bytes")
-    return name
+    return encoded
 
 
 def _parameter_value(wanted: messages.ParameterSet, autopilot: int) -> float:

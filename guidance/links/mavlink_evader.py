@@ -31,7 +31,7 @@ class MavlinkEvader:
         component_id: int | None = None,
         clock: Clock | None = None,
         signing_key: SigningKey | None = None,
-        unix_s: float = 0.0,
+        unix_s: float | None = None,
     ) -> None:
         """Take over a wire.
 
@@ -42,7 +42,7 @@ class MavlinkEvader:
             component_id: The evader's; None accepts any.
             clock: For TIMESYNC; None sends nothing.
             signing_key: Accept only frames signed with it, and sign ours; None does neither.
-            unix_s: The Unix time now, needed for signing only.
+            unix_s: The Unix time, for signing only; None reads it.
         """
         self._wire = wire
         self._carrier = carrier

@@ -117,14 +117,14 @@ class MavsdkLink(PymavlinkLink):
                 return
 
     def _send(self, message: Fields) -> None:
-        name = type(message).__name__
+        name = message.msgname
         if name in _DIRECT:
             with self._numbering:
                 super()._send(message)
             return
         if self._direct is None:
             return
-        fields = message._asdict()
+        fields = {name: message.format_attr(name) for name in message.fieldnames}
         plain = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in fields.items()}
         try:
             self._direct.send_message(MavlinkMessage(name, fields_json=json.dumps(plain)))

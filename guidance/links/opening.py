@@ -9,7 +9,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.frames import LocalFrame
 from guidance.links.carriers import CARRIERS, EvaderIdentity
 from guidance.links.codec import MAV_MODE_FLAG_SAFETY_ARMED
-from guidance.links.frames import Frame, FrameReader, SignatureCheck, SigningKey, Station, ticks
+from guidance.links.frames import Frame, FrameReader, SignatureCheck, SigningKey, Station
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
@@ -62,8 +62,7 @@ def open_wire(
         return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
     listen = endpoint.scheme.endswith("in")
     if endpoint.scheme.startswith("udp"):
-        now = ticks(unix_now_s())
-        checks = {system_id: SignatureCheck(key, now) for system_id, key in (keys or {}).items()}
+        checks = {system_id: SignatureCheck(key) for system_id, key in (keys or {}).items()}
         return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, systems=systems, checks=checks)
     return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
 
@@ -71,11 +70,6 @@ def open_wire(
 def _session(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -> Session:
     router = credentials.endpoint(endpoint.host, endpoint.port)
     return open_session(router, timeout_s=timeout_s, credentials=credentials)
-
-
-def unix_now_s() -> float:
-    """Return Unix time. Only signing needs it: its timestamps must increase from flight to flight."""
-    return time.time_ns() / 1e9
 
 
 def open_link(
@@ -130,7 +124,6 @@ def open_link(
             own_system_id=own_system_id,
             own_component_id=own_component_id,
             signing_key=signing_key,
-            unix_s=unix_now_s(),
         )
         closing.callback(link.close)
         wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=who)
@@ -282,5 +275,4 @@ def open_source(
         component_id=identity.component_id,
         clock=clock,
         signing_key=signing_key,
-        unix_s=unix_now_s(),
     )

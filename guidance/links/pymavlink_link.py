@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from pymavlink.dialects.v20 import common
+from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.links import codec
 from guidance.links.codec import DECODERS, decode, other_aircraft, parameter
-from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station, outgoing
+from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import (
@@ -34,7 +34,7 @@ USED: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
 """Names of the messages that a link reads."""
 
 ADDRESSED: Final = frozenset(
-    message.msgname for message in common.mavlink_map.values() if "target_system" in message.fieldnames
+    message.msgname for message in mavlink.mavlink_map.values() if "target_system" in message.fieldnames
 )
 """Names of the messages that are addressed to one station."""
 
@@ -58,7 +58,7 @@ class Address(NamedTuple):
 
 def own_heartbeat() -> Fields:
     """Return the HEARTBEAT of an onboard controller (MAV_TYPE 18) that is no autopilot (8) and active (4)."""
-    return outgoing("HEARTBEAT", 18, 8, 0, 0, 4, 3)
+    return mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
 
 
 @dataclass(slots=True)
@@ -110,7 +110,7 @@ class PymavlinkLink:
         own_system_id: int | None = None,
         own_component_id: int = 195,
         signing_key: SigningKey | None = None,
-        unix_s: float = 0.0,
+        unix_s: float | None = None,
         unread: frozenset[str] = frozenset(),
     ) -> None:
         """Take over an open wire, which is closed with the link.
@@ -123,7 +123,7 @@ class PymavlinkLink:
             own_system_id: Ours; None takes the vehicle's, as its companion computer.
             own_component_id: Ours. Messages addressed to other stations are dropped.
             signing_key: Sign our frames and refuse unsigned ones; None does neither.
-            unix_s: The Unix time now, needed for signing only.
+            unix_s: The Unix time, for signing only; None reads it.
             unread: Names of messages that nobody reads from this link; they are counted as unused.
         """
         self._wire = wire

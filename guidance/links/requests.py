@@ -14,7 +14,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from guidance.links.frames import Fields, outgoing
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.links.frames import Fields
 from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Timesync
 
 REPEAT_S: Final = 0.5
@@ -132,7 +134,7 @@ class TimesyncPeer:
     def hear(self, message: Fields, received_s: float) -> tuple[Timesync | None, Fields | None]:
         """Return an answer to our question or None, and the reply to theirs or None."""
         if message.tc1 == 0:
-            return None, outgoing("TIMESYNC", _nanoseconds(received_s), message.ts1)
+            return None, mavlink.MAVLink_timesync_message(_nanoseconds(received_s), message.ts1)
         if message.ts1 in self.asked_ns:
             self.asked_ns.remove(message.ts1)
             return Timesync(received_s, remote_ns=message.tc1, local_ns=message.ts1), None
@@ -142,7 +144,7 @@ class TimesyncPeer:
         """Return a question; the next is due at `next_ask_s`. Its time is never 0, which would mark an answer."""
         self.next_ask_s = now_s + TIMESYNC_EVERY_S
         self.asked_ns.append(_nanoseconds(now_s) or 1)
-        return outgoing("TIMESYNC", 0, self.asked_ns[-1])
+        return mavlink.MAVLink_timesync_message(0, self.asked_ns[-1])
 
 
 def _nanoseconds(now_s: float) -> int:

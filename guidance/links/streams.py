@@ -4,13 +4,13 @@ TCP calls (`tcpout`), or listens and talks to the last caller (`tcpin`). The uns
 next one; only whole frames are dropped.
 """
 
-import contextlib
 import os
 import select
 import socket
 import termios
-from abc import abstractmethod
-from typing import Final
+from collections.abc import Callable
+from functools import partial
+from typing import Final, Protocol
 
 import serial
 
@@ -19,49 +19,72 @@ from guidance.links.port import Clock
 from guidance.links.wires import QueuedWire, Reader
 
 _WAIT_S: Final = 0.1
-_TCP_BYTES: Final = 16384
-_SERIAL_BYTES: Final = 4096
+_BYTES: Final = 16384
+
+
+class Connection(Protocol):
+    """A socket or serial port."""
+
+    def fileno(self) -> int:
+        """Return its file descriptor, which does not block."""
+
+    def close(self) -> None:
+        """Close it."""
 
 
 class StreamWire(QueuedWire):
-    """A stream with a reader thread; sending never waits.
+    """One connection at a time, with a reader thread that connects again when it breaks; sending never waits.
 
     The unsent rest of the last frame is kept, so that the stream never holds half a frame followed by another.
     """
 
     stream = True
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, name: str, connect: Callable[[], Connection], first: Connection | None) -> None:
+        """Begin to read from the first connection. `connect` waits at most briefly: TimeoutError means try again."""
         super().__init__(clock)
+        self._connect = connect
+        self._peer: Connection | None = None
         self._rest = b""
-
-    def _begin(self, *, name: str) -> None:
+        if first is not None:
+            self.take_up(first)
         self._reader = Reader(self._read_once, name=name)
 
+    def take_up(self, peer: Connection | None) -> None:
+        """Close the connection and talk to a new peer, beginning with a whole frame; None for nobody."""
+        with self._lock:
+            ended, self._peer, self._rest = self._peer, peer, b""
+        if ended is not None:
+            ended.close()
+        if peer is not None:
+            self._readable = select.poll()
+            self._readable.register(peer, select.POLLIN)
+
     def _read_once(self) -> None:
-        if data := self._read():
-            self._arrivals.put((self._clock(), data))
-
-    @abstractmethod
-    def _read(self) -> bytes:
-        """Return what has arrived, after a short wait at most."""
-
-    @abstractmethod
-    def _write_some(self, data: bytes) -> int:
-        """Write without waiting; return how many bytes were accepted. Raises OSError if none is."""
-
-    @abstractmethod
-    def _hang_up(self) -> None:
-        """Close the connection or port."""
+        try:
+            if self._peer is None:
+                self.take_up(self._connect())
+            elif self._readable.poll(_WAIT_S * 1e3):
+                data = os.read(self._peer.fileno(), _BYTES)
+                if not data:
+                    raise ConnectionResetError("the other side closed")
+                self._arrivals.put((self._clock(), data))
+        except (TimeoutError, BlockingIOError):
+            pass  # nobody has called, nothing was sent
+        except (OSError, termios.error) as error:
+            self.take_up(None)
+            raise ConnectionError("the connection is gone") from error
 
     def _write(self, frame: bytes) -> bool:
         """Return whether the frame was accepted, even in part."""
+        if self._peer is None:
+            return False
         try:
             if self._rest:
-                self._rest = self._rest[self._write_some(self._rest) :]
+                self._rest = self._rest[os.write(self._peer.fileno(), self._rest) :]
             if self._rest:
                 return False
-            self._rest = frame[self._write_some(frame) :]
+            self._rest = frame[os.write(self._peer.fileno(), frame) :]
         except BlockingIOError:
             return False
         except OSError:
@@ -69,18 +92,14 @@ class StreamWire(QueuedWire):
             return False
         return True
 
-    def start_again(self) -> None:
-        """Begin with a whole frame: there is a new peer."""
-        self._rest = b""
-
     def _release(self) -> None:
         self._arrivals.close()
         self._reader.close()
-        self._hang_up()
+        self.take_up(None)
 
 
 class TcpWire(StreamWire):
-    """One connection at a time. When it breaks, we call again or accept the next caller."""
+    """One connection. When it breaks, we call again or accept the next caller."""
 
     def __init__(self, clock: Clock, *, host: str, port: int, listen: bool, timeout_s: float = 5.0) -> None:
         """Connect, or begin to listen.
@@ -88,73 +107,32 @@ class TcpWire(StreamWire):
         Raises:
             LinkError: If the connection fails within `timeout_s`, or the port cannot be bound.
         """
-        super().__init__(clock)
-        self._address = (host, port)
+        name = f"tcp {host}:{port}"
         self._server: socket.socket | None = None
-        self._peer: socket.socket | None = None
-        self._readable = select.poll()
         try:
             if listen:
                 self._server = socket.create_server((host, port), backlog=1)
                 self._server.settimeout(_WAIT_S)
-            else:
-                self._take_up(socket.create_connection((host, port), timeout=timeout_s))
+            first = None if listen else self._called(host, port, timeout_s)
         except OSError as error:
             busy, absent = "choose another port or end the program that uses it", "is the vehicle running there?"
-            advice = busy if listen else absent
-            raise LinkError(f"tcp {host}:{port}: {error}; {advice}") from error
-        self._begin(name=f"tcp {host}:{port}")
+            raise LinkError(f"{name}: {error}; {busy if listen else absent}") from error
+        super().__init__(clock, name, partial(self._called, host, port, _WAIT_S), first)
 
     @property
     def port(self) -> int:
         """Our own port, for listening on port 0."""
-        bound = self._server or self._peer
-        return int(bound.getsockname()[1]) if bound is not None else 0
+        return 0 if self._server is None else int(self._server.getsockname()[1])
 
-    def _read(self) -> bytes:
-        try:
-            if self._peer is None:
-                self._take_up(self._next_peer())
-            if self._peer is None or not self._readable.poll(_WAIT_S * 1e3):
-                return b""
-            data = self._peer.recv(_TCP_BYTES)
-        except TimeoutError:
-            return b""
-        except OSError:
-            self._hang_up_on_peer()
-            raise
-        if not data:
-            self._hang_up_on_peer()
-            raise ConnectionResetError("the other side closed")
-        return data
-
-    def _next_peer(self) -> socket.socket:
-        if self._server is None:
-            return socket.create_connection(self._address, timeout=_WAIT_S)
-        return self._server.accept()[0]
-
-    def _take_up(self, peer: socket.socket) -> None:
+    def _called(self, host: str, port: int, timeout_s: float) -> socket.socket:
+        server = self._server
+        peer = socket.create_connection((host, port), timeout_s) if server is None else server.accept()[0]
         peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         peer.setblocking(False)
-        self._readable = select.poll()
-        self._readable.register(peer, select.POLLIN)
-        with self._lock:
-            self._peer = peer
-            self.start_again()
+        return peer
 
-    def _hang_up_on_peer(self) -> None:
-        with self._lock:
-            ended, self._peer = self._peer, None
-        if ended is not None:
-            ended.close()
-
-    def _write_some(self, data: bytes) -> int:
-        if self._peer is None:
-            raise ConnectionError("no connection")
-        return self._peer.send(data)
-
-    def _hang_up(self) -> None:
-        self._hang_up_on_peer()
+    def _release(self) -> None:
+        super()._release()
         if self._server is not None:
             self._server.close()
 
@@ -168,33 +146,12 @@ class SerialWire(StreamWire):
         Raises:
             LinkError: If it does not exist, is in use, or does not support this baud rate.
         """
-        super().__init__(clock)
+        connect = partial(serial.Serial, device, baud, timeout=0, exclusive=True)
         try:
-            self._port = serial.Serial(device, baud, timeout=_WAIT_S, write_timeout=0, exclusive=True)
+            first = connect()
         except (OSError, ValueError, termios.error) as error:
             raise LinkError(
                 f"serial {device}:{baud}: {error}; is it plugged in, unused and able to do this baud rate, and "
                 "do you have the permission (usually the group dialout)?"
             ) from error
-        self._begin(name=f"serial {device}")
-
-    def _read(self) -> bytes:
-        try:
-            if not self._port.is_open:
-                self._reopen()
-            return bytes(self._port.read(min(self._port.in_waiting, _SERIAL_BYTES) or 1))
-        except (OSError, termios.error) as error:
-            with self._lock, contextlib.suppress(OSError):
-                self._port.close()
-            raise ConnectionError("the port is gone") from error
-
-    def _reopen(self) -> None:
-        with self._lock:
-            self._port.open()
-            self.start_again()
-
-    def _write_some(self, data: bytes) -> int:
-        return os.write(self._port.fileno(), data)  # pyserial's write spins while the port is full
-
-    def _hang_up(self) -> None:
-        self._port.close()
+        super().__init__(clock, f"serial {device}", connect, first)

@@ -4,13 +4,14 @@ Anybody can send to a listening port. `AddressPins` accepts each MAVLink system 
 proves who sent a frame: with a key, only a validly signed frame can pin an address.
 """
 
+import contextlib
 import math
 import select
 import socket
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -70,7 +71,7 @@ class AddressPins:
         self._checks = checks or {}
         self._pins: dict[int, _Pin] = {}
         self.addresses: tuple[Address, ...] = ()
-        """Every pinned address once."""
+        """Every pinned address once; replaced, never changed, as another thread may be iterating."""
         self._reader = FrameReader()
         self._second = -1
         self._budget: Counter[int] = Counter()
@@ -104,13 +105,12 @@ class AddressPins:
         check = self._checks.get(system_id)
         if check is not None and check.problem(frame) is not None:
             return "unsigned"
-        pins = dict(self._pins)
+        pins = self._pins
         if system_id not in pins and self._systems is None and len(pins) >= MAX_SYSTEMS:
             del pins[self._silent_longest()]
         first = pins[system_id].first if system_id in pins else address
         pins[system_id] = _Pin(address, now_s, first)
-        # Another thread may be iterating: these are replaced, never changed in place.
-        self._pins, self.addresses = pins, tuple({pin.address: None for pin in pins.values()})
+        self.addresses = tuple({pin.address: None for pin in pins.values()})
         return None
 
     def _is_expected(self, system_id: int, now_s: float) -> bool:
@@ -262,10 +262,12 @@ class UdpWire(QueuedWire):
 
     def _write(self, frame: bytes) -> bool:
         """Send one datagram to each pinned address; without any, the frame is not sent."""
-        if self._pins is None:
-            return _is_sent(self._socket.send, frame)
-        sent = [_is_sent(self._socket.sendto, frame, address) for address in self._pins.addresses]
-        return bool(sent) and all(sent)
+        addresses = (None,) if self._pins is None else self._pins.addresses
+        sent = 0
+        for address in addresses:
+            with contextlib.suppress(OSError):
+                sent += bool(self._socket.sendmsg([frame], [], 0, address))
+        return 0 < sent == len(addresses)
 
     def counters(self) -> Mapping[str, int]:
         """Return the counts of all wires, and how many datagrams of others were refused, by reason."""
@@ -275,11 +277,3 @@ class UdpWire(QueuedWire):
     def _release(self) -> None:
         self._reader.close()
         self._socket.close()
-
-
-def _is_sent(send: Callable[..., int], *what: bytes | Address) -> bool:
-    try:
-        send(*what)
-    except OSError:
-        return False
-    return True

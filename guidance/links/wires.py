@@ -61,28 +61,27 @@ class Arrivals(Generic[T]):
         self._arrived.set()
 
 
-class Reader:
+class Reader(threading.Thread):
     """A thread that calls `read` until it is closed. `read` blocks only briefly; it may raise OSError."""
 
     def __init__(self, read: Callable[[], None], *, name: str) -> None:
-        self._read = read
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._thread.start()
+        super().__init__(name=name, daemon=True)
+        self._read, self._ended = read, threading.Event()
+        self.start()
 
-    def _run(self) -> None:
-        while not self._stop.is_set():
+    def run(self) -> None:
+        """Read again and again."""
+        while not self._ended.is_set():
             try:
                 self._read()
             except OSError:
-                self._stop.wait(0.05)  # the peer may come back: do not spin, do not give up
+                self._ended.wait(0.05)  # the peer may come back: do not spin, do not give up
 
     def close(self) -> None:
         """End the thread and join it, so that the socket is not closed while it is read."""
-        self._stop.set()
-        if self._thread is not threading.current_thread():
-            with contextlib.suppress(RuntimeError):
-                self._thread.join()
+        self._ended.set()
+        with contextlib.suppress(RuntimeError):  # called by the thread itself
+            self.join()
 
 
 class QueuedWire(ABC):
@@ -170,7 +169,7 @@ class WireShare:
     def __init__(self, wire: Wire, shares: list["WireShare"]) -> None:
         self._wire = wire
         self._shares = shares
-        self._arrivals = Arrivals[Packet]()
+        self.arrivals = Arrivals[Packet]()
         self.stream, self.impostors = wire.stream, wire.impostors  # impostors: for the first reader that asks
         shares.append(self)
 
@@ -178,31 +177,27 @@ class WireShare:
         """Return everything since this reader's last call, and keep it for the other readers."""
         for packet in self._wire.receive():
             for share in self._shares:
-                share.keep(packet)
-        return self._arrivals.take()
-
-    def keep(self, packet: Packet) -> None:
-        """Queue a packet for this reader."""
-        self._arrivals.put(packet)
+                share.arrivals.put(packet)
+        return self.arrivals.take()
 
     def wait(self, timeout_s: float) -> None:
         """Wait at the wire, unless something is here already."""
-        if not self._arrivals:
+        if not self.arrivals:
             self._wire.wait(timeout_s)
 
     def send(self, frame: bytes) -> None:
         """Send on the common wire."""
-        if not self._arrivals.closed:
+        if not self.arrivals.closed:
             self._wire.send(frame)
 
     def counters(self) -> Mapping[str, int]:
         """Return the wire's counts, and how many packets this slow reader has lost."""
-        return {**self._wire.counters(), "share_dropped": self._arrivals.dropped}
+        return {**self._wire.counters(), "share_dropped": self.arrivals.dropped}
 
     def close(self) -> None:
         """Leave; the last reader closes the wire."""
-        if not self._arrivals.closed:
-            self._arrivals.close()
+        if not self.arrivals.closed:
+            self.arrivals.close()
             self._shares.remove(self)
             if not self._shares:
                 self._wire.close()

@@ -2,7 +2,6 @@
 
 import contextlib
 import stat
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -197,7 +196,6 @@ def _open_source(
         component_id=evader.component_id or 1,
         own_system_id=OWN_ID,
         signing_key=key,
-        unix_s=time.time_ns() / 1e9,
     )
     return PolledEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=rate_hz)
 

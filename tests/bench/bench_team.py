@@ -22,9 +22,10 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 
 import tomli_w
+from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.frames import Station, outgoing
+from guidance.links.frames import Station
 from guidance.links.udp import UdpWire
 from guidance.links.wires import raw_keys
 from guidance.links.zenoh_team import ZenohTeam
@@ -117,7 +118,11 @@ class Mates:
                 round(at[key] * scale)
                 for key, scale in (("latitude_deg", 1e7), ("longitude_deg", 1e7), ("altitude_amsl_m", 1e3))
             ]
-            wire.send(station.pack(outgoing("GLOBAL_POSITION_INT", round(now_s * 1e3) % 2**32, *fields, 0, 0, 0, 0, 0)))
+            wire.send(
+                station.pack(
+                    mavlink.MAVLink_global_position_int_message(round(now_s * 1e3) % 2**32, *fields, 0, 0, 0, 0, 0)
+                )
+            )
 
     def _end(self) -> None:
         self._ended.set()

@@ -159,14 +159,23 @@ def test_a_closed_memory_wire_accepts_nothing():
 
 
 class Port:
-    """A port with limited room."""
+    """A port with limited room that sends nothing."""
 
     def __init__(self) -> None:
+        self.near, self.far = socket.socketpair()
+        self.near.setblocking(False)
         self.room = 0
         self.taken = b""
         self.broken = False
 
-    def write(self, data: bytes) -> int:
+    def fileno(self) -> int:
+        return self.near.fileno()
+
+    def close(self) -> None:
+        self.near.close()
+        self.far.close()
+
+    def write(self, _descriptor: int, data: bytes) -> int:
         if self.broken:
             raise ConnectionResetError
         if self.room == 0:
@@ -177,32 +186,26 @@ class Port:
         return len(part)
 
 
-class StreamOf(StreamWire):
-    """A stream into a port that sends nothing."""
-
-    def __init__(self, port: Port) -> None:
-        super().__init__(clock)
-        self.port = port
-
-    def _read(self) -> bytes:
-        return b""
-
-    def _write_some(self, data: bytes) -> int:
-        return self.port.write(data)
-
-    def _hang_up(self) -> None:
-        pass
+@pytest.fixture
+def port(monkeypatch):
+    port = Port()
+    monkeypatch.setattr(os, "write", port.write)
+    return port
 
 
-def sent(wire: StreamOf, frame: bytes) -> bool:
+@pytest.fixture
+def wire(port):
+    with closing(StreamWire(clock, "port", lambda: port, port)) as wire:
+        yield wire
+
+
+def sent(wire: StreamWire, frame: bytes) -> bool:
     before = wire.counters()["wire_sent"]
     wire.send(frame)
     return wire.counters()["wire_sent"] > before
 
 
-def test_a_full_port_never_sees_half_a_frame_followed_by_another():
-    port = Port()
-    wire = StreamOf(port)
+def test_a_full_port_never_sees_half_a_frame_followed_by_another(port, wire):
     taken = [sent(wire, b"AAAA")]
     port.room = 2
     taken += [sent(wire, b"BBBB"), sent(wire, b"CCCC")]
@@ -212,9 +215,7 @@ def test_a_full_port_never_sees_half_a_frame_followed_by_another():
     assert taken == [False, True, False, True]
 
 
-def test_a_broken_port_drops_the_rest_of_its_frame():
-    port = Port()
-    wire = StreamOf(port)
+def test_a_broken_port_drops_the_rest_of_its_frame(port, wire):
     port.room = 2
     assert sent(wire, b"BBBB")
     port.broken = True
@@ -224,12 +225,10 @@ def test_a_broken_port_drops_the_rest_of_its_frame():
     assert port.taken == b"BBDDDD"
 
 
-def test_a_new_peer_gets_whole_frames_only():
-    port = Port()
-    wire = StreamOf(port)
+def test_a_new_peer_gets_whole_frames_only(port, wire):
     port.room = 2
     sent(wire, b"BBBB")
-    wire.start_again()
+    wire.take_up(Port())
     port.room = 100
     sent(wire, b"CCCC")
     assert port.taken == b"BBCCCC"

@@ -1,5 +1,6 @@
 """The daemon outlives nonsense from the wire and errors of its own, and leaves the vehicle in good hands."""
 
+import copy
 import math
 import random
 
@@ -18,7 +19,7 @@ BAD_INTEGERS = (0, -1, 2**31 - 1, -(2**31), 255, 65535)
 
 def corrupted(frame, chance):
     """Return a frame with one field that has another value, another field's value, or another unit's."""
-    fields = frame.fields._asdict()
+    fields = {name: getattr(frame.fields, name) for name in frame.fields.fieldnames}
     name = chance.choice(list(fields))
     value = fields[name]
     if not isinstance(value, (int, float)) or name.startswith("target_"):
@@ -30,7 +31,9 @@ def corrupted(frame, chance):
         bad = value * 1000
     else:
         bad = next((other for other in fields.values() if type(other) is type(value) and other != value), value)
-    return frame._replace(fields=frame.fields._replace(**{name: bad}))
+    spoilt = copy.copy(frame.fields)
+    setattr(spoilt, name, bad)
+    return frame._replace(fields=spoilt)
 
 
 @pytest.mark.flight
