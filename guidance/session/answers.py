@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from guidance.autopilots import Finding, Verdict
 from guidance.flight import BEFORE_FLIGHT, ORDERS, Event, Flight, Outputs, State, is_done
+from guidance.flight.detection import Check
 from guidance.flight.table import state_words
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
@@ -115,9 +116,13 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
     return "airborne, and not taken over yet: order start first, then engage"
 
 
+def _failed(flight: Flight, now_s: float) -> list[Check]:
+    return [check for check in flight.checks(now_s) if not check.passed]
+
+
 def failed_checks(flight: Flight, now_s: float) -> str:
     """Name every failed check, and what it found."""
-    return ", ".join(f"{check.name} ({check.found})" for check in flight.checks(now_s) if not check.passed)
+    return ", ".join(f"{check.name} ({check.found})" for check in _failed(flight, now_s))
 
 
 def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
@@ -130,11 +135,10 @@ def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[st
     """List every failed check and every preflight row that does not pass, each with advice."""
     failing = [
         Finding(check.name, check.found, "", Verdict.REFUSE, _TO_DO.get(check.name, ""))
-        for check in flight.checks(now_s)
-        if not check.passed
+        for check in _failed(flight, now_s)
     ]
     keys = ("name", "found", "wanted", "verdict", "advice")
-    not_passed = [row for row in (*failing, *rows) if row.verdict is not Verdict.PASS]
+    not_passed = (row for row in (*failing, *rows) if row.verdict is not Verdict.PASS)
     return [dict(zip(keys, map(str, row), strict=True)) for row in not_passed]
 
 
@@ -156,64 +160,65 @@ def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequ
 
 def status(
     name: str,
-    now_s: float,
     flight: Flight,
-    outputs: Outputs | None,
+    outputs: Outputs,
     rows: Sequence[Finding],
-    *,
     barred: Sequence[str],
     recording: str,
+    now_s: float,
 ) -> dict[str, Any]:
     """Return the status of a flight as plain values. NaN and infinities become null.
 
     Args:
         name: The daemon's.
-        now_s: The present.
         flight: As it stands.
-        outputs: Of the last cycle, None before the first.
+        outputs: Of the last cycle.
         rows: What preflight found.
         barred: Names of what bars the vehicle from flying.
         recording: State of the record, in words.
+        now_s: The present.
     """
-    vehicle = flight.vehicle
-    certificate = None if outputs is None else outputs.certificate
-    shown = _rounded(
-        {
-            "name": name,
-            "state": shown_state(flight),
-            "mode": flight.mode_name,
-            "autopilot_mode": flight.mode_title,
-            "armed": vehicle.armed,
-            "engage_on": str(flight.settings.engage_on),
-            "after_capture": str(flight.settings.after_capture),
-            "streaming": outputs is not None and outputs.setpoint is not None,
-            "heartbeat_age_s": vehicle.age_s(Heartbeat, now_s),
-            "position_age_s": vehicle.age_s(LocalPosition, now_s),
-            "evader_silence_s": flight.tracking.silence_s(now_s),
-            "battery_needed": flight.battery_needed,
-            "operator_silence_s": flight.operator_silence_s(now_s),
-            "operator_timeout_s": flight.settings.operator_timeout_s,
-            "evader_second_source": flight.tracking.rival(now_s),
-            **_flown(vehicle),
-            "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],
-            "preflight_refused": list(refusals(rows)),
-            "to_do": to_do(flight, now_s, rows),
-            "by": None if flight.cause is None else str(flight.cause.by),
-            "cause": None if flight.cause is None else flight.cause.words,
-            "next": next_words(flight),
-            "refused_orders": foreseen(flight, now_s, rows, barred),
-            "recording": recording,
-            "certificate": certificate,
-        }
-    )
+    vehicle, settings, certificate, cause = flight.vehicle, flight.settings, outputs.certificate, flight.cause
+    shown = {
+        "name": name,
+        "state": shown_state(flight),
+        "mode": flight.mode_name,
+        "autopilot_mode": flight.mode_title,
+        "armed": vehicle.armed,
+        "engage_on": str(settings.engage_on),
+        "after_capture": str(settings.after_capture),
+        "streaming": outputs.setpoint is not None,
+        "heartbeat_age_s": vehicle.age_s(Heartbeat, now_s),
+        "position_age_s": vehicle.age_s(LocalPosition, now_s),
+        "evader_silence_s": flight.tracking.silence_s(now_s),
+        "battery_needed": flight.battery_needed,
+        "operator_silence_s": flight.operator_silence_s(now_s),
+        "operator_timeout_s": settings.operator_timeout_s,
+        "evader_second_source": flight.tracking.rival(now_s),
+        **_flown(vehicle),
+        "checks_failed": [check.name for check in _failed(flight, now_s)],
+        "preflight_refused": list(refusals(rows)),
+        "to_do": to_do(flight, now_s, rows),
+        "by": None if cause is None else str(cause.by),
+        "cause": None if cause is None else cause.words,
+        "next": next_words(flight),
+        "refused_orders": foreseen(flight, now_s, rows, barred),
+        "recording": recording,
+        "certificate": certificate,
+    }
+    # Numbers get four decimals.
+    rounded: dict[str, Any] = json.loads(json.dumps(plain(shown)), parse_float=lambda text: round(float(text), 4))
     if certificate is not None:
-        range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
-        reason = None if certificate.reason is None else Reason(certificate.reason).word
         winners = {"winner": certificate.winner, "vehicle_winner": certificate.vehicle_winner or 0}
-        words = {"reason": reason} | {name: Winner(winner).word for name, winner in winners.items()}
-        shown["certificate"] = shown["certificate"] | words
-        shown |= {"range_m": round(range_m, 2), "value_unit": "m" if flight.settings.cycle.target_game_m else "s"}
-    return shown
+        reason = None if certificate.reason is None else Reason(certificate.reason).word
+        rounded["certificate"] |= {"reason": reason} | {key: Winner(winner).word for key, winner in winners.items()}
+        range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
+        rounded |= {"range_m": round(range_m, 2), "value_unit": _unit(flight)}
+    return rounded
+
+
+def _unit(flight: Flight) -> str:
+    return "m" if flight.settings.cycle.target_game_m else "s"
 
 
 def _flown(vehicle: VehicleState) -> dict[str, Any]:
@@ -248,14 +253,7 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
         parts += [] if math.isnan(battery) else [f"battery {battery:.0%}"]
         parts.append(f"position {vehicle.age_s(LocalPosition, now_s):.1f} s old")
     if certificate is not None:
-        unit = "m" if flight.settings.cycle.target_game_m else "s"
-        parts.append(f"rim {certificate.gap_m:.1f} m, value {certificate.value:.1f} {unit}")
+        parts.append(f"rim {certificate.gap_m:.1f} m, value {certificate.value:.1f} {_unit(flight)}")
     silence_s = flight.tracking.silence_s(now_s)
     parts.append("no evader" if math.isinf(silence_s) else f"evader {silence_s:.1f} s ago")
     return "  ".join(parts)
-
-
-def _rounded(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return plain values for JSON, their numbers with four decimals; NaN and infinities become null."""
-    rounded: dict[str, Any] = json.loads(json.dumps(plain(values)), parse_float=lambda text: round(float(text), 4))
-    return rounded

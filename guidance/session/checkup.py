@@ -41,10 +41,7 @@ class Checkup:
     """Reads, judges and sets the parameters of one vehicle on the ground. It neither arms nor changes the mode."""
 
     def __init__(self, name: str, plan: FlightPlan, world: VehicleWorld, clock: Clock) -> None:
-        self._plan = plan
-        self._link = world.links[name]
-        self._clock = clock
-        self._due_s = clock.now_s()
+        self._plan, self._link, self._clock, self._due_s = plan, world.links[name], clock, clock.now_s()
         self._daemon = Daemon(name, plan, self._link, world.evaders[name])
 
     def rows(self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None) -> Sequence[Finding]:
@@ -67,7 +64,12 @@ class Checkup:
                 complete_s = clock.now_s()
             elif clock.now_s() - complete_s > COUNTED_S + 1.0:
                 break
-        return (*daemon.rows, *self._readiness(clock.now_s()))
+        # The flight's own checks may still pass later, so none is a refusal here.
+        readiness = (
+            Finding.of(check.passed, f"ready: {check.name}", check.found, "before start", "", Verdict.WARN)
+            for check in daemon.flight.checks(clock.now_s())
+        )
+        return (*daemon.rows, *readiness)
 
     def _lacking(self) -> str:
         """Say what has not been heard yet; empty once everything was."""
@@ -80,11 +82,8 @@ class Checkup:
 
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
         """Return the parameters to set, from the values read."""
-        plan = self._plan
-        if plan.wants is None:
-            return ()
-        facts = self._daemon.facts(self._clock.now_s())
-        return changes(facts, plan.flight.autopilot, plan.wants, advised=advised)
+        wants, facts = self._plan.wants, self._daemon.facts(self._clock.now_s())
+        return () if wants is None else changes(facts, self._plan.flight.autopilot, wants, advised=advised)
 
     def apply(self, wanted: Sequence[ParameterChange]) -> Iterator[Applied]:
         """Set parameters one after another, read each back, and yield what came of it.
@@ -124,12 +123,6 @@ class Checkup:
         now_s = self._clock.now_s()
         self._due_s = max(self._due_s + PERIOD_S, now_s)
         self._daemon.step(now_s)
-
-    def _readiness(self, now_s: float) -> Iterator[Finding]:
-        """The flight's own checks as rows. They may still pass later, so none is a refusal here."""
-        for check in self._daemon.flight.checks(now_s):
-            verdict = Verdict.PASS if check.passed else Verdict.WARN
-            yield Finding(f"ready: {check.name}", check.found, "before start", verdict)
 
 
 @contextlib.contextmanager

@@ -69,15 +69,10 @@ class Daemon:
         evader: EvaderSource | Mapping[str, EvaderSource],
         equipment: Equipment | None = None,
     ) -> None:
-        used = Equipment() if equipment is None else equipment
-        self.name = name
-        self._link = link
+        used = equipment or Equipment()
+        self.name, self._link, self.team, self.mailbox = name, link, used.team, used.mailbox
         self._evaders = evader if isinstance(evader, Mapping) else {"evader": evader}
-        self.team = used.team
-        self.mailbox = used.mailbox
-        self._log = used.log
-        self.metrics = Metrics(name) if used.metrics is None else used.metrics
-        self._notifier = used.notifier
+        self._log, self._notifier, self.metrics = used.log, used.notifier, used.metrics or Metrics(name)
         self.recording = Recording(name, used.record, used.broadcast, required=used.record_required)
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
@@ -306,7 +301,7 @@ class Daemon:
             self._reply(question, now_s, "" if done else refusal(order, self.flight, now_s, self.rows))
         if queries:
             words = self.recording.words
-            shown = status(self.name, now_s, self.flight, outputs, self.rows, barred=self._barred(), recording=words)
+            shown = status(self.name, self.flight, outputs, self.rows, self._barred(), words, now_s)
             shown |= {} if self.team is None else {"assignment": self.team.assignment(self.flight)}
             for query in queries:
                 query.answer({"accepted": True, "order": query.order, **shown})

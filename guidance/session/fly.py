@@ -11,7 +11,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import ClassVar, Final, NamedTuple, NoReturn
+from typing import ClassVar, Final, NamedTuple
 
 from guidance.autopilots import autopilot_named
 from guidance.clock import Clock, MonotonicClock, VirtualClock
@@ -169,7 +169,7 @@ class ByFile:
             raise ConfigError("--config: one vehicle; a team needs --vehicle URL for each of its vehicles")
         plan_of(own, scenario)  # refused before anything is opened
         hand_over = ORDER_OF[own.flight.on_terminate]
-        signals, policy = Signals(hand_over, kept), MissionPolicy(self.engage, hand_over=hand_over)
+        signals, policy = Signals(hand_over), MissionPolicy(self.engage, hand_over=hand_over)
         with signals.installed(), opened_vehicle(own, clock, tapped=True) as (world, control, used):
             name, pursuit = own.name, Pursuit(scenario, own.name)
             yield Opened((pursuit,), world, clock, {name: control}, {name: used}, {name: own}, policy, signals)
@@ -231,7 +231,7 @@ class Asked:
                 world.players[name] = evader = EvaderHere(chased, clock, radio)
                 world.on_engage = evader.engage  # a team's scenario has no faults that would begin then
             policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
-            signals = Signals(Event.LAND, kept)
+            signals = Signals(Event.LAND)
             stack.enter_context(signals.installed())
             used = {
                 name: stack.enter_context(opened_equipment(mailbox, configs[name]))
@@ -262,15 +262,6 @@ def _ordered(
 def _check(option: str, value: str, allowed: Sequence[str]) -> None:
     if value not in allowed:
         raise ConfigError(f"{option} {value}: allowed are {', '.join(allowed)}")
-
-
-def kept() -> NoReturn:
-    """Refuse to read the configuration again.
-
-    Raises:
-        ConfigError: Always.
-    """
-    raise ConfigError("a scenario is flown: end it and begin again to fly another configuration")
 
 
 Way = MockOptions | ByFile | Asked

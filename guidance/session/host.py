@@ -34,6 +34,7 @@ LATE_S: Final = 0.005
 FLIGHT_BYTES: Final = 240_000_000
 """An hour's record: 3.8 MB a minute (tests/bench/bench_endurance.py), rounded up."""
 
+WARN: Final = Verdict.WARN
 _TIME_ERROR: Final = 5
 _DEFAULT_URLS: Final = ("udpin://127.0.0.1:14540", "udpin://127.0.0.1:14541")
 
@@ -45,8 +46,12 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
         config: The vehicle's file.
     """
     folder = Path.cwd() if config is None or config.record.folder is None else config.record.folder
+    system = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
+    there = [extra for extra in EXTRAS if how_to_add(extra) is None]
+    absent = ",".join(extra for extra in EXTRAS if extra not in there)
+    lacking = f"pip install 'pursuit-guidance[{absent}]'" if absent else ""
     return (
-        _software(),
+        Finding.of(sys.platform == "linux", "software", system, "Linux, Python 3.11 or later", "fly on Linux", WARN),
         _calendar(),
         _cadence(),
         _scheduling(),
@@ -54,14 +59,7 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
         _control(Control() if config is None else config.control),
         *_serial_ports(config),
         *_record_folder(folder),
-        _extras(),
-    )
-
-
-def _software() -> Finding:
-    found = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
-    return Finding.of(
-        sys.platform == "linux", "software", found, "Linux, Python 3.11 or later", "fly on Linux", Verdict.WARN
+        Finding("extras", ", ".join(there) or "none", "as you like", Verdict.PASS, lacking),
     )
 
 
@@ -70,9 +68,9 @@ def _calendar() -> Finding:
     try:
         kept = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024)) != _TIME_ERROR
     except (AttributeError, OSError):
-        return Finding("calendar", "not known", "synchronized", Verdict.WARN, "see that a time service runs")
-    found, advice = "synchronized" if kept else "not synchronized", "timedatectl set-ntp true, or the time from GPS"
-    return Finding.of(kept, "calendar", found, "synchronized", advice, Verdict.WARN)
+        return Finding("calendar", "not known", "synchronized", WARN, "see that a time service runs")
+    advice = "timedatectl set-ntp true, or the time from GPS"
+    return Finding.of(kept, "calendar", "synchronized" if kept else "not synchronized", "synchronized", advice, WARN)
 
 
 def _cadence() -> Finding:
@@ -84,26 +82,25 @@ def _cadence() -> Finding:
         worst_s = max(worst_s, time.monotonic() - due_s)
     found = f"{1e3 * worst_s:.1f} ms late at worst in {CYCLES} cycles"
     advice = "end what else runs, or allow real-time scheduling (the next row)"
-    return Finding.of(worst_s <= LATE_S, "cadence", found, f"at most {1e3 * LATE_S:g} ms", advice, Verdict.WARN)
+    return Finding.of(worst_s <= LATE_S, "cadence", found, f"at most {1e3 * LATE_S:g} ms", advice, WARN)
 
 
 def _scheduling() -> Finding:
     name, wanted = "scheduling", f"realtime {PRIORITY}"
     if not hasattr(os, "sched_setscheduler"):
-        return Finding(name, "none on this system", wanted, Verdict.WARN, "fly on Linux")
+        return Finding(name, "none on this system", wanted, WARN, "fly on Linux")
     policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
     except PermissionError:
-        return Finding(name, "not permitted", wanted, Verdict.WARN, "CPUSchedulingPolicy=rr, or rtprio in limits.conf")
+        return Finding(name, "not permitted", wanted, WARN, "CPUSchedulingPolicy=rr, or rtprio in limits.conf")
     os.sched_setscheduler(0, policy, parameter)
     return Finding(name, "permitted", wanted, Verdict.PASS)
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
-    if config is None:
-        urls: Sequence[tuple[str, str]] = [("usual", url) for url in _DEFAULT_URLS]
-    else:
+    urls = [("usual", url) for url in _DEFAULT_URLS]
+    if config is not None:
         given = (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
         urls = [(key, url) for key, url in given if url is not None]
     for key, url in urls:
@@ -119,8 +116,7 @@ def _control(control: Control) -> Finding:
     if not os.access(folder, os.W_OK):
         advice = f"the token goes to {path}: set control.token_file, or run as who owns {folder}"
         return Finding("orders", f"{folder} is not writable", "a folder for the token", Verdict.REFUSE, advice)
-    where = control.endpoint.partition("/")[2]
-    host, _, port = where.rpartition(":")
+    host, _, port = control.endpoint.partition("/")[2].rpartition(":")
     if not (control.host and port.isdigit()):
         return Finding("orders", control.endpoint, "a folder for the token", Verdict.PASS)
     advice = "a daemon runs already? guidance ctl status says; else set control.endpoint"
@@ -128,9 +124,8 @@ def _control(control: Control) -> Finding:
 
 
 def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str) -> Finding:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     found = "free"
-    with contextlib.closing(socket.socket(family, kind)) as probe:
+    with contextlib.closing(socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, kind)) as probe:
         if kind == socket.SOCK_STREAM:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -141,14 +136,13 @@ def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str)
 
 
 def _serial_ports(config: Config | None) -> Iterator[Finding]:
-    wanted = "readable and writable"
-    asked = parse(config.vehicle.url) if config is not None else None
-    if asked is not None and asked.scheme == "serial" and not Path(asked.host).exists():
-        yield Finding(asked.host, "not there", wanted, Verdict.REFUSE, "plug it in; ls /dev/serial/by-id lists what is")
+    wanted, advice = "readable and writable", "usermod -aG dialout USER, and log in again"
+    own = parse(config.vehicle.url) if config is not None else None
+    device = own.host if own is not None and own.scheme == "serial" else ""
+    if device and not Path(device).exists():
+        yield Finding(device, "not there", wanted, Verdict.REFUSE, "plug it in; ls /dev/serial/by-id lists what is")
     for port in sorted(one.device for one in list_ports.comports()):
-        good = os.access(port, os.R_OK | os.W_OK)
-        bad = Verdict.REFUSE if asked is not None and asked.host == port else Verdict.WARN
-        advice = "usermod -aG dialout USER, and log in again"
+        good, bad = os.access(port, os.R_OK | os.W_OK), Verdict.REFUSE if port == device else WARN
         yield Finding.of(good, port, wanted if good else "no rights", wanted, advice, bad)
 
 
@@ -156,16 +150,7 @@ def _record_folder(folder: Path) -> Iterator[Finding]:
     there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
     good = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
     found = f"{folder.absolute()}: {'writable' if good else 'not writable'}"
-    advice = "set record.folder, or change the rights"
-    yield Finding.of(good, "record folder", found, "writable", advice)
-    free = shutil.disk_usage(there).free
+    yield Finding.of(good, "record folder", found, "writable", "set record.folder, or change the rights")
+    free, wanted = shutil.disk_usage(there).free, f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
     advice = "make room: a full disk ends the record, never the flight"
-    wanted = f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
-    yield Finding.of(free >= FLIGHT_BYTES, "disk", f"{free / 1e9:.1f} GB free", wanted, advice, Verdict.WARN)
-
-
-def _extras() -> Finding:
-    there = [extra for extra in EXTRAS if how_to_add(extra) is None]
-    absent = ",".join(extra for extra in EXTRAS if extra not in there)
-    advice = f"pip install 'pursuit-guidance[{absent}]'" if absent else ""
-    return Finding("extras", ", ".join(there) or "none", "as you like", Verdict.PASS, advice)
+    yield Finding.of(free >= FLIGHT_BYTES, "disk", f"{free / 1e9:.1f} GB free", wanted, advice, WARN)

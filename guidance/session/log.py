@@ -57,10 +57,10 @@ class Log(Logger, logging.Handler):
 
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
         super().__init__()
-        stream = sys.stderr if stream is None else stream
+        stream = stream or sys.stderr
         self._console = Console(file=stream, markup=False, emoji=False, highlight=False, soft_wrap=True)
-        self._line_of = _json_line if form == "json" else _console_line
         self._live = form == "console"
+        self._line_of = _console_line if self._live else _json_line
         self._shown, self._shown_s = "", 0.0
         self._waiting: queue.SimpleQueue[logging.LogRecord | None] = queue.SimpleQueue()
         self.dropped = 0
@@ -123,12 +123,6 @@ def say_outputs(log: Logger, outputs: Outputs) -> None:
         log.say(logging.WARNING, str(outputs.alarm.violation), by=outputs.alarm.by or "-")
     if outputs.fault is not None:
         log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
-    for happening in outputs.happenings:
-        severe = happening.event in _SEVERE and happening.after is not happening.before
-        log.say(
-            logging.WARNING if severe else logging.INFO,
-            str(happening.event),
-            before=happening.before,
-            state=happening.after,
-            now_s=round(happening.now_s, 3),
-        )
+    for one in outputs.happenings:
+        level = logging.WARNING if one.event in _SEVERE and one.after is not one.before else logging.INFO
+        log.say(level, str(one.event), before=one.before, state=one.after, now_s=round(one.now_s, 3))

@@ -13,9 +13,10 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import FrameType
-from typing import Final, Protocol
+from typing import Final, NoReturn, Protocol
 
 from guidance.clock import Clock, Timing
+from guidance.errors import ConfigError
 from guidance.flight import Event
 from guidance.frames import Vector
 from guidance.links.port import EvaderSource, VehicleLink
@@ -86,20 +87,21 @@ class World(Protocol):
         """End everything this world has started."""
 
 
+def _kept() -> NoReturn:
+    raise ConfigError("a scenario is flown: end it and begin again to fly another configuration")
+
+
 class Signals:
     """Signals of the operating system: the handlers note them, the loop acts on them.
 
     Args:
         hand_over: The order that SIGTERM and SIGINT give.
-        load: Reads the configuration again, for SIGHUP.
+        load: Reads the configuration again, for SIGHUP; by default it is refused.
     """
 
-    def __init__(self, hand_over: Event, load: Callable[[], FlightPlan]) -> None:
-        self._hand_over = hand_over
-        self._load = load
-        self._end = 0
-        self._again = False
-        self._looping = False
+    def __init__(self, hand_over: Event, load: Callable[[], FlightPlan] = _kept) -> None:
+        self._hand_over, self._load = hand_over, load
+        self._ends, self._again, self._looping = 0, False, False
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
@@ -120,14 +122,13 @@ class Signals:
         if number == signal.SIGHUP:
             self._again = True
         elif self._looping:
-            self._end += 1
+            self._ends += 1
         else:
             sys.exit(0)
 
     def act(self, daemons: Sequence[Daemon], now_s: float) -> None:
         """Pass the signals since the last call to the daemons."""
-        ends, again = self._end, self._again
-        self._end, self._again = 0, False
+        ends, again, self._ends, self._again = self._ends, self._again, 0, False
         for daemon in daemons:
             for _ in range(ends):
                 daemon.leave(self._hand_over, now_s)
@@ -147,18 +148,6 @@ class CycleHooks(Protocol):
 
     def after(self, now_s: float, late_s: float) -> None:
         """Follow a cycle that began `late_s` later than due."""
-
-
-class _NoMission:
-    """Only people give orders."""
-
-    finished = False
-
-    def before(self, now_s: float) -> None:
-        """Nothing."""
-
-    def after(self, now_s: float, late_s: float) -> None:
-        """Nothing."""
 
 
 def run(
@@ -185,27 +174,25 @@ def run(
         LinkError: If the world ends before the flight does.
     """
     daemons = sorted(daemons, key=lambda daemon: daemon.name)
-    hooks = _NoMission() if mission is None else mission
-    garbage = GcScheduler()
-    if signals is not None:
-        signals.begin()
+    garbage, worked_s, signals = GcScheduler(), 0.0, signals or Signals(Event.HOLD)
+    signals.begin()
     due_s = clock.now_s()
-    worked_s = 0.0
     garbage.begin(due_s, collect=world.real_time)
     try:
-        while (flying := [one for one in daemons if not one.finished]) and not hooks.finished:
+        while (flying := [one for one in daemons if not one.finished]) and not (mission and mission.finished):
             clock.sleep_until(due_s)
             world.advance()
             now_s = clock.now_s()
-            if signals is not None:
-                signals.act(flying, now_s)
-            hooks.before(now_s)
+            signals.act(flying, now_s)
+            if mission is not None:
+                mission.before(now_s)
             for daemon in flying:
                 try:
                     daemon.step(now_s, Timing(now_s - due_s, worked_s))
                 except Exception as error:  # of any kind: no other program flies this vehicle
                     daemon.survive(error, now_s)
-            hooks.after(now_s, now_s - due_s)
+            if mission is not None:
+                mission.after(now_s, now_s - due_s)
             _record_frames(world, daemons)
             done_s = clock.now_s()
             worked_s = done_s - now_s

@@ -89,10 +89,12 @@ class Mailbox:
             return question
         queue, most = (self._queries, MOST_QUERIES) if order in QUERIES else (self._orders, MOST_ORDERS)
         with self._lock:
-            if len(queue) < most:
+            if len(queue) >= most:
+                question.answer(
+                    {"accepted": False, "order": order, "reason": "too many wait already; does the loop run?"}
+                )
+            else:
                 queue.append(question)
-                return question
-        question.answer({"accepted": False, "order": order, "reason": "too many wait already; does the loop run?"})
         return question
 
     def answer(self, order: str, by: str) -> Answer:
@@ -102,8 +104,6 @@ class Mailbox:
 
     def take(self) -> tuple[Sequence[Question], Sequence[Question]]:
         """Take all orders and all queries that wait, each oldest first."""
-        if not (self._orders or self._queries):
-            return (), ()
         with self._lock:
             taken = list(self._orders), list(self._queries)
             self._orders.clear()
@@ -145,10 +145,7 @@ class ShutdownHandover:
     """
 
     def __init__(self, order: Event, now_s: float, authority: Authority = Authority.OPERATOR) -> None:
-        self.authority = authority
-        self._order = order
-        self._since_s = now_s
-        self._given = False
+        self.authority, self._order, self._since_s, self._given = authority, order, now_s, False
 
     def orders(self, flight: Flight) -> tuple[Question, ...]:
         """The order that hands the vehicle over, once."""
@@ -163,8 +160,7 @@ class ShutdownHandover:
         """True once there is nothing more to hand over, or no more time."""
         if flight.state in FINAL | ON_GROUND or now_s - self._since_s > HANDOVER_LIMIT_S:
             return True
-        taken = _TAKEN.get(flight.state)
-        return taken is not None and flight.mode_name == str(taken)
+        return flight.state in _TAKEN and flight.mode_name == str(_TAKEN[flight.state])
 
 
 class Engaging:
@@ -177,9 +173,7 @@ class Engaging:
     """
 
     def __init__(self, flight: Flight, survey: PreflightMemory, wants: Wants | None) -> None:
-        self._flight = flight
-        self._survey = survey
-        self._wants = wants
+        self._flight, self._survey, self._wants = flight, survey, wants
         self._names = engage_names(flight.settings.autopilot)
         self._waiting: list[Question] = []
         self._asked_s: float | None = None

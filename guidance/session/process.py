@@ -10,7 +10,7 @@ import math
 import os
 import socket
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -40,7 +40,11 @@ def claim() -> str:
     if policy in {os.SCHED_FIFO, os.SCHED_RR}:  # set by systemd
         return f"realtime {os.sched_getparam(0).sched_priority}"
     threads = [int(path.name) for path in Path("/proc/self/task").iterdir()]
-    for words, raise_one in ((f"realtime {PRIORITY}", _to_real_time), (f"nice {NICE}", _to_nice)):
+    claims: Sequence[tuple[str, Callable[[int], None]]] = (
+        (f"realtime {PRIORITY}", lambda thread: os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(PRIORITY))),
+        (f"nice {NICE}", lambda thread: os.setpriority(os.PRIO_PROCESS, thread, NICE)),
+    )
+    for words, raise_one in claims:
         with contextlib.suppress(PermissionError):
             raise_one(0)
             for thread in threads:
@@ -48,14 +52,6 @@ def claim() -> str:
                     raise_one(thread)
             return words
     return "as others"
-
-
-def _to_real_time(thread: int) -> None:
-    os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(PRIORITY))
-
-
-def _to_nice(thread: int) -> None:
-    os.setpriority(os.PRIO_PROCESS, thread, NICE)
 
 
 class GcScheduler:
@@ -100,11 +96,9 @@ class Notifier:
     def __init__(self, address: str | None, watchdog_s: float | None) -> None:
         self._address = "\0" + address[1:] if address and address.startswith("@") else address
         self._every_s = None if watchdog_s is None else watchdog_s / _WATCHDOG_SHARE
-        self._alive_s = float("-inf")
-        self._status = ""
-        self._socket = None
-        if self._address:
-            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._alive_s, self._status = -math.inf, ""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
+        if self._socket is not None:
             self._socket.setblocking(False)
 
     @classmethod

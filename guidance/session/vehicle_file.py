@@ -19,12 +19,6 @@ from guidance.links.port import taken_apart
 from guidance.links.zenoh_access import ZenohSection
 from guidance.strategies import COURSES, PURSUER_STRATEGIES
 
-_PLANS: Final = (
-    (("limits",), "fence_plan_file", "fence_polygon_deg"),
-    (("game", "target"), "polygon_plan_file", "polygon_deg"),
-)
-"""Section, key of a plan, and key of its corners."""
-
 
 class Target(Section):
     """The evader's target: a place, and possibly a shape about it. The place is the game frame's origin."""
@@ -66,18 +60,22 @@ class Target(Section):
         return self
 
 
+_PLANS: Final = {"limits.fence_plan_file": "fence_polygon_deg", "game.target.polygon_plan_file": "polygon_deg"}
+"""Keys of plans, and for each the key of its corners."""
+
+
 def with_plans(document: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Replace every plan of a vehicle file's document by its corners in degrees, and return the document.
 
     Raises:
         ConfigError: If a plan cannot be read, or its fence is anything but one inclusion polygon.
     """
-    for keys, plan_key, corners_key in _PLANS:
+    for name, corners_key in _PLANS.items():
         section: Any = document
+        *keys, plan_key = name.split(".")
         for key in keys:
             section = section.get(key) if isinstance(section, dict) else None
         if isinstance(section, dict) and isinstance(section.get(plan_key), str) and corners_key not in section:
-            name = ".".join((*keys, plan_key))
             section[corners_key] = corners_deg(folder / section.pop(plan_key), name)
     return document
 
@@ -101,10 +99,10 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
     if not isinstance(fence, dict):
         raise ConfigError(f"{said}: has no geoFence; save it from QGroundControl's Plan view with a fence drawn")
     polygons, circles = (fence.get(key) or [] for key in ("polygons", "circles"))
-    excluded = [one for one in polygons if not (isinstance(one, dict) and one.get("inclusion") is True)]
+    excluded = sum(not (isinstance(one, dict) and one.get("inclusion") is True) for one in polygons)
     if len(polygons) != 1 or excluded or circles:
         raise ConfigError(
-            f"{said}: its fence has {len(polygons)} polygons ({len(excluded)} of them not for inclusion) and "
+            f"{said}: its fence has {len(polygons)} polygons ({excluded} of them not for inclusion) and "
             f"{len(circles)} circles; must be exactly one inclusion polygon (a circle about home is "
             "limits.fence_radius_m)"
         )
@@ -195,21 +193,22 @@ class EvaderSection(Section):
 
     @model_validator(mode="after")
     def _check_source(self) -> Self:
-        if self.kind in ON_ZENOH and self.url is None:
-            raise ValueError(f'evader.url: missing; kind = "{self.kind}" needs zenoh://host:port/key')
-        if self.kind not in ON_ZENOH and self.system_id is None:
-            raise ValueError(f'evader.system_id: missing; kind = "{self.kind}" accepts one MAVLink system only')
+        kind, zenoh = f'kind = "{self.kind}"', self.kind in ON_ZENOH
+        if zenoh and self.url is None:
+            raise ValueError(f"evader.url: missing; {kind} needs zenoh://host:port/key")
+        if not zenoh and self.system_id is None:
+            raise ValueError(f"evader.system_id: missing; {kind} accepts one MAVLink system only")
         if self.kind in _IN_METRES and self.frame is None:
-            raise ValueError(f'evader.frame: missing; kind = "{self.kind}" reports metres about an origin of its own')
-        if self.kind in ON_ZENOH and self.request_rate_hz is not None:
-            raise ValueError(f'evader.request_rate_hz: not allowed; kind = "{self.kind}" cannot be asked for a rate')
-        if self.signing_key_file is not None and (self.kind in ON_ZENOH or self.url is None):
+            raise ValueError(f"evader.frame: missing; {kind} reports metres about an origin of its own")
+        if zenoh and self.request_rate_hz is not None:
+            raise ValueError(f"evader.request_rate_hz: not allowed; {kind} cannot be asked for a rate")
+        if self.signing_key_file is not None and (zenoh or self.url is None):
             raise ValueError(
                 "evader.signing_key_file: not allowed; it signs MAVLink reports that have their own url "
                 "(the vehicle's link uses the vehicle's key, Zenoh uses TLS)"
             )
         if self.kind == "adsb" and self.icao_address is None:
-            raise ValueError('evader.icao_address: missing; kind = "adsb" needs the aircraft\'s address')
+            raise ValueError(f"evader.icao_address: missing; {kind} needs the aircraft's address")
         return self
 
 
@@ -241,21 +240,16 @@ class GameSection(Section):
 
     @model_validator(mode="after")
     def _check_game(self) -> Self:
+        moves_m_s, evader = math.hypot(*self.target_velocity_m_s), f"game.evader_speed_m_s = {self.evader_speed_m_s:g}"
         if self.speed_m_s <= self.evader_speed_m_s:
-            raise ValueError(
-                f"game.speed_m_s = {self.speed_m_s:g}: must be above game.evader_speed_m_s = "
-                f"{self.evader_speed_m_s:g}; a slower pursuer is another game"
-            )
+            allowed = f"must be above {evader}; a slower pursuer is another game"
+            raise ValueError(f"game.speed_m_s = {self.speed_m_s:g}: {allowed}")
         if self.kind == "tad" and self.target is None:
-            raise ValueError(
-                'game.target: missing; kind = "tad" needs the latitude_deg and longitude_deg of the place to defend'
-            )
-        moves = math.hypot(*self.target_velocity_m_s)
-        if not moves < self.evader_speed_m_s or (moves > 0.0 and self.kind == "pe"):
-            raise ValueError(
-                f"game.target_velocity_m_s = {list(self.target_velocity_m_s)}: must be slower than "
-                f'game.evader_speed_m_s = {self.evader_speed_m_s:g}, and only with kind = "tad"'
-            )
+            place = "the latitude_deg and longitude_deg of the place to defend"
+            raise ValueError(f'game.target: missing; kind = "tad" needs {place}')
+        if not moves_m_s < self.evader_speed_m_s or (moves_m_s > 0.0 and self.kind == "pe"):
+            allowed = f'must be slower than {evader}, and only with kind = "tad"'
+            raise ValueError(f"game.target_velocity_m_s = {list(self.target_velocity_m_s)}: {allowed}")
         if self.kind == "pe" and self.target is not None:
             raise ValueError('game.target: not allowed with kind = "pe"; use kind = "tad"')
         return self
@@ -315,9 +309,8 @@ class Control(Section):
         if self.by_tls and self.host:
             raise ValueError(f"control.endpoint = {self.endpoint!r}: is a router; set control.host = false")
         if self.by_tls and self.token_file is not None:
-            raise ValueError(
-                f"control.token_file = {str(self.token_file)!r}: not allowed with TLS, where certificates identify us"
-            )
+            reason = "not allowed with TLS, where certificates identify us"
+            raise ValueError(f"control.token_file = {str(self.token_file)!r}: {reason}")
         return self
 
 
@@ -393,11 +386,8 @@ class Config(Section):
     @property
     def declared_speeds_m_s(self) -> dict[str, float]:
         """Declared speeds of a team's evaders by name; empty without a team."""
-        if self.team is None:
-            return {}
-        return {self.team.evader: self.game.evader_speed_m_s} | {
-            name: one.speed_m_s for name, one in self.team.evaders.items()
-        }
+        others = {} if self.team is None else {name: one.speed_m_s for name, one in self.team.evaders.items()}
+        return others if self.team is None else {self.team.evader: self.game.evader_speed_m_s} | others
 
     @property
     def speed_limits(self) -> Speeds:
@@ -408,26 +398,21 @@ class Config(Section):
     def _check_together(self) -> Self:
         _ = self.speed_limits
         if self.control.by_tls and self.zenoh.tls_certificate_file is None:
-            raise ValueError(
-                f"control.endpoint = {self.control.endpoint!r}: needs zenoh.tls_certificate_file; without mutual TLS "
-                "anyone could command the vehicle"
-            )
+            needs = "needs zenoh.tls_certificate_file; without mutual TLS anyone could command the vehicle"
+            raise ValueError(f"control.endpoint = {self.control.endpoint!r}: {needs}")
         if self.team is not None:
             self._check_team(self.team)
         low, high = self.limits.floor_m, self.limits.ceiling_m
-        if low <= self.flight.takeoff_height_m < low + _ABOVE_THE_FLOOR_M:
+        takeoff_m, disc_m = self.flight.takeoff_height_m, self.game.standoff_height_m
+        if low <= takeoff_m < low + _ABOVE_THE_FLOOR_M:
             raise ValueError(
-                f"flight.takeoff_height_m = {self.flight.takeoff_height_m:g}: must be {_ABOVE_THE_FLOOR_M:g} m above "
-                f"limits.floor_m = {low:g} at least: the vehicle sinks slightly when the game begins"
+                f"flight.takeoff_height_m = {takeoff_m:g}: must be {_ABOVE_THE_FLOOR_M:g} m above limits.floor_m = "
+                f"{low:g} at least: the vehicle sinks slightly when the game begins"
             )
-        for key, height_m in (
-            ("flight.takeoff_height_m", self.flight.takeoff_height_m),
-            ("game.standoff_height_m", self.game.standoff_height_m),
-        ):
+        for key, height_m in {"flight.takeoff_height_m": takeoff_m, "game.standoff_height_m": disc_m}.items():
             if not low <= height_m <= high:
-                raise ValueError(
-                    f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
-                )
+                allowed = f"allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
+                raise ValueError(f"{key} = {height_m:g}: {allowed}")
         return self
 
     def _check_team(self, team: Team) -> None:
@@ -437,10 +422,8 @@ class Config(Section):
             raise ValueError(f"team.evaders.{team.evader}: is [evader] already (team.evader); name only the others")
         for name, one in team.evaders.items():
             if one.speed_m_s >= self.game.speed_m_s:
-                raise ValueError(
-                    f"team.evaders.{name}.speed_m_s = {one.speed_m_s:g}: must be below game.speed_m_s = "
-                    f"{self.game.speed_m_s:g}"
-                )
+                key, allowed = f"team.evaders.{name}.speed_m_s", f"game.speed_m_s = {self.game.speed_m_s:g}"
+                raise ValueError(f"{key} = {one.speed_m_s:g}: must be below {allowed}")
 
 
 def load_vehicle(path: Path) -> Config:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from guidance.autopilots.description import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.clock import Clock
@@ -24,7 +24,7 @@ from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import ControlBus, OwnerToken
 from guidance.session.loop import EvaderPlayer
 from guidance.session.orders import Mailbox
-from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
+from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderFrame, EvaderSection
 
 _WIRE_LIMIT_S = 5.0
 OWN_ID = 255
@@ -124,16 +124,9 @@ def open_all(
             taps.append(wire)
         if evader.url is None:
             wire, wires[next(iter(config.evaders))] = share(wire, 2)
-        link = open_link(
-            wire,
-            vehicle.link,
-            clock=clock.now_s,
-            who=f"{vehicle.url}: system {vehicle.system_id}",
-            system_id=vehicle.system_id,
-            component_id=vehicle.component_id,
-            signing_key=key,
-            timeout_s=vehicle.connect_timeout_s,
-        )
+        who, limit_s = f"{vehicle.url}: system {vehicle.system_id}", vehicle.connect_timeout_s
+        ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
+        link = open_link(wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s)
         closing.callback(link.close)
         sources = {}
         for name, section in config.evaders.items():
@@ -171,16 +164,15 @@ def _open_source(
     if rate_hz is not None:
         wire = _open_wire(url, (evader.system_id,), key, clock, credentials) if wire is None else wire
         wire, asked = share(wire, 2)
+    hexadecimal = evader.id_or_mac
     source = open_source(
         evader.kind,
         url,
         clock=clock.now_s,
-        frame=_frame(evader),
+        frame=_frame(evader.frame),
         identity=EvaderIdentity(
-            evader.system_id,
-            evader.component_id,
-            evader.icao_address,
-            None if evader.id_or_mac is None else bytes.fromhex(evader.id_or_mac),
+            *(evader.system_id, evader.component_id, evader.icao_address),
+            None if hexadecimal is None else bytes.fromhex(hexadecimal),
         ),
         wire=None if evader.kind in ON_ZENOH else wire,
         signing_key=key,
@@ -189,26 +181,17 @@ def _open_source(
     )
     if asked is None or evader.system_id is None or rate_hz is None:
         return source
-    link = PymavlinkLink(
-        asked,
-        clock.now_s,
-        system_id=evader.system_id,
-        component_id=evader.component_id or 1,
-        own_system_id=OWN_ID,
-        signing_key=key,
-    )
+    ids: dict[str, Any] = {"system_id": evader.system_id, "component_id": evader.component_id or 1}
+    link = PymavlinkLink(asked, clock.now_s, **ids, own_system_id=OWN_ID, signing_key=key)
     return PolledEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=rate_hz)
 
 
-def _frame(evader: EvaderSection) -> LocalFrame:
+def _frame(given: EvaderFrame | None) -> LocalFrame:
     """Return the declared frame; by default one at sea level, for sources that need no frame."""
-    given = evader.frame
     if given is None:
         return LocalFrame(0.0, 0.0, Amsl(0.0))
-    home = None if given.home_altitude_amsl_m is None else Amsl(given.home_altitude_amsl_m)
-    return LocalFrame(
-        given.latitude_deg, given.longitude_deg, Amsl(given.altitude_amsl_m), home, undulation_m=given.undulation_m
-    )
+    home, place = given.home_altitude_amsl_m, (given.latitude_deg, given.longitude_deg, Amsl(given.altitude_amsl_m))
+    return LocalFrame(*place, None if home is None else Amsl(home), undulation_m=given.undulation_m)
 
 
 def _evader_key(config: Config, evader: EvaderSection) -> SigningKey | None:
@@ -227,13 +210,13 @@ def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | Non
     """
     if path is None:
         return None
+    said = f"{section}.signing_key_file = {str(path)!r}"
     try:
-        mode = path.stat().st_mode
-        text = path.read_text(encoding="ascii")
+        mode, text = path.stat().st_mode, path.read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{section}.signing_key_file = {str(path)!r}: cannot be read ({error})") from error
+        raise ConfigError(f"{said}: cannot be read ({error})") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ConfigError(f"{section}.signing_key_file = {str(path)!r}: others may read it; chmod 600 it")
+        raise ConfigError(f"{said}: others may read it; chmod 600 it")
     return SigningKey.from_hex(text)
 
 
@@ -249,11 +232,9 @@ class PolledEvader:
     def __init__(
         self, source: EvaderSource, link: VehicleLink, clock: Callable[[], float], *, message_id: int, rate_hz: float
     ) -> None:
-        self._source = source
-        self._link = link
-        self._clock = clock
-        interval_us = 1e6 / rate_hz
-        self._request = Command(MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self._source, self._link, self._clock = source, link, clock
+        parameters = (float(message_id), 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._request = Command(MAV_CMD_SET_MESSAGE_INTERVAL, parameters)
         self._asked_s = self._beat_s = float("-inf")
 
     def receive(self) -> Sequence[EvaderReport]:

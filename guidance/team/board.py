@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from guidance.estimation.measurement import ClockOffset, hear
-from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.frames import LocalFrame, Vector
 from guidance.messages import UNKNOWN_VELOCITY, EvaderReport, MateState
-from guidance.team.messages import EvaderMessage, Message, Placed, Refused, RolesMessage, StateMessage, decode
+from guidance.team.messages import EvaderMessage, Message, Refused, RolesMessage, StateMessage, decode
 
 SILENT_S: Final = 1.0
 """A mate or a coordinator that was not heard for so long is not there."""
@@ -63,16 +63,14 @@ class Board:
     """
 
     def __init__(self, vehicle: str, mates: Collection[str], evaders: Collection[str]) -> None:
-        self.vehicle = vehicle
+        self.vehicle, self._evaders = vehicle, frozenset(evaders)
         self.mates = {name: Mate() for name in sorted(mates) if name != vehicle}
-        self._evaders = frozenset(evaders)
         self._fresh: dict[str, MateState] = {}
         self._relayed: list[EvaderReport] = []
         self.own: StateMessage | None = None
         self.over: dict[str, float] = {}
         self.roles: RolesMessage | None = None
-        self.roles_s = -math.inf
-        self.term = 0
+        self.roles_s, self.term = -math.inf, 0
         self.counts: Counter[str] = Counter()
         self.news: list[str] = []
 
@@ -86,13 +84,12 @@ class Board:
         """
         try:
             message = self._read(key, payload)
-            match message:
-                case StateMessage():
-                    self._take_state(arrived_s, message)
-                case EvaderMessage():
-                    self._take_report(arrived_s, message)
-                case RolesMessage():
-                    self.take_roles(arrived_s, message)
+            if isinstance(message, StateMessage):
+                self._take_state(arrived_s, message)
+            elif isinstance(message, EvaderMessage):
+                self._take_report(arrived_s, message)
+            elif isinstance(message, RolesMessage):
+                self.take_roles(arrived_s, message)
         except Refused as refused:
             self.counts[f"refused_{refused}"] += 1
         else:
@@ -118,10 +115,10 @@ class Board:
         mate = self.mates[state.vehicle]
         before = mate.state
         if before is None or before.epoch != state.epoch:
-            mate.clock, mate.doubt_ned_m = None, (0.0, 0.0, 0.0)
+            before, mate.clock, mate.doubt_ned_m = None, None, (0.0, 0.0, 0.0)
         mate.clock = hear(mate.clock, state.sent_s, arrived_s)
         at_s = arrived_s if mate.clock is None else min(arrived_s, mate.clock.ours(state.sent_s))
-        if before is not None and before.epoch == state.epoch:
+        if before is not None:
             self._doubt(mate, before, state, at_s - mate.at_s)
         mate.state, mate.at_s, mate.heard_s = state, at_s, arrived_s
         self.term = max(self.term, state.term)
@@ -140,9 +137,8 @@ class Board:
 
     def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
         """Add what of a step no motion explains."""
-        there = frame_at(before).ned_from_wgs84(*place_of(after))
-        flown = zip(there, before.velocity_ned_m_s, strict=True)
-        north, east, down = (at - rate * dt_s for at, rate in flown)
+        there = LocalFrame(*before.place).ned_from_wgs84(*after.place)
+        north, east, down = (at - rate * dt_s for at, rate in zip(there, before.velocity_ned_m_s, strict=True))
         apart_m = math.hypot(north, east, down)
         swerved_m = min(0.5 * _SWERVE_M_S2 * dt_s * dt_s, 2.0 * (after.speed_m_s + after.climb_m_s) * max(0.0, dt_s))
         excess = 1.0 - (_SLACK_M + swerved_m) / apart_m if apart_m > 0.0 else 0.0
@@ -157,15 +153,10 @@ class Board:
         if told.evader not in self._evaders:
             raise Refused("evader")
         clock = self.mates[told.vehicle].clock
-        report = EvaderReport(
-            arrived_s if clock is None else min(arrived_s, clock.ours(told.sent_s)),
-            math.nan,
-            f"{told.vehicle}: {told.source}",
-            *(told.latitude_deg, told.longitude_deg, told.altitude_amsl_m),
-            told.velocity_ned_m_s or UNKNOWN_VELOCITY,
-            evader=told.evader,
-        )
-        self._relayed.append(report)
+        at_s = arrived_s if clock is None else min(arrived_s, clock.ours(told.sent_s))
+        place = (told.latitude_deg, told.longitude_deg, told.altitude_amsl_m)
+        velocity, source = told.velocity_ned_m_s or UNKNOWN_VELOCITY, f"{told.vehicle}: {told.source}"
+        self._relayed.append(EvaderReport(at_s, math.nan, source, *place, velocity, evader=told.evader))
 
     def take_roles(self, now_s: float, roles: RolesMessage) -> None:
         """Take an assignment if it is newer: by its term, then the lower name, then its number.
@@ -174,7 +165,7 @@ class Board:
             Refused: If it is older than the last one.
         """
         last = self.roles
-        if last is not None and not _is_newer(roles, last):
+        if last is not None and (roles.term, last.vehicle, roles.seq) <= (last.term, roles.vehicle, last.seq):
             raise Refused("term")
         self.roles, self.roles_s, self.term = roles, now_s, max(self.term, roles.term)
 
@@ -193,30 +184,8 @@ class Board:
         heard = (name for name, mate in self.mates.items() if now_s - mate.heard_s <= SILENT_S)
         return sorted([self.vehicle, *(name for name in heard if present is None or name in present)])
 
-    def new_states(self) -> tuple[MateState, ...]:
-        """Return and remove the states since the last call, one for each mate."""
-        fresh, self._fresh = self._fresh, {}
-        return tuple(fresh.values())
-
-    def new_reports(self) -> list[EvaderReport]:
-        """Return and remove the reports of evaders since the last call."""
-        relayed, self._relayed = self._relayed, []
-        return relayed
-
-
-def _is_newer(roles: RolesMessage, last: RolesMessage) -> bool:
-    if roles.term != last.term:
-        return roles.term > last.term
-    if roles.vehicle != last.vehicle:
-        return roles.vehicle < last.vehicle
-    return roles.seq > last.seq
-
-
-def place_of(placed: Placed) -> tuple[float, float, Amsl]:
-    """Return latitude and longitude in degrees, and the altitude."""
-    return placed.latitude_deg, placed.longitude_deg, Amsl(placed.altitude_amsl_m)
-
-
-def frame_at(placed: Placed) -> LocalFrame:
-    """Return the local frame about the place of a message."""
-    return LocalFrame(*place_of(placed))
+    def news_of_players(self) -> tuple[tuple[MateState, ...], list[EvaderReport]]:
+        """Return and remove the newest state of each mate, and the reports of evaders, since the last call."""
+        fresh, relayed = tuple(self._fresh.values()), self._relayed
+        self._fresh, self._relayed = {}, []
+        return fresh, relayed

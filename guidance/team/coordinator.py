@@ -10,7 +10,7 @@ cause, which the assignment names. It carries all promises, so the next coordina
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,7 @@ _NOISE: Final = 0.5
 """Least improvement for another pair, and least loss that needs a cause: m in TAD, s in PE."""
 
 _STALE_S: Final = 1.0
+_NOTHING: Final = Matching(*(np.empty(0) for _ in Matching._fields))
 
 
 class EvaderSeen(NamedTuple):
@@ -67,11 +68,8 @@ class Coordinator:
     """
 
     def __init__(self, board: Board, epoch: int, slot_m: float) -> None:
-        self._board = board
-        self._epoch = epoch
-        self._slot_m = slot_m
-        self._seq = 0
-        self._term = 0
+        self._board, self._epoch, self._slot_m = board, epoch, slot_m
+        self._seq = self._term = 0
         self._begun_s: float | None = None
         self._players: tuple[list[str], list[str]] | None = None
         self._matched_s = -math.inf
@@ -79,10 +77,8 @@ class Coordinator:
     @property
     def leading(self) -> bool:
         """True if this vehicle is the coordinator."""
-        roles = self._board.roles
-        return (
-            self._term > 0 and roles is not None and (roles.vehicle, roles.epoch) == (self._board.vehicle, self._epoch)
-        )
+        roles, own = self._board.roles, (self._board.vehicle, self._epoch)
+        return self._term > 0 and roles is not None and (roles.vehicle, roles.epoch) == own
 
     def elect(self, now_s: float, alive: list[str]) -> bool:
         """Take part in the election; return whether this vehicle is to make assignments.
@@ -118,9 +114,14 @@ class Coordinator:
             matching = self._match(scene, *players)
             roles = () if matching is None else self._roles(matching, *players)
         self._seq += 1
-        promises = self._promises(now_s, scene, matching, *players)
-        common: dict[str, Any] = {"vehicle": self._board.vehicle, "epoch": self._epoch, "seq": self._seq}
-        made = RolesMessage(**common, term=self._term, roles=roles, promises=promises)
+        made = RolesMessage(
+            vehicle=self._board.vehicle,
+            epoch=self._epoch,
+            seq=self._seq,
+            term=self._term,
+            roles=roles,
+            promises=self._promises(now_s, scene, matching, *players),
+        )
         self._board.take_roles(now_s, made)
         return made
 
@@ -130,24 +131,17 @@ class Coordinator:
         states = [scene.vehicles[name] for name in vehicles]
         seen = [scene.evaders[name] for name in evaders]
         speeds = np.array([(one.speed_m_s, one.climb_m_s, one.descent_m_s) for _, one in states])
-        own = Cylinder(*speeds.T[..., None])
-        game = Game(own, np.array([one.speed_m_s for one in seen]), standoff=scene.standoff)
-        kept = {one.evader: one for one in self._promised if one.value is not None}
-        previous = None
+        game = Game(Cylinder(*speeds.T[..., None]), np.array([one.speed_m_s for one in seen]), standoff=scene.standoff)
+        kept, previous = {one.evader: (one.first, one.second) for one in self._promised if one.value is not None}, None
         if kept:
-            who = [(kept[name].first, kept[name].second) if name in kept else (None, None) for name in evaders]
             numbers = {name: number for number, name in enumerate(vehicles)}
-            first, second = (np.array([numbers.get(each[slot] or "", -1) for each in who]) for slot in (0, 1))
-            previous = _nothing()._replace(first=first, second=second)
+            who = [[numbers.get(one or "", -1) for one in kept.get(name, (None, None))] for name in evaders]
+            first, second = np.array(who).T
+            previous = _NOTHING._replace(first=first, second=second)
+        places_m, evaders_m = np.array([place for place, _ in states]), np.array([one.position_m for one in seen])
+        target_m = None if scene.target_m is None else np.array(scene.target_m)
         try:
-            return match_teams(
-                game,
-                np.array([place for place, _ in states]),
-                np.array([one.position_m for one in seen]),
-                None if scene.target_m is None else np.array(scene.target_m),
-                previous=previous,
-                hysteresis=HYSTERESIS,
-            )
+            return match_teams(game, places_m, evaders_m, target_m, previous=previous, hysteresis=HYSTERESIS)
         except ConfigError:  # a state without an answer: the roles stay as they are
             self._board.counts["unmatched"] += 1
             return None
@@ -175,14 +169,17 @@ class Coordinator:
         begun = any(state.part == "playing" for _, state in scene.vehicles.values())
         passed_s = now_s - self._board.roles_s if scene.target_m is None and begun else 0.0
         promises = {
-            one.evader: one
-            if one.value is None or one.evader not in evaders
-            else one.model_copy(update={"value": one.value - passed_s})
+            one.evader: one.model_copy(update={"value": one.value - passed_s})
+            if one.value is not None and one.evader in evaders
+            else one
             for one in self._promised
         }
-        for number, evader in enumerate(evaders if matching is not None else ()):
-            first, second = (self._name_in(matching, slot, number, vehicles) for slot in ("first", "second"))
-            value = None if matching is None or first is None else float(matching.value[number])
+        if matching is None:
+            return tuple(promises.values())
+        numbered = [*vehicles, None]  # -1 is nobody
+        for number, evader in enumerate(evaders):
+            first, second = numbered[int(matching.first[number])], numbered[int(matching.second[number])]
+            value = None if first is None else float(matching.value[number])
             before = promises.get(evader)
             cause = before.cause if begun and before is not None else ""
             if begun and before is not None and before.value is not None:
@@ -194,10 +191,6 @@ class Coordinator:
                 promises[evader] = Promise(evader=evader, value=value, first=first, second=second, cause=cause)
         return tuple(promises.values())
 
-    def _name_in(self, matching: Matching | None, slot: str, number: int, vehicles: list[str]) -> str | None:
-        index = -1 if matching is None else int(getattr(matching, slot)[number])
-        return vehicles[index] if index >= 0 else None
-
     def _cause(self, scene: Scene, evader: str, vehicles: list[str]) -> str:
         """Say why a promise cannot be kept; empty if nothing explains it, and then it stands."""
         roles, seen = self._board.roles, scene.evaders[evader]
@@ -206,7 +199,3 @@ class Coordinator:
         if seen.speed_m_s > seen.declared_m_s + _NOISE:
             return "faster evader"
         return "stale data" if seen.age_s > _STALE_S else ""
-
-
-def _nothing() -> Matching:
-    return Matching(*(np.empty(0) for _ in Matching._fields))

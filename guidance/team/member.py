@@ -9,10 +9,10 @@ from collections.abc import Collection, Sequence
 from typing import Any, Final, NamedTuple
 
 from guidance.flight import Event, Flight, Outputs, State
-from guidance.frames import Amsl, Vector
+from guidance.frames import Amsl
 from guidance.game import Cylinder
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
-from guidance.team.board import Board, place_of
+from guidance.team.board import Board
 from guidance.team.coordinator import SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
 from guidance.team.messages import EvaderMessage, RolesMessage, StateMessage, encode
 from guidance.team.transport import Transport
@@ -94,17 +94,14 @@ class Member:
         for report in reports:
             if report.evader is not None:
                 self._heard_s[report.evader], self._reports[report.evader] = now_s, report
-        relayed = [
-            report
-            for report in self.board.new_reports()
-            if now_s - self._heard_s.get(report.evader or "", -math.inf) > _RELAYED_S
-        ]
-        return TeamInputs(self.board.new_states() or None, self._role(now_s, flight), relayed)
+        mates, relayed = self.board.news_of_players()
+        unheard = [one for one in relayed if now_s - self._heard_s.get(one.evader or "", -math.inf) > _RELAYED_S]
+        return TeamInputs(mates or None, self._role(now_s, flight), unheard)
 
     def _role(self, now_s: float, flight: Flight) -> Role | None:
         """Return a new role; None keeps the present one. An assignment to an unseen evader is ignored."""
-        assigned = None if self.board.roles is None else self.board.roles.roles
-        mine = next((role for role in assigned or () if role.vehicle == self.vehicle), None)
+        assigned = () if self.board.roles is None else self.board.roles.roles
+        mine = next((role for role in assigned if role.vehicle == self.vehicle), None)
         before = flight.role or self._first
         role = before if mine is None else Role(mine.evader, mine.above_m)
         if role == flight.role:
@@ -165,39 +162,41 @@ class Member:
         common: dict[str, Any] = {"vehicle": self.vehicle, "epoch": self._epoch, "seq": self._seq}
         local, frame = flight.vehicle.last(LocalPosition), flight.tracking.local_frame
         if local is not None and frame is not None:
-            place = _placed(local.received_s, frame.wgs84_from_ned(local.position_ned_m))
-            state = StateMessage(**common, **place, **self._state(flight, outputs, local.velocity_ned_m_s))
-            self.board.own = state
-            self._transport.publish(state.key, encode(state))
-        for name, report in self._reports.items():
-            altitude, velocity = Amsl(report.altitude_amsl_m), report.velocity_ned_m_s
-            told = EvaderMessage(
+            speeds, certificate, state = flight.settings.cycle.speed_set, outputs.certificate, flight.state
+            up_down = (
+                (speeds.climb_m_s, speeds.descent_m_s) if isinstance(speeds, Cylinder) else 2 * (speeds.speed_m_s,)
+            )
+            value = math.nan if certificate is None else certificate.value
+            self.board.own = told = StateMessage(
                 **common,
-                **_placed(report.received_s, (report.latitude_deg, report.longitude_deg, altitude)),
+                **_placed(local.received_s, frame.wgs84_from_ned(local.position_ned_m)),
+                velocity_ned_m_s=local.velocity_ned_m_s,
+                state=str(state),
+                part="playing" if state in _PLAYING else "ready" if state in _READY else "out",
+                airborne=flight.vehicle.armed and not flight.vehicle.on_ground,
+                speed_m_s=float(speeds.horizontal_m_s),
+                climb_m_s=float(up_down[0]),
+                descent_m_s=float(up_down[1]),
+                evader=None if flight.role is None else flight.role.evader,
+                value=value if math.isfinite(value) and value >= 0.0 else None,
+                term=self.board.term,
+                over=tuple(sorted(self.board.over)),
+            )
+            self._transport.publish(told.key, encode(told))
+        for name, report in self._reports.items():
+            place, velocity = (
+                (report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)),
+                report.velocity_ned_m_s,
+            )
+            heard = EvaderMessage(
+                **common,
+                **_placed(report.received_s, place),
                 velocity_ned_m_s=velocity if all(map(math.isfinite, velocity)) else None,
                 evader=name,
                 source=report.source[:120],
             )
-            self._transport.publish(told.key, encode(told))
+            self._transport.publish(heard.key, encode(heard))
         self._reports.clear()
-
-    def _state(self, flight: Flight, outputs: Outputs, velocity_ned_m_s: Vector) -> dict[str, Any]:
-        speeds, certificate, state = flight.settings.cycle.speed_set, outputs.certificate, flight.state
-        vertical = (speeds.climb_m_s, speeds.descent_m_s) if isinstance(speeds, Cylinder) else 2 * (speeds.speed_m_s,)
-        value = math.nan if certificate is None else certificate.value
-        return {
-            "velocity_ned_m_s": velocity_ned_m_s,
-            "state": str(state),
-            "part": "playing" if state in _PLAYING else "ready" if state in _READY else "out",
-            "airborne": flight.vehicle.armed and not flight.vehicle.on_ground,
-            "speed_m_s": float(speeds.horizontal_m_s),
-            "climb_m_s": float(vertical[0]),
-            "descent_m_s": float(vertical[1]),
-            "evader": None if flight.role is None else flight.role.evader,
-            "value": value if math.isfinite(value) and value >= 0.0 else None,
-            "term": self.board.term,
-            "over": tuple(sorted(self.board.over)),
-        }
 
     def _scene(self, now_s: float, flight: Flight, alive: Collection[str]) -> Scene | None:
         """Return all players that are there and in play, None before the frames are known."""
@@ -218,9 +217,9 @@ class Member:
         plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
         for name, (state, at_s) in known.items():
             if state is not None and state.part != "out":
-                place = frame.ned_from_wgs84(*place_of(state))
-                rows = zip(place, state.velocity_ned_m_s, strict=True)
-                north, east, down = (at + (now_s - at_s) * rate for at, rate in rows)
+                place = frame.ned_from_wgs84(*state.place)
+                moved = zip(place, state.velocity_ned_m_s, strict=True)
+                north, east, down = (at + (now_s - at_s) * rate for at, rate in moved)
                 x, y, z = game_frame.position_from_ned((north, east, down))
                 vehicles[name] = (x, y, z - plane_m), state
         return Scene(vehicles, evaders, cycle.target_game_m, cycle.standoff)
@@ -234,9 +233,5 @@ def _contents(roles: RolesMessage) -> tuple[Any, ...]:
 
 def _placed(sent_s: float, place: tuple[float, float, Amsl]) -> dict[str, Any]:
     latitude_deg, longitude_deg, altitude = place
-    return {
-        "sent_s": sent_s,
-        "latitude_deg": latitude_deg,
-        "longitude_deg": longitude_deg,
-        "altitude_amsl_m": altitude.metres,
-    }
+    named = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg, "altitude_amsl_m": altitude.metres}
+    return {"sent_s": sent_s, **named}

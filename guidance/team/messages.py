@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
+from guidance.frames import Amsl
 from guidance.vehicle import FASTEST_M_S, HIGHEST_M
 
 STATE, EVADER, ROLES = "state", "evader", "roles"
@@ -53,6 +54,11 @@ class Placed(Message):
     longitude_deg: float = Field(ge=-180.0, le=180.0, description="WGS-84 longitude, degrees")
     altitude_amsl_m: float = Field(gt=-HIGHEST_M, lt=HIGHEST_M, description="Above mean sea level, metres")
     sent_s: FiniteFloat = Field(description="When it was true, seconds of the sender's steady clock")
+
+    @property
+    def place(self) -> tuple[float, float, Amsl]:
+        """Latitude and longitude in degrees, and the altitude."""
+        return self.latitude_deg, self.longitude_deg, Amsl(self.altitude_amsl_m)
 
 
 class StateMessage(Placed):

@@ -8,7 +8,7 @@ def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
     mailbox = Mailbox()
     question = mailbox.ask("hold")
     (taken,), _ = mailbox.take()
-    assert mailbox.take() == ((), ())
+    assert mailbox.take() == ([], [])
     assert question.wait(0.0) is None
     taken.answer({"accepted": True})
     assert question.wait(0.0) == {"accepted": True}
@@ -25,7 +25,7 @@ def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
     assert not engage["accepted"]
     assert engage["reason"].endswith("at udp://, 2.5 s so far")
     assert mailbox.ask("jump").wait(0.0)["reason"].startswith("order = 'jump': allowed are abort, ")
-    assert mailbox.take() == ((), ())
+    assert mailbox.take() == ([], [])
     mailbox.meanwhile(None)
     mailbox.ask("status")
     assert [question.order for question in mailbox.take()[1]] == ["status"]

@@ -40,7 +40,7 @@ def test_a_message_with_any_field_replaced_is_used_whole_or_refused(data):
     here = board()
     here.hear(1.0, "state/bravo", json.dumps(plain).encode())
     assert sum(here.counts.values()) == 1
-    for mate in here.new_states():
+    for mate in here.news_of_players()[0]:
         assert math.isfinite(mate.top_speed_m_s)
         assert all(map(math.isfinite, mate.velocity_ned_m_s))
 
@@ -51,7 +51,7 @@ def test_only_a_mates_own_identity_is_accepted():
     tell(here, 1.0, state_of("mallory", (0.0, 0.0, -10.0)))
     tell(here, 1.0, state_of("alpha", (0.0, 0.0, -10.0)))
     assert here.counts == {"refused_identity": 3}
-    assert here.new_states() == ()
+    assert here.news_of_players()[0] == ()
 
 
 def test_repeated_and_reordered_messages_and_ended_epochs_are_refused():
@@ -68,7 +68,7 @@ def test_ages_do_not_depend_on_the_senders_clock(offset_s, delays_s):
     for number, delay_s in enumerate([*delays_s, 0.02]):
         true_s = 10.0 + 0.1 * number
         tell(here, true_s + delay_s, state_of("bravo", (0.0, 0.0, -10.0), sent_s=true_s + offset_s, seq=number))
-        (mate,) = here.new_states()
+        (mate,) = here.news_of_players()[0]
         assert mate.at_s <= true_s + delay_s + 1e-6
     assert mate.at_s == pytest.approx(true_s + 0.02, abs=1e-2)
 
@@ -77,7 +77,7 @@ def fly(here, places, *, dt_s=0.1, velocity=(6.0, 0.0, 0.0)):
     for number, north_m in enumerate(places):
         state = state_of("bravo", (north_m, 0.0, -10.0), velocity, sent_s=dt_s * number, seq=number)
         tell(here, dt_s * number + 0.03, state)
-    return here.new_states()[-1]
+    return here.news_of_players()[0][-1]
 
 
 @settings(max_examples=30)

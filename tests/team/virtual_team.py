@@ -5,7 +5,7 @@ import math
 from guidance.clock import VirtualClock
 from guidance.frames import Amsl, LocalFrame
 from guidance.game import StandOff
-from guidance.team.board import Board, place_of
+from guidance.team.board import Board
 from guidance.team.coordinator import Coordinator, EvaderSeen, Scene
 from guidance.team.messages import RolesMessage, StateMessage, encode
 from guidance.team.transport import MemoryNetwork
@@ -69,7 +69,7 @@ class Point:
         states = {name: mate.state for name, mate in self.board.mates.items() if name in alive}
         vehicles = {}
         for name, state in (states | {self.name: self.board.own}).items():
-            north, east, down = SITE.ned_from_wgs84(*place_of(state))
+            north, east, down = SITE.ned_from_wgs84(*state.place)
             vehicles[name] = (east, north, -down), state
         seen = {name: EvaderSeen(place, 3.0, 3.0, 0.1) for name, place in evaders.items()}
         return Scene(vehicles, {name: one for name, one in seen.items() if name not in self.board.over}, target_m, DISC)
