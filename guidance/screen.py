@@ -32,11 +32,7 @@ def redraws(target: Console) -> bool:
 
 
 def sheet(
-    headings: Sequence[str],
-    rows: Iterable[Sequence[Cell]],
-    *,
-    left: Collection[int] = (0,),
-    title: str | None = None,
+    headings: Sequence[str], rows: Iterable[Sequence[Cell]], *, left: Collection[int] = (0,), title: str | None = None
 ) -> Table:
     """Return a table. In a narrow terminal, text columns with several words wrap; if there are none, names do.
 

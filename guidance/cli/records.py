@@ -100,7 +100,6 @@ def export(file: File, out: Annotated[Path, typer.Argument(help="Name with one o
 def replay(
     file: File,
     changes: Annotated[list[str] | None, typer.Option("--with", help="KEY=VALUE; may be repeated.")] = None,
-    out: Annotated[Path | None, typer.Option(help="CSV for both velocities of each cycle.")] = None,
     as_json: Json = False,
 ) -> None:
     """Run the present code on the recorded inputs and compare the setpoints bit for bit.
@@ -110,14 +109,14 @@ def replay(
 
     - `guidance replay flights/pe-001/record.mcap`: does the code still send the same commands?
     - `guidance replay record.mcap --with policy=pure_pursuit`: another policy on the same inputs
-    - `guidance replay record.mcap --with pursuer.speed_m_s=4.0 --out both.csv`
+    - `guidance replay record.mcap --with pursuer.speed_m_s=4.0`: another speed
     """
     from guidance.log import compare, record_errors  # noqa: PLC0415 - numpy loads slowly
     from guidance.session.flight_files import changes_of, recorded_settings  # noqa: PLC0415
 
     changed = changes_of(changes or [])
     with record_errors(file):
-        comparison, survey = compare(file, partial(recorded_settings, changes=changed), out, what_if=bool(changed))
+        comparison, survey = compare(file, partial(recorded_settings, changes=changed), what_if=bool(changed))
     if survey.torn is not None:
         typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
     if survey.missing:
@@ -125,8 +124,6 @@ def replay(
     if as_json:
         typer.echo(json.dumps(_counts(comparison, what_if=bool(changed)), indent=2))
         raise typer.Exit(1 if comparison.first is not None and not changed else 0)
-    if out is not None:
-        typer.echo(f"both velocities: {out}")
     typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
     if changed:
         typer.echo(f"{comparison.differing} cycles differ")

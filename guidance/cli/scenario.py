@@ -207,9 +207,7 @@ def _shown(value: Any, unit: str = "") -> str:  # noqa: ANN401 - any column
 
 
 @scenario.command(name="list")
-def list_all(
-    as_json: arguments.Json = False,
-) -> None:
+def list_all(as_json: arguments.Json = False) -> None:
     """List the bundled scenarios; `guidance scenario show NAME` explains one."""
     if as_json:
         typer.echo(json.dumps(listed(), indent=2))

@@ -11,8 +11,8 @@ from guidance.control.polygon import Polygon, corners_about_home
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
-from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry
-from guidance.log.reader import CONFIG, Item, entry_of
+from guidance.log.entries import BEGUN, RELOADED, CycleEntry, EventEntry
+from guidance.log.reader import CONFIG, Item, row_of
 from guidance.messages import EvaderReport, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
@@ -96,19 +96,16 @@ class Aggregator:
         Raises:
             ConfigError: If it cannot be decoded.
         """
-        if item.topic == CYCLE_TOPIC:
-            row = entry_of(CYCLE, item, self._source)
+        row = row_of(item, self._source)
+        if isinstance(row, CycleEntry):
             self.cycle = self._numbers(row)
-            return row
-        if item.topic != EVENT_TOPIC:
-            return None
-        event = entry_of(EVENT, item, self._source)
-        if event.event == RELOADED:
-            self.settings = self._settings_of({CONFIG: event.detail})
-            event = event._replace(detail="")
-        if event.event in {BEGUN, RELOADED}:
-            self._begin()
-        return event
+        elif row is not None:
+            if row.event == RELOADED:
+                self.settings = self._settings_of({CONFIG: row.detail})
+                row = row._replace(detail="")
+            if row.event in {BEGUN, RELOADED}:
+                self._begin()
+        return row
 
     def _numbers(self, row: CycleEntry) -> Cycle:
         inputs = row.inputs

@@ -20,16 +20,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from guidance.errors import ConfigError
 from guidance.log.codec import Codec
-from guidance.log.entries import (
-    CYCLE,
-    CYCLE_TOPIC,
-    EVADER_TOPIC,
-    EVENT,
-    EVENT_TOPIC,
-    REPORT,
-    CycleEntry,
-    EventEntry,
-)
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
 from guidance.log.writer import PART, part_path
 from guidance.messages import EvaderReport
 
@@ -226,6 +217,17 @@ def entry_of(codec: Codec[T], item: Item, source: Path) -> T:
         return codec.decode(item.data)
     except ConfigError as error:
         raise ConfigError(f"{source}: {item.topic} at {item.now_s:.3f} s: {error}") from error
+
+
+def row_of(item: Item, source: Path) -> CycleEntry | EventEntry | None:
+    """Decode a cycle or an event; None for other messages.
+
+    Raises:
+        ConfigError: As `entry_of`.
+    """
+    if item.topic == CYCLE_TOPIC:
+        return entry_of(CYCLE, item, source)
+    return entry_of(EVENT, item, source) if item.topic == EVENT_TOPIC else None
 
 
 def _entries(codec: Codec[T], topic: str, path: Path, survey: Survey | None = None) -> Iterator[T]:

@@ -5,7 +5,6 @@ setpoints must be equal bit for bit. With other settings, the result is what wou
 moment, not how the flight would have continued.
 """
 
-import csv
 import json
 import math
 from collections.abc import Iterator
@@ -14,35 +13,17 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from guidance.errors import ConfigError
-from guidance.files import writing
 from guidance.flight import Flight, Inputs, Outputs
 from guidance.frames import Vector
 from guidance.log.aggregator import SettingsOf
-from guidance.log.entries import (
-    BEGUN,
-    CYCLE,
-    CYCLE_TOPIC,
-    EVENT,
-    EVENT_TOPIC,
-    RELOADED,
-    CycleEntry,
-    InputsEntry,
-    cycle_entry,
-)
-from guidance.log.reader import CONFIG, Survey, entry_of, metadata_of, scan
+from guidance.log.entries import BEGUN, CYCLE, RELOADED, CycleEntry, EventEntry, InputsEntry, cycle_entry
+from guidance.log.reader import CONFIG, Survey, metadata_of, row_of, scan
 from guidance.messages import PositionTarget
 
 COMPARED: Final = ("setpoint", "state", "requests", "by")
 """Compared parts of each cycle; `by` is absent in older records and then not compared."""
 
 _NO_INPUTS: Final = InputsEntry((), (), ())
-_NO_VELOCITY: Final = ("", "", "")
-_COLUMNS: Final = [
-    f"{which}_{what}_{axis}_m_s"
-    for which in ("recorded", "replayed")
-    for what in ("wanted", "commanded")
-    for axis in ("north", "east", "down")
-]
 
 
 class ReplayedCycle(NamedTuple):
@@ -128,15 +109,14 @@ def replay(
     settings = settings_of(metadata_of(path))
     flight = Flight(settings)
     for item in scan(path, survey):
-        if item.topic == EVENT_TOPIC:
-            event = entry_of(EVENT, item, path)
-            if event.event == RELOADED and not what_if:
-                settings = settings_of({CONFIG: event.detail})
-            if event.event in {BEGUN, RELOADED}:
+        row = row_of(item, path)
+        if isinstance(row, EventEntry):
+            if row.event == RELOADED and not what_if:
+                settings = settings_of({CONFIG: row.detail})
+            if row.event in {BEGUN, RELOADED}:
                 flight = Flight(settings)
-        if item.topic != CYCLE_TOPIC:
+        if not isinstance(row, CycleEntry):
             continue
-        row = entry_of(CYCLE, item, path)
         try:
             outputs = flight.step(_without_echo(row.flight_inputs) if what_if else row.flight_inputs)
         except ConfigError as error:
@@ -144,38 +124,21 @@ def replay(
         yield ReplayedCycle(row, outputs, tuple(_differing(row, outputs)))
 
 
-def compare(
-    path: Path, settings_of: SettingsOf, out: Path | None = None, *, what_if: bool = False
-) -> tuple[Comparison, Survey]:
+def compare(path: Path, settings_of: SettingsOf, *, what_if: bool = False) -> tuple[Comparison, Survey]:
     """Replay a whole record and count the differences.
 
     Args:
         path: The record.
         settings_of: Makes a flight's settings from a record's metadata.
-        out: A CSV file for the recorded and replayed velocities, or None.
         what_if: See `replay`.
 
     Raises:
         ConfigError: As `replay`.
-        OutputError: If `out` cannot be written.
     """
     comparison, survey = Comparison(), Survey()
-    steps = replay(path, settings_of, survey, what_if=what_if)
-    for step in steps if out is None else _written(steps, out):
+    for step in replay(path, settings_of, survey, what_if=what_if):
         comparison.add(step)
     return comparison, survey
-
-
-def _written(steps: Iterator[ReplayedCycle], out: Path) -> Iterator[ReplayedCycle]:
-    """Pass the cycles on, and write their velocities to a CSV file."""
-    with writing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with out.open("w", newline="", encoding="utf-8") as stream:
-            table = csv.writer(stream)
-            table.writerow(["now_s", "state", *_COLUMNS])
-            for step in steps:
-                table.writerow([step.row.now_s, step.row.state, *_velocities(step.row), *_velocities(step.outputs)])
-                yield step
 
 
 def angle_between_rad(a: Vector, b: Vector) -> float:
@@ -202,8 +165,3 @@ def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
         return []
     before, now = json.loads(recorded_json), json.loads(present_json)
     return [name for name in COMPARED if json.dumps(before.get(name)) != json.dumps(now.get(name))]
-
-
-def _velocities(made: CycleEntry | Outputs) -> tuple[object, ...]:
-    wanted = _NO_VELOCITY if made.certificate is None else made.certificate.desired_ned_m_s
-    return (*wanted, *(_NO_VELOCITY if made.setpoint is None else made.setpoint.velocity_ned_m_s))

@@ -1,4 +1,3 @@
-import csv
 import json
 import math
 from functools import partial
@@ -167,19 +166,10 @@ def test_the_command_shows_the_first_difference_and_exits_with_1(flight, tmp_pat
     assert '"kind": "LocalPosition"' in run.output
 
 
-def test_the_command_writes_both_velocities(flight, tmp_path):
-    out = tmp_path / "deep" / "both.csv"
-    run = CliRunner().invoke(app, ["replay", str(flight[1]), "--with", "policy=pure_pursuit", "--out", str(out)])
+def test_the_command_says_how_far_apart_another_policy_is(flight):
+    run = CliRunner().invoke(app, ["replay", str(flight[1]), "--with", "policy=pure_pursuit"])
     assert run.exit_code == 0, run.output
     assert "wanted by the policy over" in run.output
-    with out.open() as stream:
-        rows = list(csv.DictReader(stream))
-    assert len(rows) == flight[0].cycles
-    played = [row for row in rows if row["recorded_wanted_east_m_s"]]
-    assert any(row["recorded_wanted_east_m_s"] != row["replayed_wanted_east_m_s"] for row in played)
-    speeds = [math.hypot(*(float(row[f"replayed_wanted_{axis}_m_s"]) for axis in ("north", "east", "down")))
-              for row in played]  # fmt: skip
-    assert max(speeds) <= 1.1 * 3.0 + 1e-9  # the limits of this scenario
 
 
 def test_a_torn_record_is_replayed_up_to_the_damage(flight, tmp_path):
