@@ -2,14 +2,13 @@
 
 import contextlib
 import os
-import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import Final
 
 from rich.console import Console, JustifyMethod
 from rich.live import Live
-from rich.table import Table
+from rich.progress import Progress, TextColumn
+from rich.table import Column, Table
 from rich.text import Text
 
 PIPED_COLUMNS: Final = 400
@@ -87,31 +86,23 @@ def live(target: Console, draw: Callable[[], str], *, every_s: float = 0.25) -> 
         yield
 
 
-@dataclass(slots=True)
-class Wait:
-    """A waiting line for `what`, in words; without them it is empty."""
-
-    what: str
-    limit_s: float
-    begun_s: float = field(default_factory=time.monotonic)
-
-    def line(self) -> str:
-        """Return the line."""
-        waited_s = time.monotonic() - self.begun_s
-        return f"waiting for {self.what}: {waited_s:.0f} s of {self.limit_s:.0f} s" if self.what else ""
-
-
 @contextlib.contextmanager
-def waiting(target: Console, what: str, limit_s: float) -> Iterator[Wait]:
+def waiting(target: Console, what: str, limit_s: float) -> Iterator[Callable[[str], None]]:
     """Show a waiting line and keep it current; a console that cannot redraw prints it once.
 
     Args:
         target: The console; standard error, so that the output stays clean.
         what: The event to wait for, in words.
         limit_s: Longest wait.
+
+    Yields:
+        A function that changes the words.
     """
-    wait = Wait(what, limit_s)
     if not redraws(target):
         target.print(f"waiting for {what}, at most {limit_s:.0f} s", soft_wrap=True)
-    with live(target, wait.line):
-        yield wait
+    column = Column(no_wrap=True, overflow="ellipsis")
+    line = "waiting for {task.description}: {task.elapsed:.0f} s of {task.total:.0f} s"
+    shown = TextColumn(line, markup=False, table_column=column, style="none")
+    with Progress(shown, console=target, transient=True, disable=not redraws(target)) as progress:
+        task = progress.add_task(what, total=limit_s)
+        yield lambda words: progress.update(task, description=words)

@@ -156,12 +156,8 @@ def _judged(checkup: "Checkup") -> "Sequence[Finding]":
     """Read and judge; the waiting line names the missing data."""
     from guidance.session.checkup import SURVEY_LIMIT_S  # noqa: PLC0415 - slow import
 
-    with waiting(console(stderr=True), "parameters, positions and rates", SURVEY_LIMIT_S) as wait:
-
-        def told(lacking: str) -> None:
-            wait.what = lacking or "rates to be counted"
-
-        return checkup.rows(told=told)
+    with waiting(console(stderr=True), "parameters, positions and rates", SURVEY_LIMIT_S) as tell:
+        return checkup.rows(told=lambda lacking: tell(lacking or "rates to be counted"))
 
 
 def _apply(

@@ -10,7 +10,7 @@ from guidance.certificate import Certificate
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import Tracking
-from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
+from guidance.frames import Amsl, Vector
 from guidance.log.entries import BEGUN, RELOADED, CycleEntry, EventEntry
 from guidance.log.reader import CONFIG, Item, row_of
 from guidance.messages import EvaderReport, LocalPosition, Timesync
@@ -115,17 +115,13 @@ class Aggregator:
         for report in inputs.reports:
             self._add(report)
         frame = self._tracking.game_frame
-        self._place_home(self._tracking.home_ned_m, frame, self._tracking.local_frame)
+        self._place_home()
         local, setpoint, certificate = self.vehicle.last(LocalPosition), row.setpoint, row.certificate
         trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
-        cycle = Cycle(
-            row.now_s,
-            evader_m=self._evader_m,
-            evader_age_s=row.now_s - self._report_s,
-            round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan),
-            late_s=math.nan if row.timing is None else row.timing.late_s,
-            worked_s=math.nan if row.timing is None else row.timing.worked_s,
-        )
+        cycle = Cycle(row.now_s, evader_m=self._evader_m, evader_age_s=row.now_s - self._report_s)
+        cycle = cycle._replace(round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan))
+        if row.timing is not None:
+            cycle = cycle._replace(late_s=row.timing.late_s, worked_s=row.timing.worked_s)
         if local is not None:
             position_m = _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)
             age_s = row.now_s - local.received_s
@@ -137,8 +133,9 @@ class Aggregator:
             cycle = cycle._replace(evader_m=certificate.evader_game_m, **played)
         return cycle
 
-    def _place_home(self, home_ned_m: Vector | None, game: GameFrame | None, local: LocalFrame | None) -> None:
+    def _place_home(self) -> None:
         """Place home, and a fence in degrees about it."""
+        home_ned_m, game, local = self._tracking.home_ned_m, self._tracking.game_frame, self._tracking.local_frame
         if home_ned_m is None or game is None or local is None or home_ned_m == self._home_ned_m:
             return
         self._home_ned_m, self.home_m = home_ned_m, game.position_from_ned(home_ned_m)

@@ -16,7 +16,7 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.zenoh_wire import is_over
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, InputsEntry
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, InputsEntry, encoded
 from guidance.log.reader import Idle, Item
 
 if TYPE_CHECKING:
@@ -54,12 +54,11 @@ class Broadcast:
     failed = None
 
     def __init__(self, name: str, session: "zenoh.Session", metadata: Mapping[str, str]) -> None:
-        self._name = name
-        self._metadata = dict(metadata)
+        self._name, self._metadata = name, dict(metadata)
         self._latest: dict[type, Any] = {}
         self._last: CycleEntry | None = None
         self._role: Role | None = None
-        self._waiting: deque[tuple[str, CycleEntry | EventEntry]] = deque()
+        self._waiting: deque[CycleEntry | EventEntry] = deque()
         self._queries: deque[Any] = deque(maxlen=_MAX_QUERIES)
         self.dropped = 0
         self._publishers = {what: self._declare(session, what) for what in ("cycle", "event")}
@@ -73,11 +72,11 @@ class Broadcast:
 
     def cycle(self, entry: CycleEntry) -> None:
         """Publish one guidance cycle."""
-        self._put("cycle", entry)
+        self._put(entry)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Publish one event."""
-        self._put("event", EventEntry(now_s, event, detail))
+        self._put(EventEntry(now_s, event, detail))
 
     def close(self) -> None:
         """Stop publishing; may be called twice."""
@@ -94,29 +93,28 @@ class Broadcast:
             priority=zenoh.Priority.DATA_LOW,
         )
 
-    def _put(self, what: str, entry: CycleEntry | EventEntry) -> None:
+    def _put(self, entry: CycleEntry | EventEntry) -> None:
         if len(self._waiting) >= MAX_WAITING:
             self.dropped += 1
         else:
-            self._waiting.append((what, entry))
+            self._waiting.append(entry)
 
     def _run(self) -> None:
-        while not is_over(self._stop, _LOOK_EVERY_S):
+        over = False
+        while not over:
+            over = is_over(self._stop, _LOOK_EVERY_S)  # the last entries are published after the end
             with contextlib.suppress(zenoh.ZError, ValueError, TypeError):  # an entry that cannot be encoded is dropped
                 self._publish()
                 self._answer()
 
-        with contextlib.suppress(zenoh.ZError, ValueError, TypeError):
-            self._publish()  # the last entries
-
     def _publish(self) -> None:
         watched = {what: is_watched(one) for what, one in self._publishers.items()}
         while self._waiting:
-            what, entry = self._waiting.popleft()
+            entry = self._waiting.popleft()
             self._remember(entry)
+            what = "cycle" if isinstance(entry, CycleEntry) else "event"
             if watched[what]:
-                data = CYCLE.encode(entry) if isinstance(entry, CycleEntry) else EVENT.encode(entry)
-                self._publishers[what].put(data)
+                self._publishers[what].put(encoded(entry))
 
     def _remember(self, entry: CycleEntry | EventEntry) -> None:
         """Keep what viewers that join later need."""
@@ -154,16 +152,14 @@ class FoundFlight(NamedTuple):
 
 def find_flights(session: "zenoh.Session", name: str, timeout_s: float) -> Sequence[FoundFlight]:
     """Ask a daemon, or all of a bus ("*"), for the flight. One that waits for its vehicle does not answer yet."""
-    replies = session.get(broadcast_key(name, FLIGHT), timeout=timeout_s, target=zenoh.QueryTarget.ALL)
-    answers = [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
-    return [
-        FoundFlight(
-            str(answer["name"]),
-            dict(answer["metadata"]),
-            Item(0.0, CYCLE_TOPIC, "json", json.dumps(answer["heard"]).encode()) if "heard" in answer else None,
-        )
-        for answer in answers
-    ]
+    found = []
+    for reply in session.get(broadcast_key(name, FLIGHT), timeout=timeout_s, target=zenoh.QueryTarget.ALL):
+        if reply.ok is not None:
+            answer = json.loads(reply.ok.payload.to_bytes())
+            heard = json.dumps(answer["heard"]).encode() if "heard" in answer else None
+            last = None if heard is None else Item(0.0, CYCLE_TOPIC, "json", heard)
+            found.append(FoundFlight(str(answer["name"]), dict(answer["metadata"]), last))
+    return found
 
 
 def item_of(sample: "zenoh.Sample") -> Item | None:

@@ -94,19 +94,15 @@ EVENT: Final = Codec("guidance.Event", EventEntry)
 REPORT: Final = Codec("guidance.EvaderReport", EvaderReport)
 
 
+def encoded(entry: CycleEntry | EventEntry) -> bytes:
+    """Return a cycle or an event as JSON."""
+    return CYCLE.encode(entry) if isinstance(entry, CycleEntry) else EVENT.encode(entry)
+
+
 def cycle_entry(
     inputs: Inputs, outputs: Outputs, timing: Timing | None = None, vehicle: str | None = None
 ) -> CycleEntry:
     """Return the entry of a cycle of a vehicle."""
-    return CycleEntry(
-        inputs.now_s,
-        outputs.state,
-        InputsEntry(*inputs[1:]),
-        outputs.requests,
-        outputs.setpoint,
-        outputs.certificate,
-        outputs.alarm,
-        timing,
-        Authority.FLIGHT if outputs.cause is None else outputs.cause.by,
-        vehicle,
-    )
+    made = outputs.requests, outputs.setpoint, outputs.certificate, outputs.alarm
+    by = Authority.FLIGHT if outputs.cause is None else outputs.cause.by
+    return CycleEntry(inputs.now_s, outputs.state, InputsEntry(*inputs[1:]), *made, timing, by, vehicle)

@@ -41,6 +41,13 @@ Json = dict[str, Any]
 Array = NDArray[np.float64]
 
 
+class Shape(NamedTuple):
+    """Name and JSON Schema of one type of message."""
+
+    title: str
+    schema: Schema
+
+
 def circle(centre: Vector, radius_m: float, points: int = 181) -> Array:
     """A closed circle (points, 2), seen from above."""
     angle = np.linspace(0.0, 2.0 * np.pi, points)
@@ -125,15 +132,10 @@ def _ball(place: Vector, diameter_m: float, color: Json) -> Json:
 def _fix(now_s: float, name: str, place: Vector, sd_m: float) -> Json:
     """A place on the map: latitude and longitude in degrees, altitude above mean sea level, left out if unknown."""
     variance, kind = (0.0, _UNKNOWN) if math.isnan(sd_m) else (sd_m * sd_m, _DIAGONAL_KNOWN)
-    return {
-        "timestamp": time_of(now_s),
-        "frame_id": name,
-        "latitude": place[0],
-        "longitude": place[1],
-        **({"altitude": place[2]} if math.isfinite(place[2]) else {}),
-        "position_covariance": [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance],
-        "position_covariance_type": kind,
-    }
+    fix = {"timestamp": time_of(now_s), "frame_id": name, "latitude": place[0], "longitude": place[1]}
+    fix |= {"altitude": place[2]} if math.isfinite(place[2]) else {}
+    covariance = [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
+    return fix | {"position_covariance": covariance, "position_covariance_type": kind}
 
 
 def _pose_in_frame(now_s: float, place: Vector) -> Json:
@@ -148,17 +150,6 @@ def _scene(now_s: float, balls: Sequence[Json], rim: Sequence[Vector]) -> Json:
     return {"entities": [entity], "deletions": []}
 
 
-class Shape(NamedTuple):
-    """Name and JSON Schema of one type of message."""
-
-    title: str
-    schema: Schema
-
-
-def _shape(title: str, example: Json) -> Shape:
-    return Shape(title, {"$schema": DIALECT, "title": title, **_schema_like(example)})
-
-
 def _schema_like(example: Any) -> Schema:  # noqa: ANN401 - any JSON
     """Describe a message by an example; a list that is always empty holds objects without fields."""
     if isinstance(example, dict):
@@ -170,17 +161,17 @@ def _schema_like(example: Any) -> Schema:  # noqa: ANN401 - any JSON
     return {"type": {bool: "boolean", int: "integer", float: "number", str: "string"}[type(example)]}
 
 
+def _shape(title: str, example: Json) -> Shape:
+    return Shape(title, {"$schema": DIALECT, "title": title, **_schema_like(example)})
+
+
 FIX: Final = _shape("foxglove.LocationFix", _fix(0.0, "", _ZERO, math.nan))
 POSE: Final = _shape("foxglove.PoseInFrame", _pose_in_frame(0.0, _ZERO))
 SCENE: Final = _shape("foxglove.SceneUpdate", _scene(0.0, [_ball(_ZERO, 1.0, _PURSUER)], [_ZERO]))
 
 
-class Drawn(NamedTuple):
-    """One message for viewers."""
-
-    topic: str
-    shape: Shape
-    message: Json
+Drawn = tuple[str, Shape, Json]
+"""One message for viewers: topic, type and content."""
 
 
 class Scene:
@@ -201,26 +192,26 @@ class Scene:
             return
         pursuer, evader = certificate.pursuer_game_m, certificate.evader_game_m
         if self._is_due("guidance/pose", now_s, EVERY_S):
-            yield Drawn("guidance/pose/pursuer", POSE, _pose_in_frame(now_s, pursuer))
-            yield Drawn("guidance/pose/evader", POSE, _pose_in_frame(now_s, evader))
+            yield "guidance/pose/pursuer", POSE, _pose_in_frame(now_s, pursuer)
+            yield "guidance/pose/evader", POSE, _pose_in_frame(now_s, evader)
         if self._is_due("guidance/scene", now_s, SCENE_EVERY_S):
             balls = [_ball(pursuer, 1.0, _PURSUER), _ball(evader, 1.0, _EVADER)]
             if not certificate.no_game:
                 balls.append(_ball(certificate.meeting_point_game_m, 0.6, _MEETING))
-            yield Drawn("guidance/scene", SCENE, _scene(now_s, balls, disc(certificate)))
+            yield "guidance/scene", SCENE, _scene(now_s, balls, disc(certificate))
 
     def _on_map(self, name: str, seen: GlobalPosition | EvaderReport, sd_m: float) -> Iterator[Drawn]:
         topic = f"guidance/map/{name}"
         if self._is_due(topic, seen.received_s, EVERY_S):
             place = (seen.latitude_deg, seen.longitude_deg, seen.altitude_amsl_m)
-            yield Drawn(topic, FIX, _fix(seen.received_s, name, place, sd_m))
+            yield topic, FIX, _fix(seen.received_s, name, place, sd_m)
 
     def _is_due(self, topic: str, now_s: float, every_s: float) -> bool:
         # A tenth of a period early is accepted, since cycles do not fall on this grid.
-        due = now_s - self._drawn_s.get(topic, -math.inf) >= 0.9 * every_s
-        if due:
-            self._drawn_s[topic] = now_s
-        return due
+        if now_s - self._drawn_s.get(topic, -math.inf) < 0.9 * every_s:
+            return False
+        self._drawn_s[topic] = now_s
+        return True
 
 
 def disc(certificate: Certificate) -> Sequence[Vector]:

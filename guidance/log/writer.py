@@ -193,8 +193,8 @@ class Recorder:
         for report in entry.inputs.reports:
             add(EVADER_TOPIC, REPORT, report.received_s, REPORT.encode(report))
         add(CYCLE_TOPIC, CYCLE, now_s, CYCLE.encode(entry))
-        for drawn in self._scene.of(entry):
-            add(drawn.topic, drawn.shape, now_s, to_json(drawn.message, inf_nan_mode="null"))
+        for topic, shape, message in self._scene.of(entry):
+            add(topic, shape, now_s, to_json(message, inf_nan_mode="null"))
 
     def _rotate(self) -> None:
         """Open the next file, then finish the previous one: a program that follows the record always finds a next."""
@@ -318,30 +318,21 @@ class McapFile:
         if os.fstat(self._stream.fileno()).st_nlink == 0:
             raise FileNotFoundError(f"{self._path} was deleted")
         times = [time_ns for entries in self._entries.values() for time_ns in entries[::2]]
-        begin_ns, end_ns = min(times), max(times)
+        begin_ns, end_ns, begin = min(times), max(times), self.size
         data = bytes(self._chunk)
         packed = self._compressor.compress(data)
         chunk = _packed(records.Chunk("zstd", packed, end_ns, begin_ns, zlib.crc32(data), len(data)))
         statistics, offsets, indexes = self._statistics, {}, bytearray()
         for channel_id, entries in self._entries.items():
             statistics.channel_message_counts[channel_id] += len(entries) // 2
-            offsets[channel_id] = self.size + len(chunk) + len(indexes)
+            offsets[channel_id] = begin + len(chunk) + len(indexes)
             length = 8 * len(entries)
             indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, _INDEX.size - 9 + length, channel_id, length)
             indexes += struct.pack(f"<{len(entries)}Q", *entries)
-        self._chunk_indexes += _packed(
-            records.ChunkIndex(
-                chunk_length=len(chunk),
-                chunk_start_offset=self.size,
-                compression="zstd",
-                compressed_size=len(packed),
-                message_end_time=end_ns,
-                message_index_length=len(indexes),
-                message_index_offsets=offsets,
-                message_start_time=begin_ns,
-                uncompressed_size=len(data),
-            )
-        )
+        sizes = {"chunk_length": len(chunk), "compressed_size": len(packed), "uncompressed_size": len(data)}
+        places = {"chunk_start_offset": begin, "message_index_offsets": offsets, "message_index_length": len(indexes)}
+        times_ns = {"message_start_time": begin_ns, "message_end_time": end_ns}
+        self._chunk_indexes += _packed(records.ChunkIndex(compression="zstd", **sizes, **places, **times_ns))
         statistics.chunk_count += 1
         statistics.message_count += len(times)
         statistics.message_start_time = min(statistics.message_start_time, begin_ns)

@@ -6,24 +6,30 @@ from rich.console import Console
 
 from guidance.cli.fly_scenario import LiveLine
 from guidance.flight import State
-from guidance.screen import Wait, sheet, waiting
+from guidance.screen import sheet, waiting
 from guidance.session.mission import Progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
 
 
 def test_a_wait_says_for_what_since_when_and_until_when(monkeypatch):
     now_s = [10.0]
-    monkeypatch.setattr("time.monotonic", lambda: now_s[0])
-    wait = Wait("a HEARTBEAT", 60.0, begun_s=10.0)
-    now_s[0] = 22.0
-    assert wait.line() == "waiting for a HEARTBEAT: 12 s of 60 s"
-    wait.what = ""
-    assert wait.line() == ""
+    monkeypatch.setenv("TERM", "xterm")
+    written = Terminal()
+    with waiting(Console(file=written, width=80, get_time=lambda: now_s[0]), "a HEARTBEAT", 60.0) as tell:
+        now_s[0] = 22.0
+        tell("parameters")
+    assert "waiting for a HEARTBEAT: 0 s of 60 s" in written.getvalue()
+    assert "waiting for parameters: 12 s of 60 s" in written.getvalue()
 
 
 def test_where_nothing_can_be_redrawn_a_wait_is_said_once():
     written = io.StringIO()
-    with waiting(Console(file=written, width=80), "a HEARTBEAT", 60.0) as wait:
-        wait.what = "parameters"
+    with waiting(Console(file=written, width=80), "a HEARTBEAT", 60.0) as tell:
+        tell("parameters")
     assert written.getvalue() == "waiting for a HEARTBEAT, at most 60 s\n"
 
 
