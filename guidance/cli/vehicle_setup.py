@@ -8,9 +8,11 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from rich.console import Console
 from rich.text import Text
 
 from guidance.cli import arguments
@@ -18,6 +20,7 @@ from guidance.cli.arguments import CommandGroup, agree, refuse
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
+from guidance.files import writing
 from guidance.screen import console, sheet, waiting
 
 if TYPE_CHECKING:
@@ -49,13 +52,7 @@ def init(
     """
     from guidance.autopilots import autopilot_named  # noqa: PLC0415 - slow import
     from guidance.links.port import parse  # noqa: PLC0415
-    from guidance.session.discovery import (  # noqa: PLC0415
-        FOUND_WITHIN_S,
-        READ_WITHIN_S,
-        survey,
-        vehicle_file,
-        write_new,
-    )
+    from guidance.session import discovery  # noqa: PLC0415
 
     if out.exists():
         raise ConfigError(f"--out {out}: exists and is not overwritten; choose another name")
@@ -64,12 +61,13 @@ def init(
     surveyed = None
     if url is not None:
         parse(url)  # report a wrong URL before waiting
-        with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", FOUND_WITHIN_S + READ_WITHIN_S):
-            surveyed = survey(url, autopilot)
+        limit_s = discovery.FOUND_WITHIN_S + discovery.READ_WITHIN_S
+        with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", limit_s):
+            surveyed = discovery.survey(url, autopilot)
         autopilot = surveyed.autopilot
         read = f"{len(surveyed.parameters)} of {len(autopilot_named(autopilot).bounds)} limits read"
         typer.echo(f"found    {autopilot}, system {surveyed.found.system_id}: {read}")
-    write_new(out, vehicle_file(str(autopilot), name=out.stem, url=url, surveyed=surveyed))
+    discovery.write_new(out, discovery.vehicle_file(str(autopilot), name=out.stem, url=url, surveyed=surveyed))
     typer.echo(f"written  {out}\n{_NEXT.format(out=out)}")
 
 
@@ -124,8 +122,8 @@ def check(
         refuse(ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link")
     with _opened(name, vehicle, autopilot, link) as checkup:
         rows = _judged(checkup)
-        if apply:
-            rows = _apply(checkup, rows, advised=advised, yes=yes, quiet=as_json)
+        if apply and _apply(checkup, advised=advised, yes=yes, quiet=as_json):
+            rows = _judged(checkup)
     raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
 
 
@@ -160,25 +158,19 @@ def _judged(checkup: "Checkup") -> "Sequence[Finding]":
         return checkup.rows(told=lambda lacking: tell(lacking or "rates to be counted"))
 
 
-def _apply(
-    checkup: "Checkup", rows: "Sequence[Finding]", *, advised: bool, yes: bool, quiet: bool
-) -> "Sequence[Finding]":
-    def say(words: str) -> None:
-        if not quiet:
-            typer.echo(words)
-
-    wanted = checkup.changes(advised=advised)
-    if not wanted:
-        say("no parameter needs to be set")
-        return rows
-    if not quiet:
-        _print_table((str(one.verdict), one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted)
-    if not yes:
+def _apply(checkup: "Checkup", *, advised: bool, yes: bool, quiet: bool) -> bool:
+    """Set parameters, after asking; return whether any were to be set."""
+    there, wanted = console(), checkup.changes(advised=advised)
+    there.quiet = quiet
+    _print_table(there, ((one.verdict, one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted))
+    if wanted and not yes:
         agree(f"Set these {len(wanted)} parameters?")
     for one in checkup.apply(wanted):
         read = "not read back" if one.read_back is None else f"reads {one.read_back:g}"
-        say(f"{'set ' if one.done else 'NOT SET'} {one.name}: {read}")
-    return _judged(checkup)
+        there.print(f"{'set ' if one.done else 'NOT SET'} {one.name}: {read}", soft_wrap=True)
+    if not wanted:
+        there.print("no parameter needs to be set")
+    return bool(wanted)
 
 
 def _show(rows: "Sequence[Finding]", *, as_json: bool, all_rows: bool) -> int:
@@ -187,13 +179,13 @@ def _show(rows: "Sequence[Finding]", *, as_json: bool, all_rows: bool) -> int:
     if as_json:
         typer.echo(json.dumps([row._asdict() for row in rows], indent=2))
     else:
-        order = list(_STYLE)[: 3 if all_rows else 2]
+        there, order = console(), list(_STYLE)[: 3 if all_rows else 2]
         shown = [row for verdict in order for row in rows if row.verdict == verdict]
-        _print_table((str(row.verdict), row.name, _explained(row)) for row in shown)
+        _print_table(there, ((row.verdict, row.name, _explained(row)) for row in shown))
         if len(shown) < len(rows):
-            typer.echo(f"{len(rows) - len(shown)} more rows pass; --all shows them")
+            there.print(f"{len(rows) - len(shown)} more rows pass; --all shows them", soft_wrap=True)
         words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
-        console().print(words, style=_STYLE["refuse" if refused else "pass"])
+        there.print(words, style=_STYLE["refuse" if refused else "pass"])
     return FlightError.exit_code if refused else 0
 
 
@@ -202,11 +194,11 @@ def _explained(row: "Finding") -> str:
     return f"{row.value}; expected: {row.wanted}" + (f". Fix: {row.advice}" if row.advice else "")
 
 
-def _print_table(lines: Iterable[tuple[str, str, str]]) -> None:
+def _print_table(there: Console, lines: Iterable[tuple[str, str, str]]) -> None:
     """Print verdicts, names and explanations, which wrap in their column."""
     rows = [(Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines]
     if rows:
-        console().print(sheet(("verdict", "name", "value"), rows, left=range(3)))
+        there.print(sheet(("verdict", "name", "value"), rows, left=range(3)))
 
 
 def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.")]) -> None:
@@ -221,24 +213,19 @@ def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.
     typer.echo(json.dumps(schema_of(kind), indent=2))
 
 
-KINDS: Final = ("vehicle", "scenario", "sweep")
+KINDS: Final = {
+    "vehicle": "guidance.session.vehicle_file:Config.model_json_schema",
+    "scenario": "guidance.sim.scenario_file:json_schema",
+    "sweep": "guidance.sweeps.plan:Sweep.model_json_schema",
+}
+"""Kind of file -> the function that makes its schema, imported when it is asked for."""
 
 
 def schema_of(kind: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of file."""
-    if kind == "vehicle":
-        from guidance.session.vehicle_file import Config  # noqa: PLC0415 - slow import
-
-        content = Config.model_json_schema()
-    elif kind == "scenario":
-        from guidance.sim.scenario_file import json_schema  # noqa: PLC0415 - slow import
-
-        content = json_schema()
-    else:
+    if kind == "sweep":
         require("schema sweep", "sim")
-        from guidance.sweeps.plan import Sweep  # noqa: PLC0415 - pyarrow is optional
-
-        content = Sweep.model_json_schema()
+    content = resolve_name(KINDS[kind])()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **content, "title": kind.capitalize()}
 
 
@@ -263,7 +250,6 @@ def keys(
     - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
     """
     require("guidance zenoh keys", "keys")
-    from guidance.files import writing  # noqa: PLC0415
     from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
 
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)

@@ -329,10 +329,8 @@ class McapFile:
             length = 8 * len(entries)
             indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, _INDEX.size - 9 + length, channel_id, length)
             indexes += struct.pack(f"<{len(entries)}Q", *entries)
-        sizes = {"chunk_length": len(chunk), "compressed_size": len(packed), "uncompressed_size": len(data)}
-        places = {"chunk_start_offset": begin, "message_index_offsets": offsets, "message_index_length": len(indexes)}
-        times_ns = {"message_start_time": begin_ns, "message_end_time": end_ns}
-        self._chunk_indexes += _packed(records.ChunkIndex(compression="zstd", **sizes, **places, **times_ns))
+        places = begin, "zstd", len(packed), end_ns, len(indexes), offsets, begin_ns, len(data)
+        self._chunk_indexes += _packed(records.ChunkIndex(len(chunk), *places))
         statistics.chunk_count += 1
         statistics.message_count += len(times)
         statistics.message_start_time = min(statistics.message_start_time, begin_ns)
