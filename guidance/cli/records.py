@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.text import Text
@@ -14,12 +14,13 @@ from rich.text import Text
 from guidance.cli.arguments import CommandGroup, Json
 from guidance.cli.streams import printable
 from guidance.extras import require
+from guidance.log import ReplayedCycle, Survey, compare, events_of, record_errors, reports_of, title_of
+from guidance.log import export as exports
+from guidance.log.entries import CYCLE, cycle_entry
+from guidance.log.replay import Difference
+from guidance.messages import EvaderReport
 from guidance.screen import console, pairs, sheet
-
-if TYPE_CHECKING:
-    from guidance.log import Comparison, ReplayedCycle
-    from guidance.log.replay import Difference
-    from guidance.messages import EvaderReport
+from guidance.session.flight_files import RECORD, changes_of, recorded_settings
 
 log = typer.Typer(cls=CommandGroup, help="Inspect a flight record, and export it for other tools.")
 
@@ -29,14 +30,9 @@ File = Annotated[Path, typer.Argument(help="A record.mcap of a flight.")]
 @log.command()
 def info(file: File, as_json: Json = False) -> None:
     """Show duration, channels and versions of a record, and whether it is complete."""
-    from guidance.log import Survey, record_errors, scan, title_of  # noqa: PLC0415 - numpy loads slowly
-    from guidance.log.entries import EVADER_TOPIC, REPORT  # noqa: PLC0415
-    from guidance.log.reader import entry_of  # noqa: PLC0415
-
     survey = Survey()
     with record_errors(file):
-        items = (item for item in scan(file, survey) if item.topic == EVADER_TOPIC)
-        reports = Counter(_source(entry_of(REPORT, item, file)) for item in items)
+        reports = Counter(map(_source, reports_of(file, survey)))
         title, topics = title_of(survey.metadata), sorted(survey.messages)
     if as_json:
         counts = {topic: {"messages": survey.messages[topic], "bytes": survey.data_bytes[topic]} for topic in topics}
@@ -46,11 +42,9 @@ def info(file: File, as_json: Json = False) -> None:
         return
     there = console()
     there.print(Text(printable(f"{title}: {survey.duration_s:.2f} s")))
-    rows = [
-        (f"{survey.messages[topic]}", f"{survey.data_bytes[topic] / 1024:.1f}", Text(printable(topic)))
-        for topic in topics
-    ]
-    there.print(sheet(("messages", "KiB", "channel"), rows, left=(2,)))
+    sizes = [(str(survey.messages[topic]), f"{survey.data_bytes[topic] / 1024:.1f}") for topic in topics]
+    channels = [(*size, Text(printable(topic))) for size, topic in zip(sizes, topics, strict=True)]
+    there.print(sheet(("messages", "KiB", "channel"), channels, left=(2,)))
     for source, count in reports.items():
         there.print(Text(f"{count} reports of the evader by {printable(source)}"))
     shortened = {name: text if len(text) < 100 else text[:97] + "..." for name, text in survey.metadata.items()}
@@ -60,7 +54,7 @@ def info(file: File, as_json: Json = False) -> None:
     there.print("whole" if survey.torn is None else Text(f"torn ({printable(survey.torn)}): counted up to there"))
 
 
-def _source(report: "EvaderReport") -> str:
+def _source(report: EvaderReport) -> str:
     datum = "unknown" if report.said is None else str(report.said.datum)
     clock = "with" if math.isfinite(report.sent_s) else "without"
     return f"{report.source}, altitudes {datum}, {clock} the sender's clock"
@@ -69,8 +63,6 @@ def _source(report: "EvaderReport") -> str:
 @log.command()
 def events(file: File, as_json: Json = False) -> None:
     """List the events of a record: time, event and detail."""
-    from guidance.log import events_of, record_errors  # noqa: PLC0415
-
     with record_errors(file):
         events = list(events_of(file))
     if as_json:
@@ -88,12 +80,8 @@ def export(file: File, out: Annotated[Path, typer.Argument(help="Name with one o
     - `.csv`, `.parquet`: one row per cycle, for spreadsheets and pandas
     - `.geojson`, `.kml`: tracks, fence and state changes on a map
     """
-    from guidance.log import record_errors  # noqa: PLC0415
-    from guidance.log.export import export as write  # noqa: PLC0415
-    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
-
     with record_errors(file):
-        written = write(file, out, recorded_settings)
+        written = exports.export(file, out, recorded_settings)
     typer.echo(f"{out}: {written}")
 
 
@@ -111,9 +99,6 @@ def replay(
     - `guidance replay record.mcap --with policy=pure_pursuit`: another policy on the same inputs
     - `guidance replay record.mcap --with pursuer.speed_m_s=4.0`: another speed
     """
-    from guidance.log import compare, record_errors  # noqa: PLC0415 - numpy loads slowly
-    from guidance.session.flight_files import changes_of, recorded_settings  # noqa: PLC0415
-
     changed = changes_of(changes or [])
     with record_errors(file):
         comparison, survey = compare(file, partial(recorded_settings, changes=changed), what_if=bool(changed))
@@ -121,30 +106,26 @@ def replay(
         typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
     if survey.missing:
         typer.echo(f"{survey.missing} messages are missing: the file is damaged", err=True)
-    if as_json:
-        typer.echo(json.dumps(_counts(comparison, what_if=bool(changed)), indent=2))
-        raise typer.Exit(1 if comparison.first is not None and not changed else 0)
-    typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
-    if changed:
-        typer.echo(f"{comparison.differing} cycles differ")
-        typer.echo(_difference("wanted by the policy", comparison.wanted))
-        typer.echo(_difference("commanded", comparison.commanded))
-        return
-    if comparison.first is not None:
-        typer.echo(f"{comparison.differing} cycles differ; the first:")
-        typer.echo(_first(comparison.first))
-        raise typer.Exit(1)
-    typer.echo("every setpoint, state and request came back bit for bit")
-
-
-def _counts(comparison: "Comparison", *, what_if: bool) -> dict[str, Any]:
     counts = {name: getattr(comparison, name) for name in ("cycles", "setpoints", "differing")}
-    if not what_if:
-        return counts
-    return counts | {name: asdict(getattr(comparison, name)) for name in ("wanted", "commanded")}
+    differences = {name: asdict(getattr(comparison, name)) for name in ("wanted", "commanded")} if changed else {}
+    first = None if changed else comparison.first
+    if as_json:
+        typer.echo(json.dumps(counts | differences, indent=2))
+    else:
+        typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
+        if changed:
+            typer.echo(f"{comparison.differing} cycles differ")
+            typer.echo(_difference("wanted by the policy", comparison.wanted))
+            typer.echo(_difference("commanded", comparison.commanded))
+        elif first is not None:
+            typer.echo(f"{comparison.differing} cycles differ; the first:\n{_first(first)}")
+        else:
+            typer.echo("every setpoint, state and request came back bit for bit")
+    if first is not None:
+        raise typer.Exit(1)
 
 
-def _difference(what: str, difference: "Difference") -> str:
+def _difference(what: str, difference: Difference) -> str:
     count = max(1, difference.cycles)
     return (
         f"{what} over {difference.cycles} cycles: {difference.speed_sum_m_s / count:.2f} m/s apart on average, "
@@ -153,8 +134,7 @@ def _difference(what: str, difference: "Difference") -> str:
     )
 
 
-def _first(step: "ReplayedCycle") -> str:
-    from guidance.log.entries import CYCLE, cycle_entry  # noqa: PLC0415
+def _first(step: ReplayedCycle) -> str:
 
     recorded, present = CYCLE.plain(step.row), CYCLE.plain(cycle_entry(step.row.flight_inputs, step.outputs))
     lines = [f"at {step.row.now_s:.6f} s, in state {step.row.state}:"]
@@ -183,8 +163,6 @@ def report(
     - `guidance report records/*.mcap --animate`
     """
     require("guidance report", "plot")
-    from guidance.log import record_errors  # noqa: PLC0415
-    from guidance.session.flight_files import RECORD, recorded_settings  # noqa: PLC0415
     from guidance.viz.report import write_report  # noqa: PLC0415 - matplotlib loads slowly
     from guidance.viz.team_report import write_team_report  # noqa: PLC0415
 

@@ -20,18 +20,16 @@ from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.files import private_file, writing
-from guidance.screen import Cell, console, pairs, sheet
+from guidance.screen import console, pairs, sheet
 from guidance.sim.expect import CheckedExpectation, Expectations
 from guidance.sim.maths import opening, play
-from guidance.sim.outcome import Outcome, outcome_json, winner_name
+from guidance.sim.outcome import outcome_json, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
-from guidance.sim.teams import TeamOutcome, TeamScenario, opening_of, play_teams, summary_of
+from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
 
 if TYPE_CHECKING:
-    from guidance.session.fly import Asked, ByFile, MockOptions
-
-    Ways = MockOptions | ByFile | Asked
+    from guidance.session.fly import Way
 
 scenario = typer.Typer(
     cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
@@ -83,86 +81,68 @@ def run(
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, after
       the orders `guidance ctl start` and `guidance ctl engage`; `--engage` **arms** without them
     """
-    _check_options(ctx, way, config=config, vehicle=vehicle, engage=engage)
+    _check_options(ctx, way, known=bool(config or vehicle), armed=bool(engage or vehicle))
     path, played = load_any(name, seed)
     there = console(stderr=json_file == _STANDARD_OUTPUT)
     there.print(f"[bold]{played.title}[/bold]  ({path.name}, as {way})")
     may_fly(vehicle or [], yes=yes)
     if way == "maths":
-        verdicts, row = _play(played, there)
+        rows = _play(played, there)
     else:
         from guidance.session.fly import Asked, ByFile, MockOptions  # noqa: PLC0415 - slow imports
         from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
         mock = MockOptions(fast=way == "fast", link=link, port=port, over=over)
-        how: Ways = Asked(tuple(vehicle)) if vehicle else mock
+        how: Way = Asked(tuple(vehicle)) if vehicle else mock
         if config is not None:
             how = ByFile(load_vehicle(find(config, "vehicles")), engage)
             if engage and not yes:  # also on loopback: a real vehicle may be behind a router
                 where = f"{config}: {how.config.vehicle.url}"
                 agree(f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
-        verdicts, row = _fly(played, path.stem, how, out, there)
-    _print_verdicts(verdicts, there)
-    _write(json.dumps(row, indent=2) + "\n", json_file)
-    raise typer.Exit(0 if all(verdict.held for verdict in verdicts) else 1)
-
-
-def _check_options(
-    ctx: typer.Context, way: str, *, config: str | None, vehicle: list[str] | None, engage: bool
-) -> None:
-    if way not in _WAYS:
-        raise ConfigError(f"--as {way}: allowed are {', '.join(_WAYS)}")
-    if config is None and not vehicle and way == "vehicle":
-        raise ConfigError("--config: missing; --as vehicle needs a vehicle file, and a team --vehicle URL for each")
-    for ways, options in _BELONGING.items():
-        if way not in ways:
-            refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
-    if not (engage or vehicle):
-        refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
-
-
-def _print_verdicts(verdicts: Sequence[CheckedExpectation], there: Console) -> None:
-    """Show which expectations hold."""
-    rows: list[Sequence[Cell]] = []
-    for verdict in verdicts:
-        held = Text("holds", "green") if verdict.held else Text("FAILS", "red")
-        rows.append([verdict.column, verdict.expected, _shown(verdict.value), held])
-    if rows:
-        there.print(sheet(("column", "expected", "came out", "verdict"), rows, left=range(4), title="expected"))
-
-
-def _write(text: str, json_file: Path | None) -> None:
+        rows = _fly(played, path.stem, how, out, there)
+    verdicts = _verdicts(played, rows, there)
+    row = [outcome_json(one) for one in rows]
+    text = json.dumps(row if isinstance(played, TeamScenario) else row[0], indent=2) + "\n"
     if json_file == _STANDARD_OUTPUT:
         sys.stdout.write(text)
     elif json_file is not None:
         with writing(json_file):
             private_file(json_file).write_text(text, encoding="utf-8")
+    raise typer.Exit(0 if all(verdict.held for verdict in verdicts) else 1)
 
 
-Judged = tuple[Sequence[CheckedExpectation], Any]
-"""The expectations of a run, and its row or rows as plain values."""
+def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) -> None:
+    if way not in _WAYS:
+        raise ConfigError(f"--as {way}: allowed are {', '.join(_WAYS)}")
+    if way == "vehicle" and not known:
+        raise ConfigError("--config: missing; --as vehicle needs a vehicle file, and a team --vehicle URL for each")
+    for ways, options in _BELONGING.items():
+        if way not in ways:
+            refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
+    if not armed:
+        refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
 
 
-def _play(scenario: Scenario | TeamScenario, there: Console) -> Judged:
-    """Play a scenario between point masses, and show the outcome."""
+def _play(scenario: Scenario | TeamScenario, there: Console) -> Sequence[Any]:
+    """Play a scenario between point masses; return its rows, of a team one for each evader."""
     if isinstance(scenario, TeamScenario):
         rows = play_teams([scenario])[0]
         tell_players(rows, there)
-        return _judged_team(scenario, rows)
+        return rows
     if scenario.fault:
         there.print("the mathematics ignores faults")
-    return _judged(scenario, play([scenario])[0], there)
+    return play([scenario])
 
 
-def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Ways", out: Path | None, there: Console) -> Judged:
-    """Fly a scenario, and show the outcome."""
+def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, there: Console) -> Sequence[Any]:
+    """Fly a scenario; return its rows."""
     from guidance.cli.fly_scenario import flown  # noqa: PLC0415 - slow imports
     from guidance.session.flight_files import flight_folder  # noqa: PLC0415
     from guidance.session.fly import ByFile, Onlooker  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
     def on_record(path: Path) -> None:
-        there.print(f"record   {path}", soft_wrap=True, highlight=False)
+        there.print(f"record   {path}", soft_wrap=True)
         if isinstance(how, ByFile) and not how.engage:
             there.print("waiting for a person: `guidance ctl start`, then `guidance ctl engage`", soft_wrap=True)
 
@@ -172,23 +152,29 @@ def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Ways", out: Path | 
             rows = report_team(there, scenario, how.way, result, folder)
             if not rows:
                 raise FlightError("no game: not all vehicles engaged")
-            return _judged_team(scenario, rows)
-    (flight,) = result.vehicles.values()
-    outcome = outcome_of_flight(flight, how.way)
+            return rows
+    outcomes = [outcome_of_flight(flight, how.way) for flight in result.vehicles.values()]
     if isinstance(how, ByFile):  # the evader is out there, and no policy of the file's is its
-        outcome = outcome._replace(evader_policy=_REPORTED)
-    return _judged(scenario, outcome, there)
+        return [outcome._replace(evader_policy=_REPORTED) for outcome in outcomes]
+    return outcomes
 
 
-def _judged(scenario: Scenario, outcome: Outcome, there: Console) -> Judged:
-    unit = "s" if outcome.game == "pe" else "m"
-    shown = ((name, value) for name, value in outcome._asdict().items() if name != "scenario")
-    there.print(pairs((name, _shown(value, unit if name == "regret" else _unit(name))) for name, value in shown))
-    return scenario.expect.of(outcome._asdict()), outcome_json(outcome)
-
-
-def _judged_team(scenario: TeamScenario, rows: Sequence[TeamOutcome]) -> Judged:
-    return scenario.expect.verdicts(summary_of(rows)), [outcome_json(row) for row in rows]
+def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Console) -> Sequence[CheckedExpectation]:
+    """Show the row of one vehicle, and which expectations hold."""
+    if isinstance(scenario, TeamScenario):
+        verdicts = scenario.expect.verdicts(summary_of(rows))
+    else:
+        row = rows[0]._asdict()
+        units = {name: _unit(name) for name in row} | {"regret": "s" if scenario.game == "pe" else "m"}
+        there.print(pairs((name, _shown(row[name], units[name])) for name in row if name != "scenario"))
+        verdicts = scenario.expect.of(row)
+    cells = [
+        (one.column, one.expected, _shown(one.value), Text("holds", "green") if one.held else Text("FAILS", "red"))
+        for one in verdicts
+    ]
+    if cells:
+        there.print(sheet(("column", "expected", "came out", "verdict"), cells, left=range(4), title="expected"))
+    return verdicts
 
 
 def _unit(column: str) -> str:
@@ -281,19 +267,38 @@ def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:
 
 def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
     """Yield the facts of a scenario by name."""
+    yield "game", _GAMES[scenario.game] + (", of teams" if isinstance(scenario, TeamScenario) else "")
+    yield from _groups(scenario) if isinstance(scenario, TeamScenario) else _players(scenario)
+    if scenario.target is not None:
+        yield "target", f"at {_place(scenario.target.position_m)} m"
     if isinstance(scenario, TeamScenario):
-        yield from _team_facts(scenario)
-        return
-    pursuer, evader, disc = scenario.pursuer, scenario.evader, scenario.standoff
+        first, unit = opening_of(scenario), "m from the target" if scenario.game == "tad" else "s until the captures"
+        yield "value", f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} {unit} in all"
+    else:
+        yield from _conditions(scenario)
+    yield "expected", expected(scenario) or "nothing"
+
+
+def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
+    for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
+        for group in groups:
+            about = f", scattered over {group.scatter_m:g} m" if group.scatter_m else ""
+            place = _place(group.position_m)
+            yield player, f"{group.count} at {place} m{about}, {group.speed_m_s:g} m/s, plays {group.policy}"
+
+
+def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    pursuer, evader = scenario.pursuer, scenario.evader
     speeds = f"{pursuer.speed_m_s:g} m/s"
     if pursuer.speed_set == "cylinder":
         speeds += f" level, {pursuer.climb_m_s:g} up, {pursuer.descent_m_s:g} down"
-    yield "game", _GAMES[scenario.game]
     yield "pursuer", f"at {_place(pursuer.position_m)} m, {speeds} ({pursuer.speed_set}), plays {pursuer.policy}"
     declared = "" if evader.declared_speed_m_s is None else f" (declares {evader.declared_speed_m_s:g})"
     yield "evader", f"at {_place(evader.position_m)} m, {evader.speed_m_s:g} m/s{declared}, plays {evader.policy}"
-    if scenario.target is not None:
-        yield "target", f"at {_place(scenario.target.position_m)} m"
+
+
+def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    disc = scenario.standoff
     yield "captured", f"within {disc.tolerance_m:g} m of the disc of {disc.radius_m:g} m, {disc.height_m:g} m up"
     yield "value", _value(scenario)
     if set(scenario.sensor.model_fields_set):
@@ -304,22 +309,6 @@ def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
         keys = "".join(f", {key} = {value}" for key, value in fault.keys().items())
         since = "engagement" if fault.after == "engaged" else "the start"
         yield "fault", f"{fault.kind} of the {fault.vehicle} {fault.at_s:g} s after {since}{keys}"
-    yield "expected", expected(scenario) or "nothing"
-
-
-def _team_facts(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
-    yield "game", _GAMES[scenario.game] + ", of teams"
-    for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
-        for group in groups:
-            about = f", scattered over {group.scatter_m:g} m" if group.scatter_m else ""
-            place = _place(group.position_m)
-            yield player, f"{group.count} at {place} m{about}, {group.speed_m_s:g} m/s, plays {group.policy}"
-    if scenario.target is not None:
-        yield "target", f"at {_place(scenario.target.position_m)} m"
-    first = opening_of(scenario)
-    unit = "m from the target" if scenario.game == "tad" else "s until the captures"
-    yield "value", f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} {unit} in all"
-    yield "expected", expected(scenario) or "nothing"
 
 
 def expected(scenario: Scenario | TeamScenario) -> str:

@@ -9,23 +9,24 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
+from guidance.autopilots import Finding, autopilot_named
 from guidance.cli import arguments
 from guidance.cli.arguments import CommandGroup, agree, refuse
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.files import writing
+from guidance.links.port import parse
 from guidance.screen import console, sheet, waiting
-
-if TYPE_CHECKING:
-    from guidance.autopilots import Finding
-    from guidance.session.checkup import Checkup
+from guidance.session import discovery
+from guidance.session.checkup import SURVEY_LIMIT_S, Checkup, checkup_of
+from guidance.session.vehicle_file import load_vehicle
 
 _STYLE: Final = {"refuse": "bold red", "warn": "yellow", "pass": "green"}
 _NEXT: Final = """next
@@ -50,10 +51,6 @@ def init(
     - `guidance init serial:///dev/ttyACM0:921600 --out uav1.toml`: an autopilot on a serial port
     - `guidance init --autopilot px4`: without a vehicle
     """
-    from guidance.autopilots import autopilot_named  # noqa: PLC0415 - slow import
-    from guidance.links.port import parse  # noqa: PLC0415
-    from guidance.session import discovery  # noqa: PLC0415
-
     if out.exists():
         raise ConfigError(f"--out {out}: exists and is not overwritten; choose another name")
     if url is None and autopilot is None:
@@ -85,7 +82,6 @@ def doctor(
     - `guidance doctor vehicle.toml`: what this file needs
     """
     from guidance.session.host import examine  # noqa: PLC0415 - slow import
-    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
     rows = examine(None if config is None else load_vehicle(find(config, "vehicles")))
     raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
@@ -128,16 +124,13 @@ def check(
 
 
 @contextlib.contextmanager
-def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: str) -> "Iterator[Checkup]":
+def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: str) -> Iterator[Checkup]:
     """Open the vehicle and show a waiting line."""
-    from guidance.session.checkup import checkup_of  # noqa: PLC0415 - slow imports
-    from guidance.session.discovery import FOUND_WITHIN_S  # noqa: PLC0415
     from guidance.session.fly import Asked, checkup_at  # noqa: PLC0415
-    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
     if vehicle is not None:
-        awaited, limit_s = f"a HEARTBEAT at {vehicle}", FOUND_WITHIN_S
+        awaited, limit_s = f"a HEARTBEAT at {vehicle}", discovery.FOUND_WITHIN_S
         opening = checkup_at(load_scenario(name or "pe")[1], Asked((vehicle,), autopilot, link))
     elif name is None:
         raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
@@ -150,15 +143,13 @@ def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: 
         yield checkup
 
 
-def _judged(checkup: "Checkup") -> "Sequence[Finding]":
+def _judged(checkup: Checkup) -> Sequence[Finding]:
     """Read and judge; the waiting line names the missing data."""
-    from guidance.session.checkup import SURVEY_LIMIT_S  # noqa: PLC0415 - slow import
-
     with waiting(console(stderr=True), "parameters, positions and rates", SURVEY_LIMIT_S) as tell:
         return checkup.rows(told=lambda lacking: tell(lacking or "rates to be counted"))
 
 
-def _apply(checkup: "Checkup", *, advised: bool, yes: bool, quiet: bool) -> bool:
+def _apply(checkup: Checkup, *, advised: bool, yes: bool, quiet: bool) -> bool:
     """Set parameters, after asking; return whether any were to be set."""
     there, wanted = console(), checkup.changes(advised=advised)
     there.quiet = quiet
@@ -173,7 +164,7 @@ def _apply(checkup: "Checkup", *, advised: bool, yes: bool, quiet: bool) -> bool
     return bool(wanted)
 
 
-def _show(rows: "Sequence[Finding]", *, as_json: bool, all_rows: bool) -> int:
+def _show(rows: Sequence[Finding], *, as_json: bool, all_rows: bool) -> int:
     """Print refusals, then warnings, then the passed rows or only their number; return the exit code."""
     refused = [row.name for row in rows if row.verdict == "refuse"]
     if as_json:
@@ -189,7 +180,7 @@ def _show(rows: "Sequence[Finding]", *, as_json: bool, all_rows: bool) -> int:
     return FlightError.exit_code if refused else 0
 
 
-def _explained(row: "Finding") -> str:
+def _explained(row: Finding) -> str:
     """Return the value, the expected value and how to fix it."""
     return f"{row.value}; expected: {row.wanted}" + (f". Fix: {row.advice}" if row.advice else "")
 

@@ -189,22 +189,22 @@ def cycles_of(path: Path, survey: Survey | None = None) -> Iterator[CycleEntry]:
     return _entries(CYCLE, CYCLE_TOPIC, path, survey)
 
 
-def events_of(path: Path) -> Iterator[EventEntry]:
+def events_of(path: Path, survey: Survey | None = None) -> Iterator[EventEntry]:
     """Yield the events of a record.
 
     Raises:
         ConfigError: As `cycles_of`.
     """
-    return _entries(EVENT, EVENT_TOPIC, path)
+    return _entries(EVENT, EVENT_TOPIC, path, survey)
 
 
-def reports_of(path: Path) -> Iterator[EvaderReport]:
+def reports_of(path: Path, survey: Survey | None = None) -> Iterator[EvaderReport]:
     """Yield the evader's reports as received, in order of arrival.
 
     Raises:
         ConfigError: As `cycles_of`.
     """
-    return _entries(REPORT, EVADER_TOPIC, path)
+    return _entries(REPORT, EVADER_TOPIC, path, survey)
 
 
 def entry_of(codec: Codec[T], item: Item, source: Path) -> T:
