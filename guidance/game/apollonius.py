@@ -9,20 +9,16 @@ all three are on one line, the second axis is a rounding error; its component al
 velocity exceeds its bound.
 """
 
-from __future__ import annotations
+from typing import NamedTuple
 
-from typing import TYPE_CHECKING, NamedTuple
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, Space, Truth, component, is_array, select, vectors
+from guidance.game.arrays import Array, Library, Real, Space, Truth, component, dot3, is_array, vectors
+from guidance.game.game import Game
 from guidance.game.pe import Geometry, StateSolution, pursuit
 from guidance.game.records import is_finite
 from guidance.game.tad import defence
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from guidance.game.game import Game
 
 
 class Apollonius(NamedTuple):
@@ -125,7 +121,7 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
     """
     to_evader = _minus(E, P)
     first, far = _unit(xp, to_evader if T is None else _minus(T, E))
-    along = _dot(to_evader, first)
+    along = dot3(to_evader, first)
     second, across = _across(xp, to_evader, first, along)
     zero, still = 0.0 * along, (0.0, 0.0)
     if T is None:
@@ -154,32 +150,24 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
 def _across(xp: Library, v: Space, first: Space, along: Real) -> tuple[Space, Real]:
     """Return the direction and length of a vector's component across the first axis."""
     second, across = _unit(xp, (v[0] - along * first[0], v[1] - along * first[1], v[2] - along * first[2]))
-    lean = _dot(second, first)
+    lean = dot3(second, first)
     return (second[0] - lean * first[0], second[1] - lean * first[1], second[2] - lean * first[2]), across
 
 
 def _follow(xp: Library, game: Game, caught: Truth, seen: Space, flown: Space) -> Space:
     """Follow a captured evader, at most at its speed bound."""
     direction, length = _unit(xp, seen)
-    pace = select(xp, length > game.evader_speed_m_s, game.evader_speed_m_s, length)
-    return (
-        select(xp, caught, pace * direction[0], flown[0]),
-        select(xp, caught, pace * direction[1], flown[1]),
-        select(xp, caught, pace * direction[2], flown[2]),
-    )
+    pace = xp.select(length > game.evader_speed_m_s, game.evader_speed_m_s, length)
+    return xp.select_all(caught, (pace * direction[0], pace * direction[1], pace * direction[2]), flown)
 
 
 def _minus(a: Space, b: Space) -> Space:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def _dot(a: Space, b: Space) -> Real:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
 def _unit(xp: Library, v: Space) -> tuple[Space, Real]:
     """Direction and length; the x axis where the length is zero."""
-    length = xp.sqrt(_dot(v, v))
+    length = xp.norm3(v)
     some = length > 0
-    inverse = 1.0 / select(xp, some, length, 1.0)
-    return (select(xp, some, v[0] * inverse, 1.0), v[1] * inverse, v[2] * inverse), length
+    inverse = 1.0 / xp.select(some, length, 1.0)
+    return (xp.select(some, v[0] * inverse, 1.0), v[1] * inverse, v[2] * inverse), length

@@ -9,8 +9,7 @@ sum over the last axis, `hypot`, `sin` or a BLAS dot product would not give the 
 import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from types import SimpleNamespace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
 from array_api_compat import array_namespace, is_array_api_obj, is_jax_array, is_numpy_namespace
@@ -26,19 +25,6 @@ Arguments may be any `numpy.typing.ArrayLike`: numbers, lists, arrays of these l
 NumPy arrays; use `typing.cast` for another library.
 """
 
-
-class Rows(Protocol):
-    """An array as a game's parameter: one number for each row of a batch."""
-
-    @property
-    def shape(self) -> Any: ...  # noqa: ANN401, D102 - every library has its own type
-    @property
-    def dtype(self) -> Any: ...  # noqa: ANN401, D102
-
-
-Library: TypeAlias = Any
-"""An array library's module."""
-
 Real: TypeAlias = float | Any
 """A number, or an array with one number for each game of a batch; read from a game it may be used as a float."""
 
@@ -51,30 +37,156 @@ Plane: TypeAlias = tuple[Real, Real]
 Space: TypeAlias = tuple[Real, Real, Real]
 """The x, y and z components of a vector."""
 
-FLOATS: Library = SimpleNamespace(sqrt=math.sqrt, maximum=max, sign=lambda value: (value > 0) - (value < 0))
-"""The library for single states: the functions that kernels use, for floats."""
+Record = TypeVar("Record", bound=Any)
 
 
-class Differentiating:
-    """A library that differentiates, with functions of the kernels that the array API standard lacks."""
+class Library:
+    """An array library, with the functions that the kernels need besides its own."""
 
-    def __init__(self, library: Library) -> None:
-        self._library = library
+    differentiates = False
+    """Whether it traces or differentiates: then every row takes every step, and derivatives must be finite."""
+    sqrt: Any
+    maximum: Any
+
+    def __init__(self, module: Any) -> None:  # noqa: ANN401 - a module has no type of its own
+        self.module = module
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any function of the library
-        return getattr(self._library, name)
+        return getattr(self.module, name)
+
+    def select(self, condition: Truth, yes: Real, no: Real) -> Real:
+        """Choose elementwise like `where`, but return an argument itself if it is chosen everywhere."""
+        if condition is True or condition is False:
+            return yes if condition else no
+        return self.where(condition, yes, no)
+
+    def select2(self, condition: Truth, yes: Plane, no: Plane) -> Plane:
+        """Choose between two plane vectors elementwise."""
+        return self.select(condition, yes[0], no[0]), self.select(condition, yes[1], no[1])
+
+    def select_all(self, condition: Truth, yes: Record, no: Record) -> Record:
+        """Choose between two numbers, or records of numbers and vectors, elementwise."""
+        if not isinstance(yes, tuple):
+            return cast("Record", self.select(condition, yes, no))
+        parts = [self.select_all(condition, *both) for both in zip(yes, no, strict=True)]
+        return cast("Record", type(yes)(*parts) if hasattr(yes, "_fields") else tuple(parts))
+
+    def norm2(self, v: Plane) -> Real:
+        """Return the length of a plane vector."""
+        return self.sqrt(v[0] * v[0] + v[1] * v[1])
+
+    def norm3(self, v: Space) -> Real:
+        """Return the length of a vector in space."""
+        return self.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+    def unit2(self, v: Plane, length: Real) -> Plane:
+        """Return the direction of a plane vector of known length; the x axis if the length is zero."""
+        some = length > 0
+        inverse = 1.0 / self.select(some, length, 1.0)
+        return self.select(some, v[0] * inverse, 1.0), v[1] * inverse
+
+    def half_of_digits(self, value: Any) -> float:  # noqa: ANN401 - an array
+        """Return √ε: after a Newton step this small the next is below ε, so none is needed."""
+        return 2.0**-26 if isinstance(value, float) else math.sqrt(self.finfo(value.dtype).eps)
+
+    def quiet(self) -> AbstractContextManager[object]:
+        """Silence NumPy's warnings about rows that `Reason` reports."""
+        return nullcontext()
+
+    def constant(self, like: Array, value: Real | Sequence[float]) -> Array:
+        """Return a value as an array in the precision and on the device of `like`; an array stays as it is."""
+        return value if hasattr(value, "dtype") else self.asarray(value, dtype=like.dtype, **_place(like))
+
+    def pack(self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0) -> Array:
+        """Spread a number over the leading shape, or put n components together into (*shape, n).
+
+        Args:
+            shape: the leading shape.
+            like: an array with the precision and device of the answer.
+            value: a number or an array that broadcasts to the shape, or components of a vector.
+            plus: added to it, (...): 0, or NaN in rows without an answer.
+        """
+        if isinstance(value, tuple):
+            return self.stack([self.pack(shape, like, part, plus) for part in value], axis=-1)
+        return self.broadcast_to(self.constant(like, value + plus), shape)
+
+
+def _place(like: Array) -> dict[str, Any]:
+    """Return the argument that makes a new array on the device of `like`; JAX needs none."""
+    return {} if is_jax_array(like) else {"device": device_of(like)}
+
+
+class Differentiating(Library):
+    """PyTorch or JAX."""
+
+    differentiates = True
 
     def sqrt(self, square: Real) -> Real:
         """Return a square root whose derivative at zero is finite."""
         if isinstance(square, float):
             return math.sqrt(square)
         some = square > 0
-        return select(self, some, self._library.sqrt(select(self, some, square, 1.0)), square)
+        return self.select(some, self.module.sqrt(self.select(some, square, 1.0)), square)
 
     def maximum(self, a: Array, b: Real) -> Array:
         """Return the larger of two numbers elementwise; the second may be a float."""
-        return self._library.maximum(a, constant(self._library, a, b))
+        return self.module.maximum(a, self.constant(a, b))
 
+    def codes(self, shape: tuple[int, ...], like: Array, value: Real) -> Array:
+        """Spread integers of eight bits over the leading shape, on the device of `like`."""
+        return self.broadcast_to(self.asarray(value, dtype=self.int8, **_place(like)), shape)
+
+
+class NumPy(Library):
+    """NumPy, which fills arrays in place."""
+
+    sqrt, maximum = staticmethod(np.sqrt), staticmethod(np.maximum)
+
+    def select(self, condition: Truth, yes: Real, no: Real) -> Real:
+        """Choose as every library does. Most conditions are about rare states, so this saves copies."""
+        if condition is True or condition is False:
+            return yes if condition else no
+        count = np.count_nonzero(condition)
+        if count == 0:
+            return no
+        return yes if count == condition.size else np.where(condition, yes, no)
+
+    def quiet(self) -> AbstractContextManager[object]:
+        """Silence warnings."""
+        return np.errstate(all="ignore")
+
+    def pack(self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0) -> Array:
+        """Make an array and fill it."""
+        packed = np.empty((*shape, len(value)) if isinstance(value, tuple) else shape, dtype=like.dtype)
+        self.fill(packed, value, plus)
+        return packed
+
+    def fill(self, place: Array, value: Real | tuple[Real, ...], plus: Real) -> None:
+        """Write value + plus to an array, in one pass for a batch."""
+        if isinstance(value, tuple):
+            for index, part in enumerate(value):
+                self.fill(place[..., index], part, plus)
+        elif place.ndim and place.dtype.kind == "f":
+            np.add(value, plus, out=place, casting="same_kind")
+        else:
+            place[...] = value + plus
+
+
+class Floats(Library):
+    """Python's floats, for single states."""
+
+    sqrt, maximum = staticmethod(math.sqrt), staticmethod(max)
+
+    def select(self, condition: Truth, yes: Real, no: Real) -> Real:
+        """Choose one of two numbers."""
+        return yes if condition else no
+
+    def sign(self, value: float) -> int:
+        """Return 1, 0 or −1."""
+        return (value > 0) - (value < 0)
+
+
+NUMPY, FLOATS = NumPy(np), Floats(math)
 
 DOUBLE = np.dtype(np.float64)
 
@@ -89,14 +201,14 @@ def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Li
         ConfigError: one is no array of numbers, or they belong to different libraries.
     """
     if all(type(value) is np.ndarray and value.dtype is DOUBLE for value in (*given.values(), *parameters)):
-        return np, given
+        return NUMPY, given
     known = [value for value in given.values() if is_array_api_obj(value)]
     try:
-        xp: Library = array_namespace(*known) if known else np
+        module = array_namespace(*known) if known else np
     except TypeError:
         kinds = ", ".join(f"{name}: {type(value).__name__}" for name, value in given.items())
         raise ConfigError(f"arrays of different libraries cannot be mixed: {kinds}") from None
-    xp = np if is_numpy(xp) else Differentiating(xp)
+    xp = NUMPY if is_numpy_namespace(module) else Differentiating(module)
     taken = {name: _as_array(xp, name, value) for name, value in given.items()}
     wide = xp.result_type(*(array.dtype for array in (*taken.values(), *parameters)))
     return xp, {name: array if array.dtype == wide else xp.astype(array, wide) for name, array in taken.items()}
@@ -119,18 +231,13 @@ def as_reals(array: Array) -> Array:
         ValueError: an object in it is no number.
     """
     xp = array_namespace(array)
-    if is_numpy(xp) and array.dtype.kind == "O":
+    if is_numpy_namespace(xp) and array.dtype.kind == "O":
         return array.astype(np.float64)
     if xp.isdtype(array.dtype, ("integral", "bool")):
         return xp.astype(array, xp.float64)
     if not xp.isdtype(array.dtype, "real floating"):
         raise TypeError(f"{array.dtype} are no real numbers")
     return array
-
-
-def is_numpy(xp: Library) -> bool:
-    """Return whether the library is NumPy."""
-    return xp is np or bool(is_numpy_namespace(xp))
 
 
 def component(array: Array, index: int) -> Real:
@@ -146,51 +253,6 @@ def components(array: Array) -> Space:
 def components_or_none(array: Array | None) -> Space | None:
     """Return all three components, or None."""
     return None if array is None else components(array)
-
-
-def select(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
-    """Choose elementwise like `where`, but return an argument itself if it is chosen everywhere.
-
-    That saves a copy, because most conditions are about rare states.
-
-    Args:
-        xp: array library.
-        condition: truth values, (...).
-        yes: values where the condition is true.
-        no: values elsewhere.
-    """
-    if condition is True:
-        return yes
-    if condition is False:
-        return no
-    if isinstance(condition, np.ndarray):
-        count = np.count_nonzero(condition)
-        if count == 0:
-            return no
-        if count == condition.size:
-            return yes
-    elif isinstance(condition, np.bool_):
-        return yes if condition else no
-    return xp.where(condition, yes, no)
-
-
-def choose(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
-    """Choose elementwise like `where`, in the full shape.
-
-    Args:
-        xp: array library.
-        condition: truth values, (...).
-        yes: values where the condition is true.
-        no: values elsewhere.
-    """
-    if isinstance(condition, (np.bool_, bool)):
-        return yes if condition else no
-    return xp.where(condition, yes, no)
-
-
-def quiet(xp: Library) -> AbstractContextManager[object]:
-    """Silence NumPy's warnings about rows that `Reason` reports."""
-    return np.errstate(all="ignore") if is_numpy(xp) else nullcontext()
 
 
 def is_array(value: Real) -> bool:
@@ -229,124 +291,21 @@ def _square(value: Real) -> tuple[Real, Real]:
     return square, ((high * high - square) + 2.0 * high * low) + low * low
 
 
-def half_of_digits(value: Real) -> float:
-    """Return √ε: after a Newton step this small the next is below ε, so none is needed."""
-    if isinstance(value, float):
-        return 2.0**-26
-    xp = np if isinstance(value, np.ndarray) else array_namespace(value)
-    return math.sqrt(xp.finfo(value.dtype).eps)
-
-
 def dot2(a: Plane, b: Plane) -> Real:
     """Scalar product of two plane vectors."""
     return a[0] * b[0] + a[1] * b[1]
 
 
-def norm2(xp: Library, v: Plane) -> Real:
-    """Length of a plane vector."""
-    return xp.sqrt(v[0] * v[0] + v[1] * v[1])
+def dot3(a: Space, b: Space) -> Real:
+    """Scalar product of two vectors in space."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def norm3(xp: Library, vectors: Array) -> Real:
-    """Length of vectors, (..., 3) → (...)."""
-    x, y, z = components(vectors)
-    return xp.sqrt(x * x + y * y + z * z)
+def cross2(a: Plane, b: Plane) -> Real:
+    """Cross product of two plane vectors: positive if b lies to the left of a."""
+    return a[0] * b[1] - a[1] * b[0]
 
 
-def unit2(xp: Library, v: Plane, length: Real) -> Plane:
-    """Direction of a plane vector of known length; the x axis if the length is zero."""
-    some = length > 0
-    if some is True:
-        return v[0] * (1.0 / length), v[1] * (1.0 / length)
-    inverse = 1.0 / select(xp, some, length, 1.0)
-    return select(xp, some, v[0] * inverse, 1.0), v[1] * inverse
-
-
-def select2(xp: Library, condition: Truth, yes: Plane, no: Plane) -> Plane:
-    """Choose between two plane vectors.
-
-    Args:
-        xp: array library.
-        condition: truth values, (...).
-        yes: values where the condition is true.
-        no: values elsewhere.
-    """
-    if condition is True or condition is False:
-        return yes if condition else no
-    return select(xp, condition, yes[0], no[0]), select(xp, condition, yes[1], no[1])
-
-
-def select_all(xp: Library, condition: Truth, yes: Any, no: Any) -> Any:  # noqa: ANN401 - records of numbers
-    """Choose between two records of numbers and vectors elementwise; see `select`."""
-    if not isinstance(yes, tuple):
-        return select(xp, condition, yes, no)
-    parts = [select_all(xp, condition, one, other) for one, other in zip(yes, no, strict=True)]
-    return type(yes)(*parts) if hasattr(yes, "_fields") else tuple(parts)
-
-
-def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[Real], plus: Real = 0.0) -> Array:
-    """Put components together into (*shape, n).
-
-    Args:
-        xp: array library.
-        shape: the leading shape.
-        like: an array with the precision and device of the answer.
-        components: n numbers or arrays that broadcast to the shape.
-        plus: added to each component, (...): 0, or NaN in rows without an answer.
-    """
-    if is_numpy(xp):
-        packed = np.empty((*shape, len(components)), dtype=like.dtype)
-        for index, part in enumerate(components):
-            fill(packed[..., index], part, plus)
-        return packed
-    return xp.stack([spread(xp, shape, like, part + plus) for part in components], axis=-1)
-
-
-def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real, plus: Real = 0.0) -> Array:
-    """Spread a number or an array, `plus` added, over the leading shape, in the precision and place of `like`.
-
-    Args:
-        xp: array library.
-        shape: the leading shape.
-        like: an array with the precision and device of the answer.
-        value: a number, or an array that broadcasts to the shape.
-        plus: added to it, (...): 0, or NaN in rows without an answer.
-    """
-    if is_numpy(xp):
-        filled = np.empty(shape, dtype=like.dtype)
-        fill(filled, value, plus)
-        return filled
-    return xp.broadcast_to(constant(xp, like, value + plus), shape)
-
-
-def fill(place: Array, value: Real, plus: Real) -> None:
-    """Write value + plus to an array, in one pass for a batch."""
-    if place.ndim:
-        np.add(value, plus, out=place, casting="same_kind")
-    else:
-        place[...] = value + plus
-
-
-def codes(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Array:
-    """Spread small integers over the leading shape, on the device of `like`.
-
-    Args:
-        xp: array library.
-        shape: the leading shape.
-        like: an array on the device of the answer.
-        value: an integer of eight bits, or an array of them that broadcasts to the shape.
-    """
-    small = xp.astype(value, xp.int8) if hasattr(value, "dtype") else xp.asarray(value, dtype=xp.int8, **_place(like))
-    return xp.broadcast_to(small, shape)
-
-
-def constant(xp: Library, like: Array, value: Real | Sequence[float]) -> Array:
-    """Return a value as an array in the precision and on the device of `like`; an array stays as it is."""
-    if hasattr(value, "dtype"):
-        return value
-    return xp.asarray(value, dtype=like.dtype, **_place(like))
-
-
-def _place(like: Array) -> dict[str, Any]:
-    """Return the argument that makes a new array on the device of `like`; JAX needs none."""
-    return {} if is_jax_array(like) else {"device": device_of(like)}
+def plus2(a: Plane, factor: Real, b: Plane) -> Plane:
+    """Return a + factor·b."""
+    return a[0] + factor * b[0], a[1] + factor * b[1]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, norm2, select, select2, unit2
+from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth
 from guidance.game.records import is_finite, require
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -69,7 +69,7 @@ class Extent:
     def distance_m(self, target: Sequence[float], place: Sequence[float]) -> float:
         """Return the horizontal distance of a place from the set about a target's position, m; zero inside."""
         offset = (place[0] - target[0], place[1] - target[1])
-        return float(norm2(FLOATS, to_set(FLOATS, self, offset)))
+        return float(FLOATS.norm2(to_set(FLOATS, self, offset)))
 
     def outline_m(self) -> list[tuple[float, float]]:
         """Return points around the set's edge, for pictures: x and y from the target's position; of a point none."""
@@ -130,15 +130,15 @@ def nearest(xp: Library, extent: Extent, place: Plane) -> tuple[Plane, Truth]:
         way_x, way_y = b_x - a_x, b_y - a_y
         x, y = place[0] - a_x, place[1] - a_y
         share = (x * way_x + y * way_y) / (way_x * way_x + way_y * way_y)
-        held = select(xp, share < 0.0, 0.0 * share, select(xp, share > 1.0, 0.0 * share + 1.0, share))
+        held = xp.select(share < 0.0, 0.0 * share, xp.select(share > 1.0, 0.0 * share + 1.0, share))
         foot = (a_x + held * way_x, a_y + held * way_y)
         apart = (place[0] - foot[0]) * (place[0] - foot[0]) + (place[1] - foot[1]) * (place[1] - foot[1])
         closer = apart < least
         within = (share > 0.0) & (share < 1.0)
-        flat = select(xp, closer, within, flat)
-        found, least = select2(xp, closer, foot, found), select(xp, closer, apart, least)
+        flat = xp.select(closer, within, flat)
+        found, least = xp.select2(closer, foot, found), xp.select(closer, apart, least)
         inside = inside & (way_x * y - way_y * x >= 0.0)
-    return select2(xp, inside, place, found), flat
+    return xp.select2(inside, place, found), flat
 
 
 def from_set(centre: Plane, offset: Plane) -> Plane:
@@ -154,9 +154,9 @@ def to_set(xp: Library, extent: Extent, place: Plane) -> Plane:
     way = (x - place[0], y - place[1])
     if extent.radius_m == 0.0:
         return way
-    length = norm2(xp, way)
+    length = xp.norm2(way)
     outside = length > extent.radius_m
-    share = select(xp, outside, 1.0 - extent.radius_m / select(xp, outside, length, 1.0), 0.0 * length)
+    share = xp.select(outside, 1.0 - extent.radius_m / xp.select(outside, length, 1.0), 0.0 * length)
     return share * way[0], share * way[1]
 
 
@@ -174,7 +174,7 @@ def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane],
         value: of points from the target's position.
     """
     way = to_set(xp, extent, place)
-    ahead = unit2(xp, way, norm2(xp, way))
+    ahead = xp.unit2(way, xp.norm2(way))
     corners = [_along(ahead, (x - place[0], y - place[1])) for x, y in extent.corners_m]
     low, high = _slopes(xp, extent.radius_m, corners)
 
@@ -192,22 +192,22 @@ def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane],
     for number in range(1, RAYS + 1):
         reached = value(entered(low + number * step))
         closer = reached < lowest
-        middle, lowest = select(xp, closer, low + number * step, middle), select(xp, closer, reached, lowest)
+        middle, lowest = xp.select(closer, low + number * step, middle), xp.select(closer, reached, lowest)
     before, after = middle - step, middle + step
-    low, high = select(xp, before > low, before, low), select(xp, after < high, after, high)
+    low, high = xp.select(before > low, before, low), xp.select(after < high, after, high)
     left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     at_left, at_right = value(entered(left)), value(entered(right))
     for _ in range(SEARCHED):
         falls = at_right < at_left
-        low, high = select(xp, falls, left, low), select(xp, falls, high, right)
-        new = select(xp, falls, low + GOLDEN * (high - low), high - GOLDEN * (high - low))
+        low, high = xp.select(falls, left, low), xp.select(falls, high, right)
+        new = xp.select(falls, low + GOLDEN * (high - low), high - GOLDEN * (high - low))
         at_new = value(entered(new))
-        left, right = select(xp, falls, right, new), select(xp, falls, new, left)
-        at_left, at_right = select(xp, falls, at_right, at_new), select(xp, falls, at_new, at_left)
+        left, right = xp.select(falls, right, new), xp.select(falls, new, left)
+        at_left, at_right = xp.select(falls, at_right, at_new), xp.select(falls, at_new, at_left)
     for point in (entered(left), *tried):
         reached = value(point)
         closer = reached < least
-        best, least = select2(xp, closer, point, best), select(xp, closer, reached, least)
+        best, least = xp.select2(closer, point, best), xp.select(closer, reached, least)
     return best
 
 
@@ -221,9 +221,9 @@ def _slopes(xp: Library, radius: float, corners: list[Plane]) -> tuple[Real, Rea
     low, high = math.inf, -math.inf
     for x, y in corners:
         spread, square = radius * xp.sqrt(xp.maximum(x * x + y * y - radius * radius, 0.0)), x * x - radius * radius
-        square = select(xp, square > 0.0, square, 1.0)
+        square = xp.select(square > 0.0, square, 1.0)
         right, left = (x * y - spread) / square, (x * y + spread) / square
-        low, high = select(xp, right < low, right, low), select(xp, left > high, left, high)
+        low, high = xp.select(right < low, right, low), xp.select(left > high, left, high)
     return low, high
 
 
@@ -231,21 +231,21 @@ def _entry(xp: Library, radius: float, corners: list[Plane], slope: Real) -> Rea
     """Return how far along a ray (1, slope) enters a set; its farthest end if it misses the set by rounding."""
     found: Real = -math.inf
     for x, _ in corners:
-        found = select(xp, x + radius > found, x + radius, found)
+        found = xp.select(x + radius > found, x + radius, found)
     scale = 1.0 / (1.0 + slope * slope)
     for (x, y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
         if radius > 0.0:
             foot = (x + slope * y) * scale
             rest = foot * foot - (x * x + y * y - radius * radius) * scale
             met = foot - xp.sqrt(xp.maximum(rest, 0.0))
-            found = select(xp, (rest >= 0.0) & (met < found), met, found)
+            found = xp.select((rest >= 0.0) & (met < found), met, found)
         if len(corners) > 1:
             way_x, way_y = end_x - x, end_y - y
             out = radius / xp.sqrt(way_x * way_x + way_y * way_y)
             begin_x, begin_y = x + out * way_y, y - out * way_x
             turn = way_y - slope * way_x
             some = turn != 0.0
-            turn = select(xp, some, turn, 1.0)
+            turn = xp.select(some, turn, 1.0)
             met, share = (begin_x * way_y - begin_y * way_x) / turn, (begin_x * slope - begin_y) / turn
-            found = select(xp, some & (share >= 0.0) & (share <= 1.0) & (met < found), met, found)
+            found = xp.select(some & (share >= 0.0) & (share <= 1.0) & (met < found), met, found)
     return found

@@ -7,10 +7,10 @@ arrays. Two games are equal if their numbers are, whatever type they were given 
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
+from typing import Literal, TypeAlias, TypeVar
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Plane, Real, Rows, is_array, less_length, pair_length
+from guidance.game.arrays import Plane, Real, is_array, less_length, pair_length
 from guidance.game.extent import POINT, Extent
 from guidance.game.records import (
     is_zero,
@@ -40,10 +40,6 @@ class Ball:
     __eq__ = same_record
     __hash__ = record_hash
 
-    if TYPE_CHECKING:
-
-        def __init__(self, speed_m_s: float | Rows) -> None: ...
-
     def __post_init__(self) -> None:
         take_fields(self)
 
@@ -69,12 +65,6 @@ class Cylinder:
     descent_m_s: Real
     __eq__ = same_record
     __hash__ = record_hash
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, horizontal_m_s: float | Rows, climb_m_s: float | Rows, descent_m_s: float | Rows
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         take_fields(self)
@@ -145,10 +135,6 @@ class StandOff:
     height_m: Real = 0.0
     __eq__ = same_record
     __hash__ = record_hash
-
-    if TYPE_CHECKING:
-
-        def __init__(self, radius_m: float | Rows = 0.0, height_m: float | Rows = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         take_fields(self, zero_allowed=True)

@@ -14,16 +14,7 @@ lies less than 90° off that direction (‖X − E‖ ≤ 2 n·(T − E)), so |s
 
 from typing import NamedTuple
 
-from guidance.game.arrays import (
-    Library,
-    Plane,
-    Real,
-    Truth,
-    dot2,
-    norm2,
-    select,
-    unit2,
-)
+from guidance.game.arrays import Library, Plane, Real, Truth, dot2
 from guidance.game.extent import Extent, from_set, nearest
 from guidance.game.game import STILL, Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import Geometry, ball_time
@@ -125,7 +116,7 @@ def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plan
         extent=game.target_extent,
         wind=None if game.calm else game.wind_m_s,
         drift=None if game.target_velocity_m_s == STILL else game.target_velocity_m_s,
-        ahead=unit2(xp, goal, norm2(xp, goal)),
+        ahead=xp.unit2(goal, xp.norm2(goal)),
         met_s=met_s,
         met_m=met_m,
     )
@@ -157,20 +148,20 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     if held:
         at = _after(hunt, air, hunt.met_s, whole)
         inside = dot2(at, at) <= hunt.met_m * hunt.met_m
-        t, delta = select(xp, inside, hunt.met_s, t), select(xp, inside, float("inf"), delta)
+        t, delta = xp.select(inside, hunt.met_s, t), xp.select(inside, float("inf"), delta)
     if flat:
         flown, bent, to = _after(hunt, air, t, y), 0.0, aim.disc
     else:
         whole = _after(hunt, air, t, whole)
-        far = norm2(xp, whole)
+        far = xp.norm2(whole)
         some = far > 0
-        inverse = 1.0 / select(xp, some, far, 1.0)
-        disc, bent = (select(xp, some, whole[0] * inverse, 1.0), whole[1] * inverse), hunt.radius * inverse
+        inverse = 1.0 / xp.select(some, far, 1.0)
+        disc, bent = (xp.select(some, whole[0] * inverse, 1.0), whole[1] * inverse), hunt.radius * inverse
         free = far - hunt.radius
         flown = (free * disc[0], free * disc[1])
         to = in_plane(n, disc)
         slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, air, flown)
-        delta = select(xp, delta < float("inf"), slower, delta) if held else slower
+        delta = xp.select(delta < float("inf"), slower, delta) if held else slower
     rho = v * t + hunt.lag
     left, flat_edge = left_over(xp, hunt, n, rho, t)
     return Way(n, t, rho, left, flat_edge, air, flown, disc, to, bent, hand, delta)
@@ -246,7 +237,7 @@ def turned(aim: Aim, way: Way, turn: Real) -> Aim:
 
 def bounded(xp: Library, s: Real) -> Real:
     """Keep a heading within 90° of straight ahead."""
-    return select(xp, s > 1.0, 1.0, select(xp, s < -1.0, -1.0, s))
+    return xp.select(s > 1.0, 1.0, xp.select(s < -1.0, -1.0, s))
 
 
 def across(v: Plane, n: Plane) -> Real:

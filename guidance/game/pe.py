@@ -32,20 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import (
-    FLOATS,
-    Library,
-    Plane,
-    Real,
-    Space,
-    Truth,
-    dot2,
-    half_of_digits,
-    norm2,
-    select,
-    select2,
-    unit2,
-)
+from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, Truth, dot2
 from guidance.game.extent import to_set
 from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.records import is_zero
@@ -138,14 +125,14 @@ def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real
     above = (abs(z) - capture) / u
     half, cross = run * gap - u * capture, u * gap - run * capture
     t = _positive_root(xp, hand, half, xp.sqrt(hand * (z * z) + cross * cross), gap * gap + z * z - capture * capture)
-    return xp.maximum(select(xp, gap + run * above > 0, t, above), 0.0)
+    return xp.maximum(xp.select(gap + run * above > 0, t, above), 0.0)
 
 
 def _positive_root(xp: Library, hand: Real, half: Real, delta: Real, beyond: Real) -> Real:
     """Solve hand·t² − 2 half·t − beyond = 0, `delta` being √(half² + hand·beyond), by the form that does not cancel."""
     kept = half >= 0
-    other = select(xp, kept, 1.0, delta - half)
-    return select(xp, kept, (half + delta) / hand, beyond / other)
+    other = xp.select(kept, 1.0, delta - half)
+    return xp.select(kept, (half + delta) / hand, beyond / other)
 
 
 def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:
@@ -162,7 +149,7 @@ def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:
 
 def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Real:
     """Return the vertical speed towards the disc: descent from above, climb from below."""
-    return select(xp, z > 0, pursuer.descent_m_s, pursuer.climb_m_s)
+    return xp.select(z > 0, pursuer.descent_m_s, pursuer.climb_m_s)
 
 
 def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Real]) -> tuple[Real, Plane, Real]:
@@ -179,16 +166,16 @@ def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Real]) -> tu
 
     def towards(t: Real) -> tuple[Plane, Real]:
         then = (y[0] + m[0] * t, y[1] + m[1] * t)
-        distance = norm2(xp, then)
-        return unit2(xp, then, distance), distance
+        distance = xp.norm2(then)
+        return xp.unit2(then, distance), distance
 
-    t = cover(unit2(xp, y, norm2(xp, y)))
+    t = cover(xp.unit2(y, xp.norm2(y)))
     done: Truth = False
     for _ in range(NEWTON_STEPS - 1):
         further = cover(towards(t)[0])
-        if xp is np or xp is FLOATS:
-            further = select(xp, done, t, further)
-            done = done | (further - t <= half_of_digits(further) * further)
+        if not xp.differentiates:
+            further = xp.select(done, t, further)
+            done = done | (further - t <= xp.half_of_digits(further) * further)
         t = further
         if done is True or (done is not False and done.all()):
             break
@@ -206,7 +193,7 @@ def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Re
         m: the evader's velocity less the wind, m/s.
         z: height of the pursuer above the disc, m, of either sign.
     """
-    pace = norm2(xp, m)
+    pace = xp.norm2(m)
     return ball_time(xp, (u - pace) * (u + pace), dot2(y, m) - u * capture, dot2(y, y) + z * z - capture * capture)[0]
 
 
@@ -222,13 +209,13 @@ def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Real, 
         beyond: squared distance less squared reach now, m².
     """
     inside, kept = beyond <= 0, half >= 0
-    out = select(xp, inside, 0.0, beyond)
+    out = xp.select(inside, 0.0, beyond)
     delta = xp.sqrt(half * half + hand * out)
     # Libraries that differentiate take the derivative of |half| at zero for zero.
-    size = abs(half) if xp is np or xp is FLOATS else select(xp, kept, half, -half)
+    size = abs(half) if not xp.differentiates else xp.select(kept, half, -half)
     both = size + delta
-    t = select(xp, kept, both, out) / select(xp, kept, hand, both)
-    return select(xp, inside, 0.0 * t, t), delta
+    t = xp.select(kept, both, out) / xp.select(kept, hand, both)
+    return xp.select(inside, 0.0 * t, t), delta
 
 
 def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold: Plane) -> Space:
@@ -246,17 +233,17 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
     wind = game.wind_m_s
     y = to if game.calm else (to[0] - wind[0] * t, to[1] - wind[1] * t)
     if isinstance(game.pursuer, Cylinder):
-        ahead, pace = unit2(xp, y, xp.sqrt(y[0] * y[0] + y[1] * y[1])), game.pursuer.horizontal_m_s
+        ahead, pace = xp.unit2(y, xp.sqrt(y[0] * y[0] + y[1] * y[1])), game.pursuer.horizontal_m_s
         air = (pace * ahead[0], pace * ahead[1])
-        vertical = select(xp, z > 0, -game.pursuer.descent_m_s, game.pursuer.climb_m_s)
+        vertical = xp.select(z > 0, -game.pursuer.descent_m_s, game.pursuer.climb_m_s)
     else:
         air, vertical = _aim(xp, game, game.pursuer, y, z)
     flown = air if game.calm else (air[0] + wind[0], air[1] + wind[1])
     if isinstance(game.pursuer, Ball):
         met = t <= 0
-        return *select2(xp, met, hold, flown), select(xp, met, 0.0, vertical)
+        return *xp.select2(met, hold, flown), xp.select(met, 0.0, vertical)
     over = abs(z) - game.capture_radius_m
-    return *select2(xp, gap > TOUCH_M, flown, hold), select(xp, over > TOUCH_M, vertical, 0.0)
+    return *xp.select2(gap > TOUCH_M, flown, hold), xp.select(over > TOUCH_M, vertical, 0.0)
 
 
 def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Plane, Real]:
@@ -265,11 +252,11 @@ def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Pla
     if is_zero(radius):
         square = dot2(y, y)
     else:
-        length = norm2(xp, y)
+        length = xp.norm2(y)
         reach = xp.maximum(length - radius, 0.0)
-        square, share = reach * reach, reach / select(xp, length > 0, length, 1.0)
+        square, share = reach * reach, reach / xp.select(length > 0, length, 1.0)
     distance = xp.sqrt(square + z * z)
-    rate = pursuer.speed_m_s / select(xp, distance > 0, distance, 1.0)
+    rate = pursuer.speed_m_s / xp.select(distance > 0, distance, 1.0)
     pace = rate if share is None else rate * share
     return (pace * y[0], pace * y[1]), -z * rate
 
@@ -278,10 +265,10 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     """StateSolution PE; see `solve` for the meaning of the answer."""
     v, age = game.evader_speed_m_s, game.information_age_s
     t, direction, distance = escape(xp, game, state)
-    gap = (distance if game.calm else norm2(xp, state.to_evader)) + (v * age - game.standoff.radius_m)
+    gap = (distance if game.calm else xp.norm2(state.to_evader)) + (v * age - game.standoff.radius_m)
     free = distance <= 0
     if free is not False and state.seen is not None:
-        direction = select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction)
+        direction = xp.select2(free, xp.unit2(state.seen, xp.norm2(state.seen)), direction)
     run = v * (t + age)
     dash = (run * direction[0], run * direction[1])
     if isinstance(game.pursuer, Cylinder):
@@ -289,7 +276,7 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
     flown = steer(xp, game, to, gap, t, state.z, state.hold)
     reason: Real = int(Reason.SOLVED)
-    if free is not False and (xp is not np or np.any(free)):
+    if free is not False and (xp is not NUMPY or np.any(free)):
         flown, reason = _overhead(xp, game, state, free & (t > 0) & (gap + v * t > 0), flown)
     return StateSolution(
         winner=int(Winner.PURSUER),
@@ -299,7 +286,7 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
         meeting_time_s=t,
         pursuer_velocity_m_s=flown,
         evader_velocity_m_s=(v * direction[0], v * direction[1], 0.0),
-        reason=select(xp, t > 0, reason, int(Reason.CAPTURED)),
+        reason=xp.select(t > 0, reason, int(Reason.CAPTURED)),
     )
 
 
@@ -308,9 +295,9 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
     v = game.evader_speed_m_s
     lead = v * game.information_age_s - game.standoff.radius_m
     if game.calm:
-        distance = norm2(xp, state.to_evader)
+        distance = xp.norm2(state.to_evader)
         t = cover_time(xp, game, distance + lead, game.pursuer.horizontal_m_s - v, state.z)
-        return t, unit2(xp, state.to_evader, distance), distance
+        return t, xp.unit2(state.to_evader, distance), distance
     wind, least = game.wind_m_s, speed_in_hand(game)
 
     def cover(n: Plane) -> Real:
@@ -321,12 +308,12 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
 
 def _overhead(xp: Library, game: Game, state: Geometry, above: Truth, flown: Space) -> tuple[Space, Real]:
     """Above the evader a Ball copies its velocity, and uses the rest of its speed vertically."""
-    reason = select(xp, above, int(Reason.OVERHEAD), int(Reason.SOLVED))
+    reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
     if isinstance(game.pursuer, Cylinder):
         return flown, reason
     rest = game.pursuer.speed_m_s
     if state.seen is not None:
         rest = xp.sqrt(rest * rest - dot2(state.seen, state.seen))
     copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
-    vertical = select(xp, state.z > 0, -rest, select(xp, state.z < 0, rest, 0.0))
-    return (*select2(xp, above, copied, (flown[0], flown[1])), select(xp, above, vertical, flown[2])), reason
+    vertical = xp.select(state.z > 0, -rest, xp.select(state.z < 0, rest, 0.0))
+    return (*xp.select2(above, copied, (flown[0], flown[1])), xp.select(above, vertical, flown[2])), reason

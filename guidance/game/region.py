@@ -13,20 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import (
-    FLOATS,
-    Array,
-    Library,
-    Plane,
-    Real,
-    Truth,
-    dot2,
-    half_of_digits,
-    norm2,
-    select,
-    select2,
-    unit2,
-)
+from guidance.game.arrays import Array, Library, Plane, Real, Truth, dot2
 from guidance.game.game import STILL, Game
 from guidance.game.headings import Aim, Hunt, Way, across, aimed_at, bounded, follow, hunt_for, in_plane, judge, turned
 from guidance.game.pe import Geometry
@@ -100,30 +87,30 @@ def closest_point(xp: Library, game: Game, state: Geometry, target: Plane, goal:
 def _closest(xp: Library, hunt: Hunt) -> Closest:
     """Find it, by Newton's method unless the pursuer's height alone ends the run."""
     met, _ = aimed_at(xp, hunt, hunt.met_s, HERE)
-    far = norm2(xp, met)
-    straight = unit2(xp, met, far)
+    far = xp.norm2(met)
+    straight = xp.unit2(met, far)
     rho = hunt.v * hunt.met_s + hunt.lag
     y = _plus(hunt.to_evader, rho, straight)
     if hunt.wind is not None:
         y = _plus(y, -hunt.met_s, hunt.wind)
     within = dot2(y, y) <= hunt.met_m * hunt.met_m
-    if not (xp is np or xp is FLOATS):
+    if xp.differentiates:
         # Rows within do not use the search; a state with finite derivatives replaces theirs.
         beyond = hunt.met_m + hunt.lag + hunt.v * hunt.met_s + 1.0
-        hunt = hunt._replace(to_evader=select2(xp, within, (beyond, 0.0 * beyond), hunt.to_evader))
+        hunt = hunt._replace(to_evader=xp.select2(within, (beyond, 0.0 * beyond), hunt.to_evader))
     way = follow(xp, hunt, _search(xp, hunt, within))
     run = (way.rho * way.n[0], way.rho * way.n[1])
     return Closest(
-        select2(xp, within, (rho * straight[0], rho * straight[1]), run),
-        select(xp, within, hunt.met_s, way.t),
-        select(xp, within, abs(far - rho), norm2(xp, way.left)),
+        xp.select2(within, (rho * straight[0], rho * straight[1]), run),
+        xp.select(within, hunt.met_s, way.t),
+        xp.select(within, abs(far - rho), xp.norm2(way.left)),
     )
 
 
 def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
     """Return the heading that ends closest to the target, for the rows that are not `within`."""
     start = _touch(xp, hunt)
-    if not (xp is np or xp is FLOATS):
+    if xp.differentiates:
         return _bracket(xp, hunt, start, TRACED_STEPS)
     steps = 1 if _is_bare(hunt) else STEPS
     aim, there = _newton(xp, hunt, start, within, steps, NEWTON_STEPS)
@@ -144,7 +131,7 @@ def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: i
         way = follow(xp, hunt, aim)
         turn, _, sound = judge(hunt, way)
         aim = turned(aim, way, turn)
-    there = there | (sound & (abs(turn) <= half_of_digits(turn)))
+    there = there | (sound & (abs(turn) <= xp.half_of_digits(turn)))
     one = not isinstance(there, np.ndarray)
     if steps == most or (there if one else there.all()):
         return aim, there
@@ -172,13 +159,13 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     hand = (hunt.u - hunt.v) * (hunt.u + hunt.v)
     to_target, _ = aimed_at(xp, hunt, 0.0, HERE)
     end = (hunt.to_evader[0] + to_target[0], hunt.to_evader[1] + to_target[1])
-    disc = unit2(xp, end, norm2(xp, end))
+    disc = xp.unit2(end, xp.norm2(end))
     if _is_bare(hunt):
         away, goal, height = _times(hand, hunt.to_evader), _times(hand, to_target), hand * hunt.z2
         for _ in range(ROUNDS):
             run = _circle(xp, hunt, _plus(hunt.to_evader, -hunt.radius, disc), height, goal)
             end = (run[0] + away[0], run[1] + away[1])
-            disc = unit2(xp, end, norm2(xp, end))
+            disc = xp.unit2(end, xp.norm2(end))
         return Aim(_half_angle(xp, hunt, run), disc)
     way = follow(xp, hunt, Aim(0.0 * end[0], disc))
     e0, z2 = _virtual(xp, hunt, way)
@@ -193,7 +180,7 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     end = _plus(run, hand, hunt.to_evader)
     if hunt.wind is not None:
         end = _plus(end, -hand * way.t, hunt.wind)
-    return Aim(s, unit2(xp, end, norm2(xp, end)))
+    return Aim(s, xp.unit2(end, xp.norm2(end)))
 
 
 def _circle(xp: Library, hunt: Hunt, to_evader: Plane, height: Real, goal: Plane) -> Plane:
@@ -205,14 +192,14 @@ def _circle(xp: Library, hunt: Hunt, to_evader: Plane, height: Real, goal: Plane
     centre = _times(v * v, to_evader)
     back = (centre[0] - goal[0], centre[1] - goal[1])
     span = v * xp.sqrt(height + (u * u) * dot2(to_evader, to_evader))
-    length = norm2(xp, back)
-    return _plus(centre, -span / select(xp, length > 0, length, 1.0), back)
+    length = xp.norm2(back)
+    return _plus(centre, -span / xp.select(length > 0, length, 1.0), back)
 
 
 def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
     """Return the heading of a run, at most 90° from straight ahead."""
-    over = norm2(xp, run) + dot2(run, hunt.ahead)
-    return bounded(xp, across(run, hunt.ahead) / select(xp, over > 0, over, 1.0))
+    over = xp.norm2(run) + dot2(run, hunt.ahead)
+    return bounded(xp, across(run, hunt.ahead) / xp.select(over > 0, over, 1.0))
 
 
 def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
@@ -221,9 +208,9 @@ def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
     if not is_zero(hunt.radius):
         e0 = _plus(e0, -hunt.radius, way.to)
     if not is_zero(hunt.capture):
-        near = norm2(xp, way.flown)
+        near = xp.norm2(way.flown)
         distance = xp.sqrt(near * near + z2)
-        share = hunt.capture / select(xp, distance > 0, distance, 1.0)
+        share = hunt.capture / xp.select(distance > 0, distance, 1.0)
         e0, z2 = _plus(e0, -share, in_plane(way.n, way.flown)), ((1.0 - share) * (1.0 - share)) * z2
     return e0 if hunt.wind is None else _plus(e0, -way.t, hunt.wind), z2
 
@@ -239,20 +226,20 @@ def _plus(a: Plane, factor: Real, b: Plane) -> Plane:
 
 def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
     """Find the heading by Newton's method in a bracket, with bisection if a step would leave it."""
-    aim, before, done, ends = start, 2.0, start.s != start.s, xp is np or xp is FLOATS
+    aim, before, done, ends = start, 2.0, start.s != start.s, not xp.differentiates
     low, high = 0.0 * start.s - 1.0, 0.0 * start.s + 1.0
     for _ in range(steps):
         _, way = _settled(xp, hunt, aim, DISC_STEPS if ends else 2)
         turn, slope, sound = judge(hunt, way)
         done = done | (sound & (slope == 0))
         falls = slope < 0
-        low, high = select(xp, falls, aim.s, low), select(xp, falls, high, aim.s)
+        low, high = xp.select(falls, aim.s, low), xp.select(falls, high, aim.s)
         new = aim.s + 0.5 * turn * (1.0 + aim.s * aim.s)
-        near = sound & (abs(turn) <= half_of_digits(turn))
+        near = sound & (abs(turn) <= xp.half_of_digits(turn))
         taken = near | (sound & (new > low) & (new < high) & (abs(new - aim.s) <= 0.5 * before))
-        new = select(xp, done, aim.s, select(xp, taken, new, 0.5 * (low + high)))
+        new = xp.select(done, aim.s, xp.select(taken, new, 0.5 * (low + high)))
         before = abs(new - aim.s)
-        aim = Aim(new, select2(xp, done, aim.disc, way.to))
+        aim = Aim(new, xp.select2(done, aim.disc, way.to))
         done = done | near
         if ends and np.all(done):
             break

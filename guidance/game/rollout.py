@@ -9,38 +9,22 @@ Runge-Kutta step of fourth order follows the curve of a pure pursuit.
 ‖P − E‖ < 0.01 m, time counted in samples (one more than the steps), the final distance read at the pursuer.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
+
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import (
-    Array,
-    Library,
-    choose,
-    component,
-    components,
-    constant,
-    norm2,
-    norm3,
-    quiet,
-    select,
-    spread,
-    vectors,
-)
+from guidance.game.arrays import Array, Library, component, components, vectors
 from guidance.game.game import Ball, Game, wind_speed
 from guidance.game.pe import TOUCH_M, take_apart, to_target, vertical_speed
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.records import is_zero, require
 from guidance.game.rows import leading_shape
 from guidance.game.solution import solve
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 SHARE = {1: 1.0, 4: 0.5}
 """Longest step as a share of the least time to the end, by order; Runge-Kutta must not look past the end."""
@@ -167,16 +151,16 @@ def rollout(
     P, E, T = given["pursuer"], given["evader"], given.get("target")
     shape = leading_shape(game, given)
     velocities = _velocities(game, pursuer_policy, evader_policy)
-    zero = spread(xp, shape, P, 0.0)
+    zero = xp.pack(shape, P, 0.0)
     start = Sample(
         zero,
         P + zero[..., None],
         E + zero[..., None],
         None if T is None else T + zero[..., None],
-        choose(xp, zero == 0, int(End.RUNNING), int(End.NO_ANSWER)),
+        xp.where(zero == 0, int(End.RUNNING), int(End.NO_ANSWER)),
     )
     path = []
-    with quiet(xp):
+    with xp.quiet():
         samples = (
             _exact_samples(xp, game, start, velocities, stepping, duration_s)
             if isinstance(stepping, Exact)
@@ -239,19 +223,19 @@ def _exact_samples(
             return
         h = duration_s - sample.time_s
         for limit in (share * ahead.capture_s, share * ahead.arrival_s, ahead.turn_s):
-            h = choose(xp, limit < h, limit, h)
-        h = choose(xp, running, choose(xp, h < stepping.step_s, h, stepping.step_s), 0.0)
+            h = xp.where(limit < h, limit, h)
+        h = xp.where(running, xp.where(h < stepping.step_s, h, stepping.step_s), 0.0)
         sample, seen = _advance(xp, game, sample, velocities, h, seen, stepping.order)
-    yield sample._replace(end=choose(xp, sample.end == End.RUNNING, int(End.TIME_UP), sample.end))
+    yield sample._replace(end=xp.where(sample.end == End.RUNNING, int(End.TIME_UP), sample.end))
 
 
 def _judge(xp: Library, sample: Sample, capture_s: Array, arrival_s: Array, duration_s: float) -> Array:
     """Return the end of each game; capture counts before arrival at the same instant."""
-    now = choose(xp, sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
-    now = choose(xp, arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
-    now = choose(xp, capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
-    now = choose(xp, capture_s - capture_s == 0, now, int(End.NO_ANSWER))
-    return choose(xp, sample.end == End.RUNNING, now, sample.end)
+    now = xp.where(sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
+    now = xp.where(arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
+    now = xp.where(capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
+    now = xp.where(capture_s - capture_s == 0, now, int(End.NO_ANSWER))
+    return xp.where(sample.end == End.RUNNING, now, sample.end)
 
 
 def _published_samples(
@@ -263,16 +247,16 @@ def _published_samples(
     index = 0
     while True:
         index += 1
-        near = norm3(xp, sample.pursuer_m - sample.evader_m) < stepping.capture_m
-        now = choose(xp, near, int(End.CAPTURED), int(End.TIME_UP if index >= count else End.RUNNING))
+        near = xp.norm3(components(sample.pursuer_m - sample.evader_m)) < stepping.capture_m
+        now = xp.where(near, int(End.CAPTURED), int(End.TIME_UP if index >= count else End.RUNNING))
         running = sample.end == End.RUNNING
-        time = choose(xp, running, index * stepping.step_s, sample.time_s)
-        sample = sample._replace(end=choose(xp, running, now, sample.end), time_s=time)
+        time = xp.where(running, index * stepping.step_s, sample.time_s)
+        sample = sample._replace(end=xp.where(running, now, sample.end), time_s=time)
         yield sample
         running = sample.end == End.RUNNING
         if not bool(xp.any(running)):
             return
-        h = choose(xp, running, stepping.step_s, 0.0)
+        h = xp.where(running, stepping.step_s, 0.0)
         sample, seen = _advance(xp, game, sample, velocities, h, seen, 1)
 
 
@@ -280,7 +264,7 @@ def _advance(
     xp: Library, game: Game, sample: Sample, velocities: Velocities, h: Array, seen: Array, order: int
 ) -> tuple[Sample, Array]:
     """Advance every game by its own h; return also the evader's velocity."""
-    drift = constant(xp, sample.pursuer_m, (*game.target_velocity_m_s, 0.0))
+    drift = xp.constant(sample.pursuer_m, (*game.target_velocity_m_s, 0.0))
     step = h[..., None] if hasattr(h, "shape") else h
     P, E, T = sample.pursuer_m, sample.evader_m, sample.target_m
 
@@ -333,16 +317,16 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
     state = take_apart(xp, game, components(pursuer), components(evader), None)
     closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + wind_speed(game)
     capture, turn = game.capture_radius_m, math.inf
-    beside = norm2(xp, state.to_evader) - game.standoff.radius_m
+    beside = xp.norm2(state.to_evader) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
-        ahead = xp.maximum(norm2(xp, (xp.maximum(beside, 0.0), state.z)) - capture, 0.0) / closing
+        ahead = xp.maximum(xp.norm2((xp.maximum(beside, 0.0), state.z)) - capture, 0.0) / closing
     else:
         met = capture + 2.0 * TOUCH_M
         above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
         ahead = xp.maximum(xp.maximum((beside - met) / closing, above), 0.0)
         over = abs(state.z) - capture
         inside = (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z)
-        turn = select(xp, over > TOUCH_M, inside, math.inf)
+        turn = xp.select(over > TOUCH_M, inside, math.inf)
     if target is None:
         return Ahead(ahead, math.inf, turn)
     x, y, z = to_target(xp, game, components(evader), components(target))

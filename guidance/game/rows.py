@@ -1,11 +1,12 @@
 """Rows of a batch: their shape, the game of some rows, and which rows are refused."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, components, select
+from guidance.game.arrays import Array, Library, Real, Space, components, vectors
 from guidance.game.game import Game, Reason, parameters, speed_in_hand
 from guidance.game.records import rows_of
 
@@ -34,6 +35,19 @@ def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
         return np.broadcast_shapes(*different)
     except ValueError:
         raise ConfigError(f"the leading shapes do not fit each other: {shapes}") from None
+
+
+def vector_of(kernel: Callable[..., Space], game: Game, given: Mapping[str, ArrayLike | None]) -> Array:
+    """Return the vector, (..., 3), that a kernel computes from the components of named vectors; None stays None.
+
+    Raises:
+        ConfigError: one is no array (..., 3) of numbers, or the shapes do not fit each other.
+    """
+    xp, arrays = vectors({name: value for name, value in given.items() if value is not None})
+    shape = leading_shape(game, arrays)
+    with xp.quiet():
+        parts = (components(arrays[name]) if name in arrays else None for name in given)
+        return xp.pack(shape, next(iter(arrays.values())), kernel(xp, game, *parts))
 
 
 def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
@@ -70,12 +84,12 @@ def refused_rows(xp: Library, game: Game, fault: Real) -> Real:
         game: with parameters that are arrays.
         fault: 0, or another reason why a row has no answer.
     """
-    fault = select(xp, speed_in_hand(game) > 0, fault, int(Reason.PURSUER_TOO_SLOW))
+    fault = xp.select(speed_in_hand(game) > 0, fault, int(Reason.PURSUER_TOO_SLOW))
     for name, value in parameters(game).items():
         allowed = value - value == 0
         if name not in SIGNED:
             allowed = allowed & (value >= 0 if name in ZERO_ALLOWED else value > 0)
-        fault = select(xp, allowed, fault, int(Reason.OUT_OF_RANGE))
+        fault = xp.select(allowed, fault, int(Reason.OUT_OF_RANGE))
     return fault
 
 

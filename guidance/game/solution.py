@@ -4,34 +4,27 @@ Large batches are solved in chunks that fit into the processor's cache, five tim
 state is solved with Python's floats. The answers are the same to the bit.
 """
 
-from __future__ import annotations
-
 import math
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from array_api_compat import is_jax_array
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.apollonius import play_in_space
 from guidance.game.arrays import (
     FLOATS,
+    NUMPY,
     Array,
     Library,
     Real,
     Space,
     Truth,
-    codes,
     components,
     components_or_none,
-    fill,
     is_array,
-    is_numpy,
-    pack,
-    quiet,
-    select,
-    spread,
     vectors,
 )
 from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
@@ -39,9 +32,6 @@ from guidance.game.pe import StateSolution, pursuit, take_apart
 from guidance.game.records import is_finite
 from guidance.game.rows import for_rows, leading_shape, most_squares, refused_rows, simplified, squares
 from guidance.game.tad import defence
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 NAN = float("nan")
 NAMES = ("pursuer", "evader", "target", "evader_velocity_m_s")
@@ -124,7 +114,7 @@ def solve(
     shape = leading_shape(game, given)
     if out is not None and out.value.shape != shape:
         raise ConfigError(f"out: its leading shape is {tuple(out.value.shape)}; must be that of the states, {shape}")
-    if not is_numpy(xp):
+    if xp is not NUMPY:
         return _solve(xp, game, shape, given, None)
     if shape == ():
         return _solve_one(game, given, out)
@@ -133,7 +123,7 @@ def solve(
 
 def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
     """Solve in one piece."""
-    with quiet(xp):
+    with xp.quiet():
         P, E, T, seen = (given.get(name) for name in NAMES)
         play = _play(xp, game, components(P), components(E), components_or_none(T), components_or_none(seen))
         fault = _fault(xp, game, given, play)
@@ -145,7 +135,7 @@ def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Arr
 def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Solution:
     """Solve a single state with floats, in a tenth of the time."""
     if given["pursuer"].dtype != np.float64:
-        return _solve(np, game, (), given, out)
+        return _solve(NUMPY, game, (), given, out)
     places: dict[str, Any] = {name: tuple(value.tolist()) for name, value in given.items()}
     answer = solve_state(game, **places)
     _refuse(answer.reason, given)
@@ -201,7 +191,7 @@ def solve_state(
 def _row_of_one(game: Game, known: tuple[Place | None, ...]) -> StateSolution:
     """Solve a single state as a batch of one."""
     given = {name: np.array([place], float) for name, place in zip(NAMES, known, strict=True) if place is not None}
-    row = (column[0].tolist() for column in _solve(np, game, (1,), given, None))
+    row = (column[0].tolist() for column in _solve(NUMPY, game, (1,), given, None))
     plain: list[Any] = [tuple(value) if isinstance(value, list) else value for value in row]
     return StateSolution(*plain)
 
@@ -210,7 +200,7 @@ def _solve_rows(game: Game, shape: tuple[int, ...], given: dict[str, Array], out
     """Solve a batch, a long one chunk by chunk."""
     count = math.prod(shape)
     if count <= ROWS:
-        return _solve(np, game, shape, given, out)
+        return _solve(NUMPY, game, shape, given, out)
     like = given["pursuer"]
     out = out or _empty(shape, like)
     rows = {name: np.broadcast_to(value, (*shape, 3)).reshape(count, 3) for name, value in given.items()}
@@ -221,7 +211,7 @@ def _solve_rows(game: Game, shape: tuple[int, ...], given: dict[str, Array], out
         part = slice(start, start + ROWS)
         chunk = {name: value[part] for name, value in rows.items()}
         few = for_rows(game, itemgetter(part))
-        _solve(np, few, chunk["pursuer"].shape[:1], chunk, Solution(*(field[part] for field in whole)))
+        _solve(NUMPY, few, chunk["pursuer"].shape[:1], chunk, Solution(*(field[part] for field in whole)))
     if whole is not out:
         for field, flat in zip(out, whole, strict=True):
             field[...] = flat.reshape(field.shape)
@@ -238,15 +228,15 @@ def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Sp
 def _fault(xp: Library, game: Game, given: dict[str, Array], play: StateSolution) -> Real:
     """Return 0, or the reason why a row can have no answer."""
     contested = "target" in given
-    sound = _is_sound(game, play, most_squares(given) if xp is np else squares(given), contested=contested)
+    sound = _is_sound(game, play, most_squares(given) if xp is NUMPY else squares(given), contested=contested)
     fault: Real = int(Reason.SOLVED)
     lost = contested and _has_no_region(game, play)
     if lost is not False:
-        fault = select(xp, lost, int(Reason.NO_REGION), fault)
-    if xp is not np or not np.all(sound):
+        fault = xp.select(lost, int(Reason.NO_REGION), fault)
+    if xp is not NUMPY or not np.all(sound):
         sound = _is_sound(game, play, squares(given), contested=contested)
         zero = sum(0.0 * part for array in given.values() for part in components(array))
-        fault = select(xp, sound, fault, select(xp, zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
+        fault = xp.select(sound, fault, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     return refused_rows(xp, game, fault) if game.varies else fault
 
 
@@ -288,24 +278,15 @@ def _put_together(
 ) -> Solution:
     """Build an answer from its components, with NaN in rows without an answer."""
     sound = fault == 0
-    spoil = select(xp, sound, 0.0, NAN)
-    winner = select(xp, sound, play.winner, int(Winner.UNDECIDED))
-    reason = select(xp, sound, _doubted(xp, game, play), fault)
-    if not is_numpy(xp):
-        fields = [
-            pack(xp, shape, like, part, spoil) if isinstance(part, tuple) else spread(xp, shape, like, part + spoil)
-            for part in play[1:-1]
-        ]
-        return Solution(*[codes(xp, shape, like, winner), *fields, codes(xp, shape, like, reason)])
+    spoil = xp.select(sound, 0.0, NAN)
+    winner = xp.select(sound, play.winner, int(Winner.UNDECIDED))
+    reason = xp.select(sound, _doubted(xp, game, play), fault)
+    if xp is not NUMPY:
+        numbers = [xp.pack(shape, like, part, spoil) for part in play[1:-1]]
+        return Solution(*[xp.codes(shape, like, winner), *numbers, xp.codes(shape, like, reason)])
     out = out or _empty(shape, like)
     for field, part in zip(out, (winner, *play[1:-1], reason), strict=True):
-        if isinstance(part, tuple):
-            for index, one in enumerate(part):
-                fill(field[..., index], one, spoil)
-        elif field.dtype == np.int8:
-            field[...] = part
-        else:
-            fill(field, part, spoil)
+        NUMPY.fill(field, part, 0 if field.dtype == np.int8 else spoil)
     return out
 
 
@@ -316,7 +297,7 @@ def _doubted(xp: Library, game: Game, play: StateSolution) -> Real:
     if old is False:
         return play.reason
     promise = (play.reason == Reason.SOLVED) | (play.reason == Reason.OVERHEAD) | (play.reason == Reason.ON_BARRIER)
-    return select(xp, promise & old, int(Reason.TOO_OLD), play.reason)
+    return xp.select(promise & old, int(Reason.TOO_OLD), play.reason)
 
 
 def _empty(shape: tuple[int, ...], like: Array) -> Solution:

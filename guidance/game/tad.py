@@ -21,20 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import (
-    FLOATS,
-    Library,
-    Plane,
-    Real,
-    Space,
-    Truth,
-    dot2,
-    norm2,
-    select,
-    select2,
-    select_all,
-    unit2,
-)
+from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, Truth, dot2
 from guidance.game.extent import from_set, least_at, nearest, to_set
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
 from guidance.game.pe import (
@@ -86,24 +73,24 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     goal, margin, lead = contest.goal, contest.margin, contest.edge
     edge = _with_falling(xp, game, game.pursuer, state, to_target, lead) if isinstance(game.pursuer, Cylinder) else lead
     won, arrived = margin > 0, contest.arrival <= 0
-    run = leading = select2(xp, won, edge.run, goal)
+    run = leading = xp.select2(won, edge.run, goal)
     if edge is not lead:
-        leading = select2(xp, won, lead.run, goal)
+        leading = xp.select2(won, lead.run, goal)
     to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
-    hold = state.hold if state.seen is None else select2(xp, won, state.hold, (0.0, 0.0))
-    v, age, time = game.evader_speed_m_s, game.information_age_s, select(xp, won, edge.time, contest.arrival)
+    hold = state.hold if state.seen is None else xp.select2(won, state.hold, (0.0, 0.0))
+    v, age, time = game.evader_speed_m_s, game.information_age_s, xp.select(won, edge.time, contest.arrival)
     length = v * (time + age)
     moves = length > 0
-    length = select(xp, moves, length, v * (contest.arrival + age))
-    heading = unit2(xp, select2(xp, moves, run, goal), length)
-    pace = select(xp, arrived, 0.0, v)
+    length = xp.select(moves, length, v * (contest.arrival + age))
+    heading = xp.unit2(xp.select2(moves, run, goal), length)
+    pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
-    flown = steer(xp, game, to, _gap(xp, game, to), select(xp, won, lead.time, contest.guard), state.z, hold)
+    flown = steer(xp, game, to, _gap(xp, game, to), xp.select(won, lead.time, contest.guard), state.z, hold)
     if not is_zero(age):
         flown = _close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown)
     return StateSolution(
         winner=xp.sign(margin),
-        value=select(xp, won, edge.left - game.target_extent.radius_m, contest.short),
+        value=xp.select(won, edge.left - game.target_extent.radius_m, contest.short),
         margin_s=margin,
         meeting_point_m=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         meeting_time_s=time,
@@ -119,17 +106,17 @@ def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Spac
     That happens only with old information: the evader may not have run to the meeting point. A pursuer that stayed
     there would let it pass.
     """
-    if (xp is np or xp is FLOATS) and not np.any(over):
+    if not xp.differentiates and not np.any(over):
         return flown
     chased = pursuit(xp, game, state).pursuer_velocity_m_s
-    return *select2(xp, over, chased[:2], flown[:2]), select(xp, over, chased[2], flown[2])
+    return *xp.select2(over, chased[:2], flown[:2]), xp.select(over, chased[2], flown[2])
 
 
 def _gap(xp: Library, game: Game, to: Plane) -> Real:
     """Return the horizontal distance left to the disc, m; zero for a Ball, which does not use it."""
     if isinstance(game.pursuer, Ball):
         return 0.0
-    return norm2(xp, to) - (game.standoff.radius_m + game.capture_radius_m)
+    return xp.norm2(to) - (game.standoff.radius_m + game.capture_radius_m)
 
 
 def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Plane:
@@ -149,8 +136,8 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     if isinstance(game.pursuer, Cylinder):
         # Until the pursuer is at its height the margin is least at the nearest point.
         near = (place[0] + way[0], place[1] + way[1])
-        found = select2(xp, margin(near, state) < margin(found, state), near, found)
-    return select2(xp, dot2(way, way) == 0, way, from_set(to_target, found))
+        found = xp.select2(margin(near, state) < margin(found, state), near, found)
+    return xp.select2(dot2(way, way) == 0, way, from_set(to_target, found))
 
 
 def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> Contest:
@@ -178,7 +165,7 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     found = Contest(goal, arrival, guard, margin, short, edge)
     if paper is None:
         return found
-    both: Contest = select_all(xp, circle, paper, found)
+    both: Contest = xp.select_all(circle, paper, found)
     return found._replace(edge=both.edge) if flat else both
 
 
@@ -222,19 +209,19 @@ def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_t
     u, v = speeds
     hand = (u - v) * (u + v)
     from_target = (v * v * to_evader[0] - hand * to_target[0], v * v * to_evader[1] - hand * to_target[1])
-    d_delta = norm2(xp, from_target)
+    d_delta = xp.norm2(from_target)
     span = v * xp.sqrt(hand * (z * z) + (u * u) * dot2(to_evader, to_evader))
     way = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
     near, far = dot2(to_target, to_target), dot2(way, way) + z * z
     b = (u * u) * near - (v * v) * far
     left, drawn = xp.sqrt(near), b == 0
     both = u * left + v * xp.sqrt(far)
-    final = b / select(xp, drawn, 1.0, d_delta + span)
-    inverse = 1.0 / select(xp, d_delta > 0, d_delta, 1.0)
+    final = b / xp.select(drawn, 1.0, d_delta + span)
+    inverse = 1.0 / xp.select(d_delta > 0, d_delta, 1.0)
     lead, share = (v * v) * (final * inverse), span * inverse
     run = (lead * to_evader[0] + share * to_target[0], lead * to_evader[1] + share * to_target[1])
-    arrival, margin = left / v, b / (u * v * select(xp, drawn, 1.0, both))
-    edge = Closest(run, norm2(xp, run) / v, final)
+    arrival, margin = left / v, b / (u * v * xp.select(drawn, 1.0, both))
+    edge = Closest(run, xp.norm2(run) / v, final)
     return Contest(to_target, arrival, arrival - margin, margin, -u * margin, edge)
 
 
@@ -242,7 +229,7 @@ def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
     """Return the time until the evader can be at its target, and the target's position then, from the evader."""
     v, age, adrift = game.evader_speed_m_s, game.information_age_s, game.target_velocity_m_s
     if adrift == STILL:
-        return xp.maximum(norm2(xp, to_target) / v - age, 0.0), to_target
+        return xp.maximum(xp.norm2(to_target) / v - age, 0.0), to_target
     arrival = catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
     return arrival, (to_target[0] + adrift[0] * arrival, to_target[1] + adrift[1] * arrival)
 
@@ -278,7 +265,7 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
     """
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if game.calm:
-        return cover_time(xp, game, norm2(xp, y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z)
+        return cover_time(xp, game, xp.norm2(y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z)
     return catch_time(xp, game, y, (-game.wind_m_s[0], -game.wind_m_s[1]), state.z)
 
 
@@ -286,12 +273,12 @@ def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
     """Return whether the evader is captured now, anywhere within v τ of its last position."""
     capture = game.capture_radius_m
     level = abs(state.z) <= capture
-    if level is False or (xp is np and not level.any()):
+    if level is False or (xp is NUMPY and not level.any()):
         return False
-    beside = norm2(xp, state.to_evader) + (game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m)
+    beside = xp.norm2(state.to_evader) + (game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m)
     if isinstance(game.pursuer, Cylinder):
         return (beside <= capture) & level
-    return norm2(xp, (xp.maximum(beside, 0.0), state.z)) <= capture
+    return xp.norm2((xp.maximum(beside, 0.0), state.z)) <= capture
 
 
 def _with_falling(
@@ -303,17 +290,17 @@ def _with_falling(
     drifted = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
     near, _ = nearest(xp, game.target_extent, (-drifted[0], -drifted[1]))
     goal = from_set(drifted, near)
-    far = norm2(xp, goal)
-    towards = unit2(xp, goal, far)
+    far = xp.norm2(goal)
+    towards = xp.unit2(goal, far)
     fallen = Closest((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
-    edge: Closest = select_all(xp, far - radius < level.left, fallen, level)
+    edge: Closest = xp.select_all(far - radius < level.left, fallen, level)
     return edge
 
 
 def _reason(xp: Library, margin: Real, arrived: Truth, caught: Truth) -> Real:
-    reason = select(xp, margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
-    reason = select(xp, arrived, int(Reason.ARRIVED), reason)
-    return select(xp, caught, int(Reason.CAPTURED), reason)
+    reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
+    reason = xp.select(arrived, int(Reason.ARRIVED), reason)
+    return xp.select(caught, int(Reason.CAPTURED), reason)
 
 
 def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: Real, lost: Truth) -> Real:
@@ -325,12 +312,12 @@ def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: R
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if not game.calm:
         y = (y[0] - game.wind_m_s[0] * arrival, y[1] - game.wind_m_s[1] * arrival)
-    beside = norm2(xp, y) - game.standoff.radius_m
+    beside = xp.norm2(y) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
         flown, above = game.pursuer.speed_m_s * arrival + game.capture_radius_m, state.z
     else:
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * arrival
         above = abs(state.z) - game.capture_radius_m - vertical_speed(xp, game.pursuer, state.z) * arrival
         flown, above = 0.0, xp.maximum(above, 0.0)
-    short = norm2(xp, (select(xp, lost, xp.maximum(beside, 0.0), 1.0), above)) - flown
-    return select(xp, lost, short, 0.0)
+    short = xp.norm2((xp.select(lost, xp.maximum(beside, 0.0), 1.0), above)) - flown
+    return xp.select(lost, short, 0.0)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from guidance.flight import Event, State
 from guidance.flight.settings import LIMITS_S
 from guidance.game import Ball, Game, Solution, solve
-from guidance.game.arrays import Real, quiet
+from guidance.game.arrays import NUMPY, Real
 from guidance.game.game import wind_speed
 from guidance.game.pe import TOUCH_M
 from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
@@ -100,9 +100,9 @@ def play(scenarios: Sequence[Scenario]) -> list[Outcome]:
 def moments(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Iterator[Moment]:
     """Play scenarios of one kind, see `kind_of`; yield every moment, also of games that have just ended."""
     batch, moment = batch or stack(scenarios), begun(scenarios)
-    with quiet(np):
+    with NUMPY.quiet():
         while len(moment.row):
-            ahead = look_ahead(np, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
+            ahead = look_ahead(NUMPY, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
             moment = moment._replace(end=_judge(batch, moment, ahead))
             yield moment
             running = moment.end == RUNNING

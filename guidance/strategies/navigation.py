@@ -12,25 +12,10 @@ The additional term of augmented navigation, N/2 times the evader's acceleration
 turns at once and runs straight between its turns.
 """
 
-from guidance.game.arrays import (
-    Array,
-    Library,
-    Real,
-    Space,
-    component,
-    components,
-    dot2,
-    norm2,
-    pack,
-    quiet,
-    select,
-    select2,
-    unit2,
-    vectors,
-)
+from guidance.game.arrays import Array, Library, Real, Space, dot2, dot3
 from guidance.game.game import Ball, Game
 from guidance.game.pe import Geometry, steer, take_apart
-from guidance.game.rows import leading_shape
+from guidance.game.rows import vector_of
 from guidance.game.tad import guard_time
 
 
@@ -59,30 +44,30 @@ def proportional_navigation(
         gain: The navigation constant N, 3 to 5 as a rule; 1 is pure pursuit.
         turning_rad_s: The mean rate of turn since the last command, (..., 3); that of this state by default.
     """
-    xp, given = vectors({"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s})
-    shape, pursuer = leading_shape(game, given), given["pursuer"]
-    with quiet(xp):
-        state = take_apart(xp, game, *map(components, given.values()))
-        x, y, z = (0.0 if previous_m_s is None else component(previous_m_s, index) for index in range(3))
-        previous = (x, y, z)
-        rate = _rate(xp, game, state, previous, gain) if turning_rad_s is None else components(turning_rad_s)
-        turn = _scaled(dt_s, rate)
+
+    def turned(
+        xp: Library, game: Game, P: Space, E: Space, seen: Space, previous: Space | None, rate: Space | None
+    ) -> Space:
+        state, before = take_apart(xp, game, P, E, seen), previous or (0.0, 0.0, 0.0)
+        turn = _scaled(dt_s, rate or _rate(xp, game, state, before, gain))
         if isinstance(game.pursuer, Ball):
-            flown = _in_space(xp, game, game.pursuer, state, previous, turn)
-        else:
-            flown = _in_the_plane(xp, game, state, previous, turn)
-        return pack(xp, shape, pursuer, flown)
+            return _in_space(xp, game, game.pursuer, state, before, turn)
+        return _in_the_plane(xp, game, state, before, turn)
+
+    given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s}
+    return vector_of(turned, game, given | {"previous_m_s": previous_m_s, "turning_rad_s": turning_rad_s})
 
 
 def turning(
     game: Game, pursuer: Array, evader: Array, evader_velocity_m_s: Array, velocity_m_s: Array, gain: float
 ) -> Array:
     """Return the rate of turn that the law asks for, (..., 3), rad/s; arguments as of `proportional_navigation`."""
-    xp, given = vectors({"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s})
-    with quiet(xp):
-        state = take_apart(xp, game, *map(components, given.values()))
-        rate = _rate(xp, game, state, components(velocity_m_s), gain)
-        return pack(xp, leading_shape(game, given), given["pursuer"], rate)
+
+    def rate(xp: Library, game: Game, P: Space, E: Space, seen: Space, velocity: Space) -> Space:
+        return _rate(xp, game, take_apart(xp, game, P, E, seen), velocity, gain)
+
+    given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s}
+    return vector_of(rate, game, given | {"velocity_m_s": velocity_m_s})
 
 
 def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float) -> Space:
@@ -91,14 +76,14 @@ def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float
     sight, climb = (*state.to_evader, 0.0 * state.z), 0.0
     if isinstance(game.pursuer, Ball):
         sight, climb = _sight(xp, game, state), z
-    square = _dot(sight, sight)
+    square = dot3(sight, sight)
     return _scaled(gain / (square + (square == 0)), _cross(sight, (run - x, rise - y, 0.0 - climb)))
 
 
 def _sight(xp: Library, game: Game, state: Geometry) -> Space:
     """Return the vector from a Ball to the nearest point of the disc."""
-    distance = norm2(xp, state.to_evader)
-    e, reach = unit2(xp, state.to_evader, distance), xp.maximum(distance - game.standoff.radius_m, 0.0)
+    distance = xp.norm2(state.to_evader)
+    e, reach = xp.unit2(state.to_evader, distance), xp.maximum(distance - game.standoff.radius_m, 0.0)
     return reach * e[0], reach * e[1], -state.z
 
 
@@ -109,16 +94,16 @@ def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous:
     headwind = course[0] * game.wind_m_s[0] + course[1] * game.wind_m_s[1]
     wind = dot2(game.wind_m_s, game.wind_m_s)
     pace = headwind + xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - wind + headwind * headwind)
-    met = _length(xp, sight) <= game.capture_radius_m
-    level = select2(xp, met, state.hold, (pace * course[0], pace * course[1]))
-    return *level, select(xp, met, 0.0, pace * course[2])
+    met = xp.norm3(sight) <= game.capture_radius_m
+    level = xp.select2(met, state.hold, (pace * course[0], pace * course[1]))
+    return *level, xp.select(met, 0.0, pace * course[2])
 
 
 def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, turn: Space) -> Space:
     """Turn a Cylinder's horizontal velocity, and fly to the disc's height."""
     zero = 0.0 * state.z
     course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), turn)
-    distance = norm2(xp, state.to_evader)
+    distance = xp.norm2(state.to_evader)
     to = (course[0] * distance, course[1] * distance)
     gap = distance - game.standoff.radius_m - game.capture_radius_m
     t = guard_time(xp, game, state, (to[0] - state.to_evader[0], to[1] - state.to_evader[1]))
@@ -130,31 +115,20 @@ def _turned(xp: Library, sight: Space, previous: Space, turn: Space) -> Space:
 
     The turn is Rodrigues' by the tangent of its half angle, which is exact for small angles and keeps the length.
     """
-    far = _length(xp, sight)
-    ahead = _scaled(1.0 / select(xp, far > 0, far, 1.0), sight)
-    half, speed = _scaled(0.5, turn), _length(xp, previous)
-    course = _scaled(1.0 / select(xp, speed > 0, speed, 1.0), previous)
+    far = xp.norm3(sight)
+    ahead = _scaled(1.0 / xp.select(far > 0, far, 1.0), sight)
+    half, speed = _scaled(0.5, turn), xp.norm3(previous)
+    course = _scaled(1.0 / xp.select(speed > 0, speed, 1.0), previous)
     once = _cross(half, course)
     twice = _cross(half, (course[0] + once[0], course[1] + once[1], course[2] + once[2]))
-    share = 2.0 / (1.0 + _dot(half, half))
-    closes = _dot(previous, sight) > 0
-    return (
-        select(xp, closes, course[0] + share * twice[0], ahead[0]),
-        select(xp, closes, course[1] + share * twice[1], ahead[1]),
-        select(xp, closes, course[2] + share * twice[2], ahead[2]),
-    )
-
-
-def _dot(a: Space, b: Space) -> Array:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    share = 2.0 / (1.0 + dot3(half, half))
+    closes = dot3(previous, sight) > 0
+    turned = (course[0] + share * twice[0], course[1] + share * twice[1], course[2] + share * twice[2])
+    return xp.select_all(closes, turned, ahead)
 
 
 def _cross(a: Space, b: Space) -> Space:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _length(xp: Library, v: Space) -> Array:
-    return xp.sqrt(_dot(v, v))
 
 
 def _scaled(factor: Real, v: Space) -> Space:

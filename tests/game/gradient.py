@@ -21,27 +21,11 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from array_api_compat import array_namespace, is_jax_array, is_torch_array
+from array_api_compat import is_jax_array, is_torch_array
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import (
-    Array,
-    Library,
-    Plane,
-    Space,
-    component,
-    components,
-    constant,
-    dot2,
-    norm2,
-    pack,
-    quiet,
-    select,
-    select2,
-    unit2,
-    vectors,
-)
+from guidance.game.arrays import Array, Library, Plane, Space, component, components, dot2, vectors
 from guidance.game.game import Ball, Cylinder, Game
 from guidance.game.pe import Geometry, level_time, take_apart, vertical_speed
 from guidance.game.rows import leading_shape
@@ -82,13 +66,13 @@ def value_gradient(game: Game, pursuer: ArrayLike, evader: ArrayLike, target: Ar
     xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
     shape, like = leading_shape(game, given), given["pursuer"]
     solution = solve(game, like, given["evader"], given.get("target"))
-    with quiet(xp):
+    with xp.quiet():
         state = take_apart(xp, game, components(like), components(given["evader"]), None)
         by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, given.get("target"))
     return Gradient(
-        pack(xp, shape, like, by_pursuer),
-        pack(xp, shape, like, (*by_evader, 0.0)),
-        pack(xp, shape, like, (*by_target, 0.0)),
+        xp.pack(shape, like, by_pursuer),
+        xp.pack(shape, like, (*by_evader, 0.0)),
+        xp.pack(shape, like, (*by_target, 0.0)),
     )
 
 
@@ -98,7 +82,7 @@ def _by_regime(
     meeting = (component(solution.meeting_point_m, 0), component(solution.meeting_point_m, 1))
     run = (meeting[0] - state.evader[0], meeting[1] - state.evader[1])
     t = solution.meeting_time_s
-    n = unit2(xp, run, norm2(xp, run))
+    n = xp.unit2(run, xp.norm2(run))
     p, lift = _by_meeting_point(xp, game, state, run, t)
     v = game.evader_speed_m_s
     if target is None:
@@ -108,7 +92,7 @@ def _by_regime(
     adrift = game.target_velocity_m_s
     to_target = (component(target, 0) - state.evader[0], component(target, 1) - state.evader[1])
     left = (run[0] - to_target[0] - adrift[0] * t, run[1] - to_target[1] - adrift[1] * t)
-    f = unit2(xp, left, norm2(xp, left))
+    f = xp.unit2(left, xp.norm2(left))
     carried = dot2(f, adrift) / v
     objective = (f[0] - carried * n[0], f[1] - carried * n[1])
     normal = (p[0] - n[0] / v, p[1] - n[1] / v)
@@ -118,8 +102,8 @@ def _by_regime(
     short = _short(xp, game, state, run, t)
     return (
         _select3(xp, lost, short[0], _pursuer(weight, p, lift)),
-        select2(xp, lost, short[1], (pull * n[0], pull * n[1])),
-        select2(xp, lost, short[2], (-f[0], -f[1])),
+        xp.select2(lost, short[1], (pull * n[0], pull * n[1])),
+        xp.select2(lost, short[2], (-f[0], -f[1])),
     )
 
 
@@ -128,26 +112,26 @@ def _pursuer(weight: Array, p: Plane, lift: Array) -> Space:
 
 
 def _select3(xp: Library, condition: Array, yes: Space, no: Space) -> Space:
-    return *select2(xp, condition, (yes[0], yes[1]), (no[0], no[1])), select(xp, condition, yes[2], no[2])
+    return *xp.select2(condition, (yes[0], yes[1]), (no[0], no[1])), xp.select(condition, yes[2], no[2])
 
 
 def _sign(xp: Library, z: Array) -> Array:
-    return select(xp, z > 0, 1.0, -1.0)
+    return xp.select(z > 0, 1.0, -1.0)
 
 
 def _by_meeting_point(xp: Library, game: Game, state: Geometry, run: Plane, t: Array) -> tuple[Plane, Array]:
     """Return ∇_X t_P in the plane and ∂t_P/∂z_P, s/m, at the end of the evader's run."""
     wind = game.wind_m_s
     y = (state.to_evader[0] + run[0] - wind[0] * t, state.to_evader[1] + run[1] - wind[1] * t)
-    length = norm2(xp, y)
-    e = unit2(xp, y, length)
+    length = xp.norm2(y)
+    e = xp.unit2(y, length)
     if isinstance(game.pursuer, Cylinder):
         rate = 1.0 / (game.pursuer.horizontal_m_s + dot2(e, wind))
         above = t <= xp.maximum(level_time(xp, game, game.pursuer, state.z), 0.0)
         lift = _sign(xp, state.z) / vertical_speed(xp, game.pursuer, state.z)
-        return select2(xp, above, (0.0, 0.0), (rate * e[0], rate * e[1])), select(xp, above, lift, 0.0)
+        return xp.select2(above, (0.0, 0.0), (rate * e[0], rate * e[1])), xp.select(above, lift, 0.0)
     reach = xp.maximum(length - game.standoff.radius_m, 0.0)
-    distance = norm2(xp, (reach, state.z))
+    distance = xp.norm2((reach, state.z))
     rate = 1.0 / (game.pursuer.speed_m_s * distance + reach * dot2(e, wind))
     return (rate * reach * e[0], rate * reach * e[1]), rate * state.z
 
@@ -156,15 +140,15 @@ def _short(xp: Library, game: Game, state: Geometry, goal: Plane, t: Array) -> t
     """Return the gradients of the distance that the pursuer is short of where the evader wins, at its arrival t."""
     wind, adrift, v = game.wind_m_s, game.target_velocity_m_s, game.evader_speed_m_s
     y = (state.to_evader[0] + goal[0] - wind[0] * t, state.to_evader[1] + goal[1] - wind[1] * t)
-    length = norm2(xp, y)
-    e, n = unit2(xp, y, length), unit2(xp, goal, norm2(xp, goal))
+    length = xp.norm2(y)
+    e, n = xp.unit2(y, length), xp.unit2(goal, xp.norm2(goal))
     beside, above = length - game.standoff.radius_m, abs(state.z)
     if isinstance(game.pursuer, Cylinder):
         fall = vertical_speed(xp, game.pursuer, state.z)
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * t
         above = xp.maximum(above - game.capture_radius_m - fall * t, 0.0)
     beside = xp.maximum(beside, 0.0)
-    distance = norm2(xp, (beside, above))
+    distance = xp.norm2((beside, above))
     share, rise = beside / distance, above / distance
     if isinstance(game.pursuer, Cylinder):
         closing = share * game.pursuer.horizontal_m_s + rise * fall
@@ -214,7 +198,7 @@ def hji_residual(
         gradient = finite_differences(asked, P, E, T, step_m=step_m)
     if T is None:
         return 1.0 + _drift(game, gradient) + _saddle(xp, game, gradient, 1.0)
-    minimises = select(xp, solve(game, P, E, T).winner > 0, -1.0, 1.0)
+    minimises = xp.select(solve(game, P, E, T).winner > 0, -1.0, 1.0)
     return _drift(game, gradient) + minimises * _saddle(xp, game, gradient, minimises)
 
 
@@ -230,7 +214,7 @@ def finite_differences(
         target: position T, (..., 3), m, or None for PE.
         step_m: step of the differences, m.
     """
-    xp = array_namespace(pursuer, evader)
+    xp, _ = vectors({"pursuer": pursuer, "evader": evader})
 
     def along(place: int) -> Array:
         given: list[Any] = [pursuer, evader, target]
@@ -238,7 +222,7 @@ def finite_differences(
             return 0.0 * pursuer
         slopes = []
         for axis in range(3):
-            shift = constant(xp, pursuer, [step_m if axis == index else 0.0 for index in range(3)])
+            shift = xp.constant(pursuer, [step_m if axis == index else 0.0 for index in range(3)])
 
             def moved(steps: float, shift: Array = shift) -> Array:
                 return value(*(array + steps * shift if index == place else array for index, array in enumerate(given)))
@@ -287,8 +271,8 @@ def _saddle(xp: Library, game: Game, gradient: Gradient, minimises: Array) -> Ar
     if isinstance(game.pursuer, Ball):
         pursuer = game.pursuer.speed_m_s * xp.sqrt(x * x + y * y + z * z)
     else:
-        vertical = select(xp, z > 0, game.pursuer.climb_m_s * z, -game.pursuer.descent_m_s * z)
-        pursuer = game.pursuer.horizontal_m_s * norm2(xp, (x, y)) + vertical
+        vertical = xp.select(z > 0, game.pursuer.climb_m_s * z, -game.pursuer.descent_m_s * z)
+        pursuer = game.pursuer.horizontal_m_s * xp.norm2((x, y)) + vertical
     a, b, c = (component(gradient.evader, index) for index in range(3))
     free = c if game.evader_space == "space" else 0.0 * c
     return game.evader_speed_m_s * xp.sqrt(a * a + b * b + free * free) - pursuer

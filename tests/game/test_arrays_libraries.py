@@ -20,7 +20,7 @@ from guidance.game import (
     rollout,
     solve,
 )
-from guidance.game.arrays import codes, constant, spread, vectors
+from guidance.game.arrays import vectors
 from tests.game.gradient import automatic_gradient, hji_residual, value_gradient
 
 pytestmark = pytest.mark.arrays
@@ -217,7 +217,7 @@ def test_what_is_made_on_the_way_is_made_where_the_states_are():
     torch = pytest.importorskip("torch")
     like = torch.zeros(3, dtype=torch.float64, device="meta")
     xp, _ = vectors({"like": like})
-    for made in (constant(xp, like, (1.0, 2.0)), spread(xp, (3,), like, 1.0), codes(xp, (3,), like, 1)):
+    for made in (xp.constant(like, (1.0, 2.0)), xp.pack((3,), like, 1.0), xp.codes((3,), like, 1)):
         assert made.device.type == "meta"
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from guidance.game import StandOff, region, solve
+from guidance.game.arrays import NUMPY
 from guidance.game.headings import bounded
 
 NAMES = (
@@ -58,13 +59,13 @@ def counted(monkeypatch, name):
 def test_the_search_stays_short_and_the_bracket_alone_finds_the_same(games, oracle, monkeypatch, name, units):
     hunt, within = searched(games[name], oracle, monkeypatch, *units)
     steps, bracketed = counted(monkeypatch, "_newton"), counted(monkeypatch, "_bracket")
-    found = region._search(np, hunt, within)
+    found = region._search(NUMPY, hunt, within)
     monkeypatch.undo()
     assert sum(steps[1:]) <= within.size
     assert sum(bracketed) == 0
     asked = counted(monkeypatch, "_settled")
-    start = region._touch(np, hunt)
-    alone = region._bracket(np, hunt, start, region.MORE_STEPS)
+    start = region._touch(NUMPY, hunt)
+    alone = region._bracket(NUMPY, hunt, start, region.MORE_STEPS)
     assert len(asked) <= 6
     np.testing.assert_allclose(alone.s[~within], found.s[~within], atol=1e-8)
 
@@ -73,15 +74,15 @@ def test_the_search_stays_short_and_the_bracket_alone_finds_the_same(games, orac
 @pytest.mark.parametrize("name", NAMES)
 def test_the_bracket_finds_the_heading_from_either_end(games, oracle, monkeypatch, name, end):
     hunt, within = searched(games[name], oracle, monkeypatch, 1.0, 1.0)
-    found = region._search(np, hunt, within)
-    start = region._touch(np, hunt)
+    found = region._search(NUMPY, hunt, within)
+    start = region._touch(NUMPY, hunt)
     rounds = counted(monkeypatch, "_settled")
     with np.errstate(all="ignore"):
-        alone = region._bracket(np, hunt, start._replace(s=np.full_like(start.s, end)), region.MORE_STEPS)
+        alone = region._bracket(NUMPY, hunt, start._replace(s=np.full_like(start.s, end)), region.MORE_STEPS)
     assert len(rounds) <= 7
     np.testing.assert_allclose(alone.s[~within], found.s[~within], atol=1e-8)
 
 
 def test_a_heading_is_kept_within_ninety_degrees():
     s = np.array([-3.0, -1.5, -1.0, -0.5, 0.0, 1.0, 1.5, 3.0])
-    np.testing.assert_array_equal(bounded(np, s), np.clip(s, -1.0, 1.0))
+    np.testing.assert_array_equal(bounded(NUMPY, s), np.clip(s, -1.0, 1.0))

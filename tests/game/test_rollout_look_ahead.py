@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from guidance.game import Ball, Cylinder, Game, StandOff
+from guidance.game.arrays import NUMPY
 from guidance.game.rollout import look_ahead
 
 NANOMETRE_M = 1e-9
@@ -15,7 +16,7 @@ def test_a_capture_takes_players_who_fly_at_each_other_at_least_that_long(games,
     for name, game in games.items():
         P, E, T = oracle.states(31, 60, game)
         P[:20] = E[:20] + 0.25 * P[:20]
-        ahead = look_ahead(np, game, P, E, T)
+        ahead = look_ahead(NUMPY, game, P, E, T)
         d, z = np.hypot(*(P - E)[:, :2].T), P[:, 2] - E[:, 2] - game.standoff.height_m
         beside, slack = np.maximum(d - game.standoff.radius_m, 0.0), game.capture_radius_m
         if isinstance(game.pursuer, Ball):
@@ -37,8 +38,8 @@ def test_an_arrival_takes_an_evader_and_a_target_that_meet_at_least_that_long(ga
         T[:, 2] += 7.0
         way = (T - E) * [1.0, 1.0, float(game.evader_space == "space")]
         expected = np.linalg.norm(way, axis=1) / (game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s))
-        np.testing.assert_allclose(look_ahead(np, game, P, E, T).arrival_s, expected, rtol=1e-12, err_msg=name)
-        assert np.isinf(look_ahead(np, game, P, E, None).arrival_s).all()
+        np.testing.assert_allclose(look_ahead(NUMPY, game, P, E, T).arrival_s, expected, rtol=1e-12, err_msg=name)
+        assert np.isinf(look_ahead(NUMPY, game, P, E, None).arrival_s).all()
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -47,13 +48,13 @@ def test_a_cylinder_turns_half_a_nanometre_inside_of_its_height(side):
     vertical = 0.5 if side > 0 else 0.7
     for over, left in ((0.5, math.inf), (1.0, math.inf), (1.5, 1.0), (4.0, 3.5), (9e9, 9e9 - 0.5)):
         P = np.array([5.0, 0.0, side * over * NANOMETRE_M])
-        turn = look_ahead(np, game, P, np.zeros(3), None).turn_s
+        turn = look_ahead(NUMPY, game, P, np.zeros(3), None).turn_s
         assert turn == pytest.approx(left * NANOMETRE_M / vertical, rel=1e-12)
 
 
 def test_what_is_within_the_capture_radius_is_no_height_to_lose():
     near, far = (Game(Cylinder(2.0, 0.7, 0.5), 1.0, StandOff().radius_m + 0.5), Game(Ball(2.0), 1.0))
     P, E = np.array([5.0, 0.0, 4.5]), np.zeros(3)
-    assert look_ahead(np, near, P, E, None).turn_s == pytest.approx(4.0 / 0.5)
-    assert look_ahead(np, near, P * [1.0, 1.0, 0.1], E, None).turn_s == math.inf
-    assert look_ahead(np, far, P, E, None).turn_s == math.inf
+    assert look_ahead(NUMPY, near, P, E, None).turn_s == pytest.approx(4.0 / 0.5)
+    assert look_ahead(NUMPY, near, P * [1.0, 1.0, 0.1], E, None).turn_s == math.inf
+    assert look_ahead(NUMPY, far, P, E, None).turn_s == math.inf

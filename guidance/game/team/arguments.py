@@ -1,23 +1,17 @@
 """Arguments of games of teams: one game from those of all pairs, and arrays of their shapes."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.game import Game, Reason, StandOff, parameters
 from guidance.game.records import is_zero
 from guidance.game.rows import for_rows, simplified
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from guidance.game.team.regions import Array
+from guidance.game.team.regions import Array
 
 Answer = TypeVar("Answer", bound=Any)
 
@@ -31,7 +25,7 @@ class TeamGame(NamedTuple):
     game: Game
     plays: Array
 
-    def rows(self, rows: Callable[[Array], Array]) -> TeamGame:
+    def rows(self, rows: Callable[[Array], Array]) -> "TeamGame":
         """Return the game of some pairs; `rows` takes them from each array."""
         return TeamGame(for_rows(self.game, rows), rows(self.plays))
 

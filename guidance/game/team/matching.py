@@ -16,26 +16,19 @@ A promise ends with the capture, or when the team no longer wins (the pursuers d
 Pursuers that remain go where they come closest to a capture of their own, and guarantee nothing there.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.extras import how_to_add
 from guidance.game.game import Reason, Winner
 from guidance.game.records import is_zero, require
-from guidance.game.team.arguments import judged
-from guidance.game.team.regions import length
+from guidance.game.team.arguments import Games, judged
+from guidance.game.team.regions import Array, length
 from guidance.game.team.several import Play, longest_run, nearest_run, placed, played
 from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, place_of, table_of, taken
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from guidance.game.team.arguments import Games
-    from guidance.game.team.regions import Array
 
 
 class Matching(NamedTuple):

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from guidance.game.arrays import half_of_digits, is_array
+from guidance.game.arrays import NUMPY, is_array
 from guidance.game.game import Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import level_time
 from guidance.game.records import is_zero
@@ -107,7 +107,7 @@ def regions_of(game: Game, P: Array, E: Array) -> Regions:
     z: Numbers = w[..., 2] - game.standoff.height_m
     capture, radius, safe = game.capture_radius_m, game.standoff.radius_m, 0.0
     if isinstance(game.pursuer, Cylinder):
-        safe = np.maximum(v * level_time(np, game, game.pursuer, z), 0.0)
+        safe = np.maximum(v * level_time(NUMPY, game, game.pursuer, z), 0.0)
         capture, radius, z = capture + radius, 0.0, 0.0
     least = least_square_in_hand(game) / (v * v)
     wind_x, wind_y = game.wind_m_s[0] / v, game.wind_m_s[1] / v
@@ -160,7 +160,7 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
     """
     mx, my = middle
     low, high = (cross(middle, to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
-    s, done, half = _without_disc(pairs, middle), low == high, half_of_digits(mx)
+    s, done, half = _without_disc(pairs, middle), low == high, NUMPY.half_of_digits(mx)
     s = np.where((s - low) * (s - high) < 0, s, 0.0)
     for _ in range(STEPS):
         x, y = _turned(middle, s)

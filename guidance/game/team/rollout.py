@@ -6,40 +6,33 @@ stays where it is, and its pursuers are matched again. Promises of the first mat
 to its target than promised, or no later, with an error of up to 2 (u + v) `step_s` because velocities are held.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import components, norm2
+from guidance.game.arrays import NUMPY, components
 from guidance.game.game import Game, Reason
 from guidance.game.pe import to_target
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.records import require
 from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
 from guidance.game.rows import for_rows
-from guidance.game.team.arguments import joined
+from guidance.game.team.arguments import Games, TeamGame, joined
 from guidance.game.team.matching import Matching, match_teams
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from guidance.game.team.arguments import Games, TeamGame
-    from guidance.game.team.regions import Array
-
-    Policies = str | Policy | Sequence[str | Policy]
-    """One policy for all players of a side, or one for each."""
+from guidance.game.team.regions import Array
 
 SPARE_STEPS = 10_000
 """Steps that a game may take beyond those of its duration, to close in on its ends."""
 
 OPTIMAL = "optimal"
+
+Policies = str | Policy | Sequence[str | Policy]
+"""One policy for all players of a side, or one for each."""
 
 
 class TeamSample(NamedTuple):
@@ -165,7 +158,7 @@ def rollout_teams(
     end = np.where(end == End.RUNNING, int(End.TIME_UP), end)
     distance: Array = np.full((*shape, m), math.nan)
     if T is not None:
-        distance[...] = norm2(np, to_target(np, team.game, components(E), components(T))[:2])
+        distance[...] = NUMPY.norm2(to_target(NUMPY, team.game, components(E), components(T))[:2])
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
 
 
@@ -173,7 +166,7 @@ def _ahead(team: _Sides, P: Array, E: Array, T: Array | None) -> Ahead:
     """Return the least times, s, until an evader could be captured (..., n, m), or arrive (..., m), or it turns."""
     shape = (*P.shape[:-1], E.shape[-2])
     goal = None if T is None else T[..., None, :, :]
-    capture, arrival, turn = look_ahead(np, team.ends.game, P[..., :, None, :], E[..., None, :, :], goal)
+    capture, arrival, turn = look_ahead(NUMPY, team.ends.game, P[..., :, None, :], E[..., None, :, :], goal)
     arrival = np.broadcast_to(arrival, shape)[..., 0, :]
     return Ahead(np.where(team.ends.plays, capture, math.inf), arrival, np.broadcast_to(turn, shape))
 

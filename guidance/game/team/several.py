@@ -35,15 +35,16 @@ equally far to the last bit, `solve_team` takes the one with the larger y, then 
 new solution decides again; this costs the pursuers a time that goes to zero with the time step.
 """
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
+from guidance.game.arrays import NUMPY, Plane
 from guidance.game.extent import POINT, least_at, to_set
 from guidance.game.game import STILL, Game, Reason
 from guidance.game.records import is_zero
@@ -51,13 +52,6 @@ from guidance.game.solution import solve
 from guidance.game.team.arguments import Games, fitting, joined, judged, pair_axes, vectors
 from guidance.game.team.regions import Array, Point, Regions, cross, crossing, edge, halfway, length, survived, unit
 from guidance.game.team.table import Goal, Meeting, Team, place_of, taken, team_of, together
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from guidance.game.arrays import Plane
 
 FEW = 8
 """Up to this number of pursuers every crossing of two edges is tried."""
@@ -194,9 +188,9 @@ def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
         return np.asarray(np.where(found.winner > 0, found.value, found.margin_s))
 
     place = E[..., 0] - T[..., 0], E[..., 1] - T[..., 1]
-    away = to_set(np, extent, place)
+    away = to_set(NUMPY, extent, place)
     arrived = np.asarray(away[0] * away[0] + away[1] * away[1] == 0)
-    return np.where(arrived[..., None], E, placed(least_at(np, extent, place, left)))
+    return np.where(arrived[..., None], E, placed(least_at(NUMPY, extent, place, left)))
 
 
 def _best_pair(team: Team) -> Meeting:

@@ -6,16 +6,16 @@ the corner where the edges cross between both own ends. Cylinders play it horizo
 at its height adds the disc that the evader reaches until then.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
+from guidance.game.arrays import NUMPY
 from guidance.game.extent import Extent, to_set
 from guidance.game.game import STILL, Ball, Game, StandOff
 from guidance.game.pe import steer
@@ -24,9 +24,6 @@ from guidance.game.rows import for_rows
 from guidance.game.solution import Solution, solve
 from guidance.game.team.arguments import Games, fitting, in_play_of, joined, pair_axes, vectors
 from guidance.game.team.regions import Array, Point, Regions, crossing, edge, halfway, length, regions_of
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 FAR_M = 1e150
 """How far an evader runs before a pursuer that does not play captures it; its square is finite."""
@@ -43,7 +40,7 @@ class Goal(NamedTuple):
     def left(self, point: Point) -> Array:
         """Return the distances, (..., k), m, of ends of runs from the target when the evader is there."""
         x, y = self.place(point)
-        return length(to_set(np, self.extent, (x - self.x[..., None], y - self.y[..., None])))
+        return length(to_set(NUMPY, self.extent, (x - self.x[..., None], y - self.y[..., None])))
 
     def place(self, point: Point) -> Point:
         """Return ends of runs, (..., k), from where the evader is carried with the target."""
@@ -53,7 +50,7 @@ class Goal(NamedTuple):
     def towards(self, reach: Array) -> Point:
         """Return the ways, (..., k), m, to the target from the middle of all ends of runs up to some length."""
         x, y = -self.drift[0] * reach - self.x[..., None], -self.drift[1] * reach - self.y[..., None]
-        return to_set(np, self.extent, (x, y))
+        return to_set(NUMPY, self.extent, (x, y))
 
     def beyond(self, reach: Array) -> Array:
         """Return the distances, (..., k), m, of the target from what the evader reaches in runs of some length."""
@@ -87,7 +84,7 @@ class Team(NamedTuple):
     own: Array
     goal: Goal | None
 
-    def pick(self, index: Any) -> Team:  # noqa: ANN401 - whatever indexes an array
+    def pick(self, index: Any) -> "Team":  # noqa: ANN401 - whatever indexes an array
         """Return the team of some pursuers: those that an index takes from arrays (..., n)."""
         shape = self.height.shape
         game = for_rows(self.game, lambda value: np.broadcast_to(value, shape)[index])
@@ -101,10 +98,7 @@ class Team(NamedTuple):
         to = x - self.regions.x, y - self.regions.y
         gap = length(to) - self.game.standoff.radius_m - self.game.capture_radius_m
         time = length((x, y)) / self.v[..., None]
-        flown = np.empty((*gap.shape, 3), dtype=gap.dtype)
-        for axis, part in enumerate(steer(np, self.game, to, gap, time, self.height, STILL)):
-            flown[..., axis] = part
-        return flown
+        return NUMPY.pack(gap.shape, gap, steer(NUMPY, self.game, to, gap, time, self.height, STILL))
 
 
 class Meeting(NamedTuple):
