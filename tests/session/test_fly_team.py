@@ -14,6 +14,7 @@ from guidance.session.result import team_rows
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.team import MemoryNetwork
+from guidance.viz.panel.snapshot import replay_of
 from guidance.viz.team_report import opening, rows_of, team_story, write_team_report
 
 GUARD = load_any("teams_guard")[1]
@@ -103,6 +104,22 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
     page, picture = write_team_report(records, tmp_path, recorded_settings)
     assert picture.name == "plan.png"
     assert words in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.flight
+def test_the_replay_of_one_vehicle_has_all_vehicles_of_the_flight(guard, tmp_path):
+    _, folder = guard
+    replay = replay_of(folder / "uav3" / "record.mcap")
+    assert (replay["vehicle"], [mate["vehicle"] for mate in replay["mates"]]) == ("uav3", ["uav1", "uav2"])
+    assert replay["frames"][-1]["against"] == "rover2"
+    for mate in replay["mates"]:
+        assert mate["frames"][-1]["now_s"] == pytest.approx(replay["frames"][-1]["now_s"], abs=0.2)
+    for name in ("uav1", "uav2"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "uav1" / "record.mcap").write_bytes((folder / "uav1" / "record.mcap").read_bytes())
+    (tmp_path / "uav2" / "record.mcap").write_text("no record")
+    (mate,) = replay_of(tmp_path / "uav1" / "record.mcap")["mates"]
+    assert "not an MCAP file" in mate["error"]
 
 
 @pytest.mark.flight

@@ -16,6 +16,8 @@ import psutil
 import pytest
 
 import guidance.viz.panel
+from guidance.session.fly import MockOptions, fly_recorded
+from guidance.sim.scenario_file import load_any
 from sitl_mock.child import running
 from tests.harness.vehicle import FENCED, mocked, write_file
 
@@ -172,6 +174,30 @@ def test_a_team_is_on_one_page_and_one_button_holds_all(browser, tmp_path):
         vehicles.nth(2).wait_for()
         assert browser.said == []
         flight.send_signal(signal.SIGINT)
+
+
+@pytest.mark.slow
+def test_the_replay_of_a_team_flight_shows_all_vehicles(browser, parts, tmp_path):
+    if browser is None:
+        print("no chromium here: the page was checked for its structure only")
+        return
+    fly_recorded(load_any("teams_guard")[1], tmp_path / "guard", MockOptions(fast=True))
+    page = browser.new_page()
+    page.goto(parts.panel()[1])
+    page.goto(f"{page.url}replay?record=guard/uav3/record.mcap")
+    page.locator("#slider").wait_for()
+    page.locator("#moment").focus()
+    page.keyboard.press("End")
+    page.locator("#daemons button", has_text=re.compile("landed → rover[12]$")).nth(2).wait_for()
+    players = "() => panel.pictures.plan.team.map(one => [one.name, one.snapshot.against, one.rows.length > 100])"
+    assert page.evaluate(players) == [["uav1", "rover1", True], ["uav2", "rover2", True], ["uav3", "rover2", True]]
+    assert page.evaluate("() => panel.pictures.plan.daemon.name") == "uav3"
+    page.locator("#daemons button", has_text="uav1").click()
+    page.locator("#events", has_text="team assignment: uav1 → rover1").wait_for()
+    assert inked(page, "plan") > 0.002
+    page.locator("#show-space").click()
+    assert inked(page, "space") > 0.002
+    assert browser.said == []
 
 
 @pytest.mark.slow

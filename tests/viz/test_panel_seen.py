@@ -22,7 +22,7 @@ from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub, News
-from guidance.viz.panel.snapshot import HISTORY, Level, SnapshotFold, history_row, of_age, of_share, reach_of
+from guidance.viz.panel.snapshot import HISTORY, Level, SnapshotFold, history_row, level_of, reach_of
 
 
 def folded(path, until=lambda row: False):
@@ -162,15 +162,15 @@ def test_unknown_values_are_null_before_the_first_message(record):
 @pytest.mark.parametrize(
     ("level", "wanted"),
     [
-        (of_age(0.4, 1.0), Level.OK),
-        (of_age(0.6, 1.0), Level.CAUTION),
-        (of_age(1.1, 1.0), Level.WARNING),
-        (of_age(math.inf, 1.0), Level.WARNING),
-        (of_age(math.nan, 1.0), Level.UNKNOWN),
-        (of_share(0.19, 0.2, 0.3), Level.WARNING),
-        (of_share(0.25, 0.2, 0.3), Level.CAUTION),
-        (of_share(0.9, 0.2, 0.3), Level.OK),
-        (of_share(math.nan, 0.2, 0.3), Level.UNKNOWN),
+        (level_of(0.4, 0.5, 1.0), Level.OK),
+        (level_of(0.6, 0.5, 1.0), Level.CAUTION),
+        (level_of(1.1, 0.5, 1.0), Level.WARNING),
+        (level_of(math.inf, 0.5, 1.0), Level.WARNING),
+        (level_of(math.nan, 0.5, 1.0), Level.UNKNOWN),
+        (level_of(0.19, 0.3, 0.2), Level.WARNING),
+        (level_of(0.25, 0.3, 0.2), Level.CAUTION),
+        (level_of(0.9, 0.3, 0.2), Level.OK),
+        (level_of(math.nan, 0.3, 0.2), Level.UNKNOWN),
     ],
 )
 def test_levels_follow_the_limits_of_the_flight(level, wanted):

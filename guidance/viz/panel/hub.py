@@ -25,7 +25,7 @@ from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, ite
 from guidance.log.entries import BEGUN, FLIGHT_OVER
 from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session, order_team
 from guidance.session.control_socket import ALIVE, STATUS
-from guidance.viz.panel.snapshot import HISTORY, SnapshotFold, event_row, history_row, of_age, of_operator
+from guidance.viz.panel.snapshot import HISTORY, SnapshotFold, event_row, history_row, level_of, of_operator
 
 HISTORY_S: Final = 300.0
 HISTORY_INTERVAL_S: Final = 0.25
@@ -153,24 +153,17 @@ class DaemonBus:
         named = [(str(status["name"]), status) for status in statuses if "name" in status]
         self._known &= {name for name, _ in named}  # one that was away may have restarted
         for name, status in named:
-            if name not in self._known:
-                self._find(session, name)
+            for found in find_flights(session, name, ANSWER_LIMIT_S) if name not in self._known else ():
+                self._news.append(News(found.name, self._clock.now_s(), found))
+                self._known.add(name)
             self._news.append(News(name, self._clock.now_s(), status))
 
     def _send_sign_of_life(self, session: "zenoh.Session") -> None:
         """Tell the daemons that an operator is watching."""
         oldest_s = self._clock.now_s() - OPERATOR_LIMIT_S
         for name, at_s in list(self._operator_seen_s.items()):
-            if at_s < oldest_s:
-                self._operator_seen_s.pop(name, None)
-            elif name in self._known:
+            if at_s >= oldest_s and name in self._known:
                 answers(session, control_key(name, ALIVE), ANSWER_LIMIT_S)
-
-    def _find(self, session: "zenoh.Session", name: str) -> None:
-        """Query the flight of a daemon."""
-        for found in find_flights(session, name, ANSWER_LIMIT_S):
-            self._news.append(News(found.name, self._clock.now_s(), found))
-            self._known.add(name)
 
     def _queue(self, sample: "zenoh.Sample") -> None:
         """Queue a cycle or event. Runs in Zenoh's thread, so it must not block; the reader checks the content."""
@@ -190,51 +183,48 @@ class DaemonView:
     """Data of one daemon, and which of it the pages do not have yet."""
 
     def __init__(self, name: str, bus: DaemonBus, settings_of: SettingsOf, now_s: float) -> None:
-        self.name = name
-        self.bus = bus
-        self.key = f"{name}@{bus.endpoint}"
+        self.name, self.bus, self.key = name, bus, f"{name}@{bus.endpoint}"
         self._settings_of = settings_of
-        self._fold: SnapshotFold | None = None
-        self._status: Mapping[str, Any] = {}
-        self._scene_sent: Plain | None = None
-        self._new = {"history"}  # further parts that the pages do not have yet
-        self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
-        self._events_new: deque[Plain] = deque(maxlen=MAX_EVENTS)
-        self._history: deque[Sequence[float | None]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
         self._heard_s = now_s
+        self._fold: SnapshotFold | None = None
         self._over: Plain | None = None
+        self._told: Plain = {"status": {}}
+        self._sent: Plain = {}  # nothing: the next message is whole
+        self._unsent_events = 0
+        self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
+        self._rows: deque[Sequence[float | None]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
 
     def take(self, news: News) -> None:
         """Take the metadata of a flight, a status, a cycle or an event; ignore unreadable ones."""
-        if isinstance(news.what, FoundFlight):
-            self._reset(news.what)
-        elif isinstance(news.what, Item):
-            self._add(news.what, news.at_s)
-        else:
-            self._status = news.what
-            self._new.add("status")
-            if self._fold is None:
-                self._heard_s = news.at_s
+        if isinstance(news.what, Mapping):
+            self._told = {"status": news.what, "operator": of_operator(news.what)}
+            self._heard_s = news.at_s if self._fold is None else self._heard_s
+            return
+        with contextlib.suppress(*_BAD_DATA):  # another version: show its status at least
+            if isinstance(news.what, FoundFlight):
+                self._reset(news.what)
+            elif self._fold is not None:
+                self._add(news.what, news.at_s, self._fold)
 
     def _reset(self, found: FoundFlight) -> None:
         """Start again with the metadata of a flight."""
-        self._fold, self._scene_sent, self._over = None, None, None
-        self._new.add("history")
-        self._history.clear()
-        with contextlib.suppress(*_BAD_DATA):  # another version: show its status at least
-            self._fold = SnapshotFold(self._settings_of, found.metadata, self.key)
-            if found.last_cycle is not None:
-                self._fold.take(found.last_cycle)
+        self._fold, self._over, self._sent = None, None, {}
+        self._rows.clear()
+        self._fold = SnapshotFold(self._settings_of, found.metadata, self.key)
+        if found.last_cycle is not None:
+            self._fold.take(found.last_cycle)
 
-    def _add(self, item: Item, at_s: float) -> None:
-        with contextlib.suppress(*_BAD_DATA):
-            entry = None if self._fold is None else self._fold.take(item)
-            if isinstance(entry, EventEntry):
-                self._add_event(entry)
-            elif entry is not None:
-                self._heard_s = at_s
-                self._new.add("snapshot")
-                self._add_history(entry.now_s)
+    def _add(self, item: Item, at_s: float, fold: SnapshotFold) -> None:
+        entry = fold.take(item)
+        if isinstance(entry, EventEntry):
+            self._add_event(entry)
+        elif entry is not None:
+            self._heard_s = at_s
+            last_s = self._rows[-1][0] if self._rows else None
+            if last_s is not None and entry.now_s < last_s:
+                self._rows.clear()  # the daemon restarted
+            if last_s is None or not 0.0 <= entry.now_s - last_s < HISTORY_INTERVAL_S:
+                self._rows.append(history_row(fold.snapshot()))
 
     def _add_event(self, event: EventEntry) -> None:
         if event.event == FLIGHT_OVER:
@@ -243,47 +233,36 @@ class DaemonView:
             event = event._replace(detail=self._over["ended"])
         elif event.event == BEGUN:
             self._over = None
-        for kept in (self._events, self._events_new):
-            kept.append(event_row(event))
-
-    def _add_history(self, now_s: float) -> None:
-        last_s = self._history[-1][0] if self._history else None
-        if last_s is not None and now_s < last_s:
-            self._history.clear()  # the daemon restarted
-        if self._fold is not None and (last_s is None or not 0.0 <= now_s - last_s < HISTORY_INTERVAL_S):
-            seen = self._fold.snapshot()
-            if seen is not None:
-                self._history.append(history_row(seen))
+        self._events.append(event_row(event))
+        self._unsent_events += 1
 
     @property
     def team(self) -> str:
         """Name of the vehicle's team; empty without one."""
-        return str(self._status.get("team", ""))
+        return str(self._told["status"].get("team", ""))
+
+    def _parts(self) -> Plain:
+        """Return the parts of a message that are replaced when they change."""
+        return self._told | ({} if self._fold is None else {"scene": self._fold.scene, "snapshot": self._fold.last})
 
     def message(self, now_s: float, *, whole: bool) -> Plain:
-        """Return the changes since `mark_sent`, or everything."""
+        """Return the parts that changed since `mark_sent`, or everything."""
+        whole = whole or not self._sent
         silent_s = max(0.0, now_s - self._heard_s)
-        contact = of_age(silent_s, NO_CONTACT_S)
-        message: Plain = {"key": self.key, "name": self.name, "endpoint": self.bus.endpoint}
-        message |= {"silent_s": round(silent_s, 1), "contact": str(contact), "over": self._over}
-        if whole or "status" in self._new:
-            message |= {"status": self._status, "operator": of_operator(self._status)}
-        if self._fold is not None:
-            if whole or self._fold.scene is not self._scene_sent:
-                message["scene"] = self._fold.scene
-            if whole or "snapshot" in self._new:
-                message["snapshot"] = self._fold.snapshot()
-        if whole or "history" in self._new:
-            message |= {"history": {"columns": HISTORY, "rows": list(self._history)}, "events": list(self._events)}
-        elif self._events_new:
-            message["events"] = list(self._events_new)
+        message: Plain = {"key": self.key, "name": self.name, "endpoint": self.bus.endpoint, "over": self._over}
+        message |= {"silent_s": round(silent_s, 1), "contact": level_of(silent_s, 0.5 * NO_CONTACT_S, NO_CONTACT_S)}
+        message |= {name: part for name, part in self._parts().items() if whole or part is not self._sent.get(name)}
+        if self._fold is not None and "snapshot" in message:
+            message["snapshot"] = self._fold.snapshot()
+        if whole:
+            message["history"] = {"columns": HISTORY, "rows": list(self._rows)}
+        if whole or self._unsent_events:
+            message["events"] = list(self._events)[0 if whole else -self._unsent_events :]
         return message
 
     def mark_sent(self) -> None:
         """Mark everything as sent."""
-        self._new.clear()
-        self._events_new.clear()
-        self._scene_sent = None if self._fold is None else self._fold.scene
+        self._sent, self._unsent_events = self._parts(), 0
 
 
 class Hub:

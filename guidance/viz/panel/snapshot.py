@@ -11,7 +11,7 @@ import json
 import math
 import sys
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
@@ -26,25 +26,14 @@ from guidance.flight.detection import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
 from guidance.flight.table import SETPOINT_STATES, state_words
 from guidance.frames import ned_from_game
 from guidance.game import Winner
-from guidance.log import (
-    Aggregator,
-    CycleEntry,
-    EventEntry,
-    Item,
-    SettingsOf,
-    metadata_of,
-    record_errors,
-    scan,
-    survey_of,
-    title_of,
-)
+from guidance.log import Aggregator, CycleEntry, EventEntry, Item, SettingsOf, metadata_of, record_errors, scan
 from guidance.log.codec import plain
 from guidance.log.entries import CYCLE_TOPIC, EVENT, EVENT_TOPIC
-from guidance.log.reader import Survey, entry_of
+from guidance.log.reader import Survey, entry_of, survey_of, title_of
 from guidance.log.scene import fence_edges, isochron_at, target_edge
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
-from guidance.monitor import Alarm, Violation
-from guidance.session.flight_files import recorded_settings
+from guidance.monitor import Violation
+from guidance.session.flight_files import RECORD, recorded_settings
 
 ISOCHRON_INTERVAL_S: Final = 1.0
 ALARM_SHOWN_S: Final = 10.0
@@ -86,14 +75,6 @@ _STATES: Final[Mapping[State, Level]] = {
 
 _REACH: Final[Mapping[str, Level]] = {"yes": Level.OK, "uncertain": Level.CAUTION}
 
-_GAME: Final[Mapping[str, str]] = {
-    **{name: name for name in ("value", "time_needed_s", "no_game")},
-    "margin_s": "vehicle_margin_s",
-    "reachable_m_s": "reachable_speed_m_s",
-    "assured_m": "assured_distance_m",
-}
-"""Numbers of the game -> fields of the certificate."""
-
 HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
     "now_s": ("now_s",),
     **{f"pursuer_{axis}": ("pursuer_m", number) for number, axis in enumerate("xyz")},
@@ -114,7 +95,7 @@ def event_row(event: EventEntry) -> Plain:
     return {"now_s": round(event.now_s, 2), "event": event.event, "detail": event.words[:300]}
 
 
-def history_row(snapshot: Plain) -> list[float | None]:
+def history_row(snapshot: Plain | None) -> list[float | None]:
     """Return a snapshot as a row of the charts."""
     row = []
     for path in HISTORY.values():
@@ -125,20 +106,14 @@ def history_row(snapshot: Plain) -> list[float | None]:
     return row
 
 
-def of_age(age_s: float, limit_s: float, caution_s: float | None = None) -> Level:
-    """Severity of an age: warning above the flight's limit, caution above `caution_s` (default: half the limit)."""
-    if math.isnan(age_s):
+def level_of(value: float, caution: float, warning: float) -> Level:
+    """Severity by two limits: of an age above them, of a share such as the battery's (`warning` is the lower) below."""
+    sign = math.copysign(1.0, warning - caution)
+    if math.isnan(value):
         return Level.UNKNOWN
-    if age_s > limit_s:
-        return Level.WARNING
-    return Level.CAUTION if age_s > (0.5 * limit_s if caution_s is None else caution_s) else Level.OK
-
-
-def of_share(share: float, warning: float, caution: float) -> Level:
-    """Severity of a share, 0 to 1, such as the remaining battery: warning and caution below these."""
-    if math.isnan(share):
-        return Level.UNKNOWN
-    return Level.WARNING if share < warning else Level.CAUTION if share < caution else Level.OK
+    return (
+        Level.WARNING if sign * value > sign * warning else Level.CAUTION if sign * value > sign * caution else Level.OK
+    )
 
 
 def of_operator(status: Mapping[str, Any]) -> Plain | None:
@@ -146,26 +121,25 @@ def of_operator(status: Mapping[str, Any]) -> Plain | None:
     silence_s, limit_s = status.get("operator_silence_s"), status.get("operator_timeout_s")
     if not (isinstance(silence_s, int | float) and isinstance(limit_s, int | float)):
         return None
-    return {"level": str(of_age(silence_s, limit_s)), "silence_s": silence_s, "limit_s": limit_s}
+    return {"level": level_of(silence_s, 0.5 * limit_s, limit_s), "silence_s": silence_s, "limit_s": limit_s}
 
 
-def of_snapshot(snapshot: Plain, settings: FlightSettings) -> dict[str, str]:
+def of_snapshot(snapshot: Plain, settings: FlightSettings) -> dict[str, Level]:
     """Severities of a snapshot. Its unknown values are NaN."""
     state, ages, game, gps = State(snapshot["state"]), snapshot["age_s"], snapshot["game"], snapshot["gps"]
-    minimum = settings.battery_minimum
-    levels = {
+    minimum, timeout_s = settings.battery_minimum, settings.cycle.evader_timeout_s
+    return {
         "state": _STATES.get(state, Level.OK),
-        "heartbeat": of_age(ages["heartbeat"], HEARTBEAT_LIMIT_S),
-        "position": of_age(ages["position"], TELEMETRY_LIMIT_S, 0.3),
-        "evader": of_age(ages["evader"], settings.cycle.evader_timeout_s),
-        "battery": of_share(snapshot["battery"], minimum, minimum + BATTERY_CAUTION),
-        "link": of_share(snapshot["link"], _LINK_WARNING, _LINK_CAUTION),
+        "heartbeat": level_of(ages["heartbeat"], 0.5 * HEARTBEAT_LIMIT_S, HEARTBEAT_LIMIT_S),
+        "position": level_of(ages["position"], 0.3, TELEMETRY_LIMIT_S),
+        "evader": level_of(ages["evader"], 0.5 * timeout_s, timeout_s),
+        "battery": level_of(snapshot["battery"], minimum + BATTERY_CAUTION, minimum),
+        "link": level_of(snapshot["link"], _LINK_CAUTION, _LINK_WARNING),
         "gps": Level.UNKNOWN if gps is None else Level.OK if gps["fix"] >= _FIX_3D else Level.WARNING,
         "stream": Level.WARNING if state in SETPOINT_STATES and not snapshot["streaming"] else Level.OK,
         "reach": Level.UNKNOWN if game is None else _REACH.get(game["reach"], Level.WARNING),
         "limits": Level.CAUTION if game is not None and game["limits"] else Level.OK,
     }
-    return {name: str(level) for name, level in levels.items()}
 
 
 class SnapshotFold:
@@ -173,6 +147,7 @@ class SnapshotFold:
 
     Attributes:
         scene: Home, fence, target, size of the stand-off disc and kind of game; another object when it changes.
+        last: The last cycle; None before the first.
 
     Raises:
         ConfigError: If the metadata has no settings.
@@ -185,10 +160,10 @@ class SnapshotFold:
 
     def _begin(self) -> None:
         self._flights = self._flight.flights
-        self._report = ""
-        self._last: CycleEntry | None = None
+        self.last: CycleEntry | None = None
+        self._source = ""
         self._shown: Plain | None = None
-        self._alarm: tuple[float, Alarm] | None = None
+        self._alarm: Plain | None = None
         self._isochron: tuple[float, list[Any]] = (-math.inf, [])
         self._armed_s = self._round_trip_s = math.nan
         self._positions_s: deque[float] = deque()
@@ -209,18 +184,17 @@ class SnapshotFold:
         return entry
 
     def _add_cycle(self, row: CycleEntry) -> None:
-        cycle, self._last, self._shown = self._flight.cycle, row, None
+        cycle, inputs, self.last, self._shown = self._flight.cycle, row.inputs, row, None
         self._round_trip_s = cycle.round_trip_s if math.isfinite(cycle.round_trip_s) else self._round_trip_s
         if self._flight.vehicle.armed != math.isfinite(self._armed_s):
             self._armed_s = row.now_s if self._flight.vehicle.armed else math.nan
-        self._positions_s.extend(one.received_s for one in row.inputs.messages if isinstance(one, LocalPosition))
+        self._positions_s.extend(one.received_s for one in inputs.messages if isinstance(one, LocalPosition))
         while self._positions_s and self._positions_s[0] < row.now_s - LINK_WINDOW_S:
             self._positions_s.popleft()
         self._most_positions = max(self._most_positions, len(self._positions_s))
-        for report in row.inputs.reports:
-            self._report = report.source
+        self._source = inputs.reports[-1].source if inputs.reports else self._source
         if row.alarm is not None:
-            self._alarm = row.now_s, row.alarm
+            self._alarm = {"what": str(row.alarm.violation), "amount": row.alarm.amount, "since_s": row.now_s}
         if self._flight.home_m != self._home_m:
             self._set_scene()
 
@@ -246,28 +220,27 @@ class SnapshotFold:
 
     def snapshot(self) -> Plain | None:
         """Return the last cycle, made once; None before the first. Unknown values are null."""
-        row, cycle = self._last, self._flight.cycle
+        row, cycle = self.last, self._flight.cycle
         if row is None or self._shown is not None:
             return self._shown
-        certificate = row.certificate
-        gap_m, height_gap_m = self._gaps_m(certificate)
+        certificate, alarm = row.certificate, self._alarm
         airborne = self._flight.vehicle.armed and not self._flight.vehicle.on_ground
         snapshot: Plain = {
             **self._vehicle(),
+            **self._gaps(),
             "now_s": round(row.now_s, 3),
             "state": str(row.state),
             "state_words": state_words(row.state, airborne=airborne),
             "streaming": row.setpoint is not None,
-            "source": self._report,
+            "against": self._flight.playing or "",
+            "source": self._source,
             "pursuer_m": rounded(cycle.pursuer_m),
             "evader_m": rounded(cycle.evader_m),
-            "gap_m": gap_m,
-            "height_gap_m": height_gap_m,
             "speed_m_s": {
                 name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in ("flown", "commanded", "desired")
             },
-            "game": None if certificate is None else self._game(certificate),
-            "alarm": self._recent_alarm(row.now_s),
+            "game": None if certificate is None else game_of(certificate),
+            "alarm": alarm if alarm is not None and row.now_s - alarm["since_s"] <= ALARM_SHOWN_S else None,
             "age_s": {
                 "heartbeat": self._flight.vehicle.age_s(Heartbeat, row.now_s),
                 "position": known_age(cycle.telemetry_age_s),
@@ -297,23 +270,14 @@ class SnapshotFold:
             "yaw_rad": math.nan if vehicle.last(Attitude) is None else round(vehicle.yaw_rad, 3),
         }
 
-    def _gaps_m(self, certificate: Certificate | None) -> tuple[float, float]:
+    def _gaps(self) -> Plain:
         """Distances to the disc, also before and after the game; NaN if a position is unknown."""
-        if certificate is not None:
-            return certificate.gap_m, certificate.height_gap_m
-        here, evader = (ned_from_game(place) for place in (self._flight.cycle.pursuer_m, self._flight.cycle.evader_m))
-        gaps = gaps_to_disc(here, evader, self._flight.settings.cycle.standoff)
-        return gaps.ground_m, gaps.height_m
-
-    def _game(self, certificate: Certificate) -> Plain:
-        meets = not certificate.no_game
-        return {
-            **{name: getattr(certificate, field) for name, field in _GAME.items()},
-            "reach": reach_of(certificate),
-            "limits": list(certificate.active_limits),
-            "meeting_m": rounded(certificate.meeting_point_game_m) if meets else None,
-            "isochron_m": None,
-        }
+        cycle = self._flight.cycle
+        if not math.isnan(cycle.gap_m):
+            return {"gap_m": cycle.gap_m, "height_gap_m": cycle.height_gap_m}
+        pursuer, evader = map(ned_from_game, (cycle.pursuer_m, cycle.evader_m))
+        gaps = gaps_to_disc(pursuer, evader, self._flight.settings.cycle.standoff)
+        return {"gap_m": gaps.ground_m, "height_gap_m": gaps.height_m}
 
     def _curve(self, certificate: Certificate, now_s: float) -> list[Any]:
         # Computed seldom, because it solves a batch of games.
@@ -323,11 +287,21 @@ class SnapshotFold:
             self._isochron = now_s, np.round(finite, _CENTIMETRES).tolist()
         return self._isochron[1]
 
-    def _recent_alarm(self, now_s: float) -> Plain | None:
-        if self._alarm is None or now_s - self._alarm[0] > ALARM_SHOWN_S:
-            return None
-        since_s, alarm = self._alarm
-        return {"what": str(alarm.violation), "amount": alarm.amount, "since_s": since_s}
+
+def game_of(certificate: Certificate) -> Plain:
+    """Return what the page shows of a game."""
+    return {
+        "value": certificate.value,
+        "time_needed_s": certificate.time_needed_s,
+        "no_game": certificate.no_game,
+        "margin_s": certificate.vehicle_margin_s,
+        "reachable_m_s": certificate.reachable_speed_m_s,
+        "assured_m": certificate.assured_distance_m,
+        "reach": reach_of(certificate),
+        "limits": list(certificate.active_limits),
+        "meeting_m": None if certificate.no_game else rounded(certificate.meeting_point_game_m),
+        "isochron_m": None,
+    }
 
 
 def reach_of(certificate: Certificate) -> str:
@@ -350,14 +324,13 @@ def known_age(age_s: float) -> float:
     return max(0.0, age_s) if math.isfinite(age_s) else math.inf
 
 
-def outcome_of(path: Path) -> dict[str, Any]:
+def outcome_of(path: Path) -> Plain:
     """Summarise a record and the end of its flight, as far as it can be read.
 
     Raises:
         ConfigError: If the file is not a record.
     """
-    survey, events = Survey(), Counter[str]()
-    last_cycle = b"{}"
+    survey, events, last_cycle = Survey(), Counter[str](), b"{}"
     with record_errors(path):
         for item in scan(path, survey):
             if item.topic == CYCLE_TOPIC:
@@ -375,7 +348,7 @@ def outcome_of(path: Path) -> dict[str, Any]:
         }
 
 
-def frames_of(path: Path) -> dict[str, Any]:
+def frames_of(path: Path) -> Plain:
     """Return the frames, scenes and events of a record, and the columns of the charts.
 
     Raises:
@@ -384,9 +357,8 @@ def frames_of(path: Path) -> dict[str, Any]:
     with record_errors(path):
         metadata, survey = metadata_of(path), survey_of(path)
         fold = SnapshotFold(recorded_settings, metadata, str(path))
-        step_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES)
+        step_s, last_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES), -math.inf
         frames, events, scenes = list[Any](), list[Any](), list[Any]()
-        last_s = -math.inf
         for item in scan(path):
             entry = fold.take(item)
             if isinstance(entry, EventEntry):
@@ -396,17 +368,34 @@ def frames_of(path: Path) -> dict[str, Any]:
                 if not scenes or scenes[-1]["scene"] is not fold.scene:
                     scenes.append({"from_s": round(entry.now_s, 3), "scene": fold.scene})
                 frames.append(fold.snapshot())
-    return {"name": title_of(metadata), "scenes": scenes, "columns": HISTORY, "frames": frames, "events": events}
+    said = {"name": title_of(metadata), "vehicle": path.parent.name, "columns": HISTORY}
+    return said | {"scenes": scenes, "frames": frames, "events": events}
+
+
+def replay_of(path: Path) -> Plain:
+    """Return the frames of a record and, as `mates`, those of the other vehicles of its team flight.
+
+    Raises:
+        ConfigError: If the record cannot be read.
+    """
+    of_team = path.name == RECORD and recorded_settings(metadata_of(path)).team is not None
+    mates = sorted(set(path.parent.parent.glob(f"*/{RECORD}")) - {path}) if of_team else []
+    return frames_of(path) | {"mates": [said_of(frames_of, mate) for mate in mates]}
+
+
+def said_of(read: Callable[[Path], Plain], path: Path) -> Plain:
+    """Read a record; an unreadable one gives `{"error": …}`."""
+    try:
+        return read(path)
+    except GuidanceError as error:
+        return {"error": str(error)}
 
 
 def main(what: str, *files: str) -> int:
-    """Write the frames of a file as JSON, or the outcome of each as a line; unreadable files give `{"error": …}`."""
+    """Write the replay of a file as JSON, or the outcome of each as a line."""
     for path in map(Path, files):
-        try:
-            result = (frames_of if what == "frames" else outcome_of)(path)
-        except GuidanceError as error:
-            result = {"error": str(error)}
-        print(json.dumps(plain(result if what == "frames" else [str(path), result]), allow_nan=False), flush=True)  # noqa: T201
+        said = said_of(replay_of, path) if what == "frames" else [str(path), said_of(outcome_of, path)]
+        print(json.dumps(plain(said), allow_nan=False), flush=True)  # noqa: T201
     return 0
 
 

@@ -9,7 +9,7 @@ import { Records, link } from "./records.js";
 import { Replay } from "./replay.js";
 import { Space } from "./space.js";
 import { forgetInks } from "./surface.js";
-import { showPromises, teamOf } from "./team.js";
+import { showPromises, showTabs, teamOf } from "./team.js";
 import { TEXTS } from "./texts.js";
 
 const CHARTS_EVERY_MS = 500;
@@ -113,30 +113,15 @@ class Live {
   tabs(daemon) {
     const daemons = [...this.feed.daemons.values()];
     daemons.sort((one, other) => one.name.localeCompare(other.name));
-    const against = (one) => (one.status.assignment ? ` → ${one.status.assignment.evader}` : "");
-    const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state_words ?? one.status.state ?? "–"}${against(one)}`);
-    const shown = JSON.stringify([words, daemon?.key]);
-    if (shown !== this.shownTabs) {
-      this.shownTabs = shown;
-      at("daemons").replaceChildren(...daemons.map((one, index) => this.tab(one, words[index], one === daemon)));
-    }
+    showTabs(at("daemons"), daemons, daemon, (key) => {
+      this.chosen = key;
+      this.pictures.shown.fit();
+      this.draw();
+    });
     if (daemon?.over) lamp(at("contact"), "unknown", TEXTS.isOver);
     else if (daemon) lamp(at("contact"), daemon.contact, TEXTS.contact[daemon.contact]);
     else lamp(at("contact"), "unknown", TEXTS.noDaemon);
     document.title = daemon ? `${daemon.name} · ${TEXTS.title}` : TEXTS.title;
-  }
-
-  tab(daemon, words, pressed) {
-    const button = document.createElement("button");
-    button.className = "quiet";
-    button.textContent = words;
-    button.setAttribute("aria-pressed", pressed);
-    button.addEventListener("click", () => {
-      this.chosen = daemon.key;
-      this.pictures.shown.fit();
-      this.draw();
-    });
-    return button;
   }
 
   // Old data must not look current.

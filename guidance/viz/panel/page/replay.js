@@ -1,8 +1,10 @@
-// Replay of a record in the live view, with a slider and without orders.
+// Replay of a record in the live view, with a slider and without orders. Of a team flight it shows all vehicles.
 import { rowOf } from "./feed.js";
+import { showTabs } from "./team.js";
 import { TEXTS } from "./texts.js";
 
 const FRAMES_PER_ROW = 2;
+const ENDS = ["stand-off reached", "evader reached its target"]; // events after which an evader is out of play
 
 const at = (name) => document.getElementById(name);
 
@@ -35,7 +37,14 @@ export class Replay {
 
   begin(flight) {
     this.flight = flight;
-    flight.rows = flight.frames.filter((_, at) => at % FRAMES_PER_ROW === 0).map((frame) => rowOf(frame, flight.columns));
+    this.flights = [flight, ...flight.mates].filter((one) => one.frames?.length);
+    this.flights.sort((one, other) => one.vehicle.localeCompare(other.vehicle));
+    this.chosen = flight.vehicle;
+    for (const one of this.flights) {
+      one.rows = one.frames.filter((_, at) => at % FRAMES_PER_ROW === 0).map((frame) => rowOf(frame, one.columns));
+      const ends = one.events.filter(({ event }) => ENDS.includes(event));
+      one.ends = ends.map(({ now_s }) => ({ now_s, evader: frameAt(one, now_s).against }));
+    }
     this.say("");
     at("daemons").textContent = flight.name;
     at("slider").hidden = false;
@@ -75,18 +84,33 @@ export class Replay {
 
   draw() {
     if (!this.flight) return;
-    const { frames, rows, columns, events, scenes } = this.flight;
-    const seen = frames[Number(at("moment").value)];
-    if (!seen) return;
-    at("moment-s").textContent = `${seen.now_s.toFixed(1)} s`;
-    const scene = (scenes.findLast((one) => one.from_s <= seen.now_s) ?? scenes[0]).scene;
-    const until = (list, time) => list.filter((one) => time(one) <= seen.now_s);
-    this.pictures.draw(
-      {
-        scene, columns, snapshot: seen, status: {},
-        rows: until(rows, (row) => row[0]), events: until(events, (event) => event.now_s),
-      },
-      Infinity,
-    );
+    const { now_s } = this.flight.frames[Number(at("moment").value)] ?? {};
+    if (now_s === undefined) return;
+    at("moment-s").textContent = `${now_s.toFixed(1)} s`;
+    const over = this.flights.flatMap(({ ends }) => ends.filter((one) => one.now_s <= now_s).map(({ evader }) => evader));
+    const vehicles = this.flights.map((one) => moment(one, now_s, over.filter(Boolean)));
+    const shown = vehicles.find((one) => one.key === this.chosen);
+    const team = vehicles.length > 1 ? vehicles : [];
+    if (team.length) {
+      showTabs(at("daemons"), team, shown, (key) => {
+        this.chosen = key;
+        this.pictures.shown.fit();
+        this.draw();
+      });
+    }
+    this.pictures.draw(shown, Infinity, team);
   }
+}
+
+const frameAt = ({ frames }, now_s) => frames.findLast((frame) => frame.now_s <= now_s) ?? frames[0];
+
+// A flight at a time, in the form of a daemon; `over` are the evaders out of play.
+function moment(flight, now_s, over) {
+  const { vehicle, scenes, columns, rows, events } = flight;
+  const seen = frameAt(flight, now_s);
+  return {
+    key: vehicle, name: vehicle, columns, snapshot: seen, status: { assignment: { evader: seen.against, over } },
+    scene: (scenes.findLast((one) => one.from_s <= now_s) ?? scenes[0]).scene,
+    rows: rows.filter((row) => row[0] <= now_s), events: events.filter((event) => event.now_s <= now_s),
+  };
 }

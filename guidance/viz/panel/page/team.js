@@ -1,4 +1,5 @@
-// The vehicles of a team: who belongs to it, where the others are in the frame of the one that is shown, and promises.
+// The vehicles of a team: who belongs to it, a button for each, where the others are in the frame of the one that is
+// shown, and promises.
 import { lamp } from "./glance.js";
 import { EVADER, PURSUER } from "./surface.js";
 import { TEXTS } from "./texts.js";
@@ -12,6 +13,24 @@ export function teamOf(daemon, daemons) {
   const names = daemon?.status.vehicles ?? [];
   const team = daemons.filter((one) => one.endpoint === daemon?.endpoint && names.includes(one.name));
   return team.sort((one, other) => one.name.localeCompare(other.name));
+}
+
+// A button for each daemon: its name, its state and its evader. `choose` gets the key of the one that is pressed.
+export function showTabs(element, daemons, shown, choose) {
+  const against = (one) => (one.status.assignment?.evader ? ` → ${one.status.assignment.evader}` : "");
+  const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state_words ?? one.status.state ?? "–"}${against(one)}`);
+  const said = JSON.stringify([words, shown?.key]);
+  if (element.dataset.shown === said) return;
+  element.dataset.shown = said;
+  const tabs = daemons.map(({ key }, index) => {
+    const button = document.createElement("button");
+    button.className = "quiet";
+    button.textContent = words[index];
+    button.setAttribute("aria-pressed", key === shown?.key);
+    button.addEventListener("click", () => choose(key));
+    return button;
+  });
+  element.replaceChildren(...tabs);
 }
 
 // The daemons as players of one picture, the shown one first, with all places in its game frame.
