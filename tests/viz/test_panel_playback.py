@@ -40,7 +40,7 @@ async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monk
     first = folder.listed()  # at once, without details
     assert [row["reading"] for row in first] == [True] * 3
     assert all(row["megabytes"] >= 0.0 for row in first)
-    await folder.read_all()
+    await folder._reading
     rows = {row["record"]: row for row in folder.listed()}
     assert rows.keys() == {"uav1.mcap", "pe-001/record.mcap", "strange.mcap"}
     whole, torn = rows["uav1.mcap"], rows["pe-001/record.mcap"]
@@ -66,7 +66,7 @@ async def test_a_reader_that_dies_leaves_an_error_for_each_record_that_it_did_no
 
     monkeypatch.setattr(records, "_lines", dies)
     folder.listed()
-    await folder.read_all()
+    await folder._reading
     rows = {row["record"]: row for row in folder.listed()}
     assert rows["uav1.mcap"]["ended"] == "landed"
     assert all("cannot be read" in rows[name]["error"] for name in ("pe-001/record.mcap", "strange.mcap"))
@@ -85,10 +85,10 @@ async def test_products_are_made_only_from_records_of_the_folder(folder):
         await folder.product("strange.mcap", "events")
     made = await folder.product("pe-001/record.mcap", "events")
     assert made.name == "pe-001.txt"
-    assert "vehicle heard" in made.path.read_text()
+    assert "vehicle heard" in made.read_text()
     assert await folder.product("pe-001/record.mcap", "events") == made
     await folder.close()
-    assert not made.path.exists()
+    assert not made.exists()
 
 
 async def test_record_routes_answer_with_the_right_content_types(folder, monkeypatch):
@@ -102,7 +102,7 @@ async def test_record_routes_answer_with_the_right_content_types(folder, monkeyp
     application.add_routes(folder.routes("/secret/"))
     async with TestClient(TestServer(application)) as client:
         await client.get("/secret/records")
-        await folder.read_all()
+        await folder._reading
         listed = await (await client.get("/secret/records")).json()
         assert {row["ended"] for row in listed["records"]} == {"landed"}
         assert (await client.get("/secret/records/events", params={"record": "nothing"})).status == 404

@@ -21,7 +21,7 @@ from guidance.viz.panel.access import (
     PASSWORD_INTERVAL_S,
     Access,
     PasswordThrottle,
-    origin_of,
+    map_of,
     remote_access,
 )
 from guidance.viz.panel.server import MAX_QUEUED, PanelOptions, PanelServer
@@ -188,10 +188,10 @@ async def test_the_tile_server_is_the_only_other_host_for_images(opened):
         assert "img-src 'self' data: https://tiles.example:8443; connect" in answer.headers["Content-Security-Policy"]
     for url in ("tiles.example/{z}/{x}/{y}", "https://a;b/{z}/{x}/{y}", "https://a/{z}/{x}", "ftp://a/{z}{x}{y}"):
         with pytest.raises(ConfigError, match="must be a folder, or like https"):
-            origin_of(url)
+            map_of(url)
 
 
-async def test_map_tiles_come_from_the_local_folder_by_default(opened, tmp_path):
+async def test_map_tiles_come_from_the_local_folder_by_default(opened, tmp_path, monkeypatch):
     (tmp_path / "3" / "4").mkdir(parents=True)
     (tmp_path / "3" / "4" / "2.png").write_bytes(b"a tile")
     (tmp_path / "secret.png").write_bytes(b"no tile")
@@ -202,7 +202,8 @@ async def test_map_tiles_come_from_the_local_folder_by_default(opened, tmp_path)
     for path, status in (("3/4/2", 200), ("3/4/1", 404), ("3/4/..%2F..%2Fsecret", 404), ("a/b/c", 404)):
         async with panel.client.get(f"tiles/{path}.png") as answer:
             assert answer.status == status
-    other = await let_in(await opened(tiles="no such folder"))
+    monkeypatch.chdir(tmp_path)
+    other = await let_in(await opened(tiles="tiles"))
     async with other.client.get("alive") as answer:
         assert (await answer.json())["tiles"] == ""
 

@@ -34,6 +34,9 @@ MAX_CONNECTIONS: Final = 256
 LOGIN_DEADLINE_S: Final = 10.0
 """Time from a connection's first packet to a request with the cookie, including the TLS handshake."""
 
+DEFAULT_TILES: Final = "tiles"
+"""Folder of map tiles; it need not exist."""
+
 _RETRY_S: Final = 0.1
 _MAX_ADDRESSES: Final = 1024
 _LOOPBACK_NAMES: Final = ("127.0.0.1", "localhost", "[::1]")
@@ -192,17 +195,24 @@ def read_password(path: Path) -> str:
     return password
 
 
-def origin_of(tiles: str) -> str:
-    """Return scheme://host[:port] of a tile server's address.
+def map_of(tiles: str) -> tuple[str, str]:
+    """Return the page's address of the map tiles, and scheme://host[:port] of a tile server; empty without one.
+
+    Args:
+        tiles: A folder, or the address of a tile server. The default folder need not exist.
 
     Raises:
         ConfigError: If the address is not of the form https://host/{z}/{x}/{y}.
     """
+    if tiles and Path(tiles).is_dir():
+        return "tiles/{z}/{x}/{y}.png", ""
+    if tiles in {"", DEFAULT_TILES}:
+        return "", ""
     parts = urlsplit(tiles)
     host = re.fullmatch(r"[A-Za-z0-9.-]+(:\d+)?", parts.netloc)
     if parts.scheme not in {"http", "https"} or host is None or any(key not in tiles for key in ("{z}", "{x}", "{y}")):
         raise ConfigError(f"--tiles {tiles}: must be a folder, or like https://tiles.example/{{z}}/{{x}}/{{y}}.png")
-    return f"{parts.scheme}://{parts.netloc}"
+    return tiles, f"{parts.scheme}://{parts.netloc}"
 
 
 def listen(host: str, port: int) -> socket.socket:

@@ -12,7 +12,7 @@ import tempfile
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from aiohttp import web
 
@@ -45,13 +45,6 @@ Key = tuple[str, int, int]
 """Name, modification time (ns) and size of a record: the same key means the same content."""
 
 
-class Product(NamedTuple):
-    """A file made from a record, and its name for downloads."""
-
-    path: Path
-    name: str
-
-
 class RecordFolder:
     """The records of one folder: its `*.mcap` files, those of its flights, and those of the vehicles of team flights.
 
@@ -63,7 +56,7 @@ class RecordFolder:
         self.folder = folder
         self._temporary = tempfile.TemporaryDirectory(prefix="guidance-panel-")
         self._outcomes: dict[Key, Mapping[str, Any]] = {}
-        self._products: OrderedDict[tuple[Key, str], Path] = OrderedDict()
+        self._products: OrderedDict[tuple[Key, str], Path] = OrderedDict()  # the least recently used first
         self._one_at_a_time = asyncio.Lock()
         self._reading: asyncio.Task[None] | None = None
 
@@ -91,11 +84,6 @@ class RecordFolder:
             for name, key in keys.items()
         ]
 
-    async def read_all(self) -> None:
-        """Wait until the details of the listed records are read."""
-        if self._reading is not None:
-            await self._reading
-
     async def _read(self, unread: Mapping[Path, Key]) -> None:
         """Read the outcomes in one child, which prints each as a line."""
         with contextlib.suppress(OutputError, TimeoutError, OSError, ValueError):
@@ -105,7 +93,7 @@ class RecordFolder:
         for path, key in unread.items():
             self._outcomes.setdefault(key, {"error": f"{path}: cannot be read"})
 
-    async def product(self, name: str, what: str) -> Product | None:
+    async def product(self, name: str, what: str) -> Path | None:
         """Make a file of a record, of a kind of `_MADE`; None if the record or kind is unknown.
 
         Raises:
@@ -121,8 +109,7 @@ class RecordFolder:
             self._products.move_to_end(key)
             while len(self._products) > MAX_KEPT:
                 self._products.popitem(last=False)[1].unlink(missing_ok=True)
-        stem = path.parent.name if path.stem == "record" else path.stem
-        return Product(self._products[key], f"{stem}{self._products[key].suffix}")
+        return self._products[key]
 
     async def _make(self, path: Path, what: str) -> Path:
         folder = Path(tempfile.mkdtemp(dir=self._temporary.name))
@@ -131,7 +118,8 @@ class RecordFolder:
         lines = [line async for line in _lines(*(str(path) if word == "RECORD" else word for word in words))]
         if not (folder / written).exists():
             (folder / written).write_bytes(b"".join(lines))
-        return folder / written
+        stem = path.parent.name if path.stem == "record" else path.stem
+        return (folder / written).rename(folder / f"{stem}{Path(written).suffix}")
 
     async def _list(self, _: web.Request) -> web.StreamResponse:
         return web.json_response({"folder": str(self.folder), "exports": EXPORTS, "records": self.listed()})
@@ -145,7 +133,7 @@ class RecordFolder:
         if product is None:
             return web.Response(status=404)
         kind = _MADE[what][2]
-        answer = web.Response(body=product.path.read_bytes(), content_type=kind or "application/octet-stream")
+        answer = web.Response(body=product.read_bytes(), content_type=kind or "application/octet-stream")
         if not kind:
             answer.headers["Content-Disposition"] = f'attachment; filename="{product.name}"'
         elif what == "report":

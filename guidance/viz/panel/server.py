@@ -19,7 +19,7 @@ from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError, LinkError
 from guidance.links.zenoh_access import read_credentials
 from guidance.log import SettingsOf
-from guidance.viz.panel.access import Access, Listener, PasswordThrottle, listen, origin_of, remote_access
+from guidance.viz.panel.access import DEFAULT_TILES, Access, Listener, PasswordThrottle, listen, map_of, remote_access
 from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder
 
@@ -34,9 +34,6 @@ MAX_QUEUED: Final = 20
 KEEPALIVE_S: Final = 15.0
 """Idle time of a connection between two requests; then it is closed."""
 
-DEFAULT_TILES: Final = "tiles"
-"""Folder of map tiles; it need not exist."""
-
 _MAX_BYTES: Final = 4096
 _MAX_NAME_LENGTH: Final = 24
 _MAX_ORDERS_AT_ONCE: Final = 16
@@ -44,7 +41,6 @@ _PUBLIC: Final = frozenset({"/", "/login", "/door.css"})
 _PAGE: Final = Path(__file__).with_name("page")
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-Queue = asyncio.Queue[str | None]
 
 
 class PanelOptions(NamedTuple):
@@ -77,19 +73,16 @@ def serve_panel(options: PanelOptions, settings_of: SettingsOf, say: Callable[[s
     """
     if not 0 <= options.port <= 65535:
         raise ConfigError(f"--port {options.port}: allowed is 0 (pick a free one) to 65535")
-    if options.tiles not in {"", DEFAULT_TILES} and not Path(options.tiles).is_dir():
-        origin_of(options.tiles)
+    map_of(options.tiles)
     credentials = read_credentials(options.zenoh)
     security = remote_access(options.host, options.certificate, options.key, options.password_file)
-    with contextlib.ExitStack() as closing:
-        listening = closing.enter_context(listen(options.host, options.port))
+    with listen(options.host, options.port) as listening:
         access = Access(listening.getsockname()[1], security)
         os.nice(NICE)
         clock = MonotonicClock()
         buses = [DaemonBus(one, options.token_file, clock, credentials) for one in options.endpoints]
-        hub = Hub(buses, settings_of, clock)
-        closing.callback(hub.close)
-        asyncio.run(_serve(PanelServer(hub, access, clock, options, say), listening))
+        with contextlib.closing(Hub(buses, settings_of, clock)) as hub:
+            asyncio.run(_serve(PanelServer(hub, access, clock, options, say), listening))
 
 
 async def _serve(server: "PanelServer", listening: socket.socket) -> None:
@@ -114,19 +107,14 @@ class PanelServer:
     def __init__(
         self, hub: Hub, access: Access, clock: Clock, options: PanelOptions, say: Callable[[str], None]
     ) -> None:
-        self._hub = hub
-        self._access = access
-        self._clock = clock
-        self._options = options
-        self._say = say
+        self._hub, self._access, self._clock, self._options, self._say = hub, access, clock, options, say
         self._address = ""
-        self._pages: dict[Queue, web.WebSocketResponse] = {}
+        self._pages: dict[web.WebSocketResponse, tuple[asyncio.Queue[str], asyncio.Task[None]]] = {}
         self._throttle = PasswordThrottle(clock)
         self._listener: Listener  # since `serving`
         self._order_threads = ThreadPoolExecutor(_MAX_ORDERS_AT_ONCE, thread_name_prefix="order")
-        remote, local = "://" in options.tiles, bool(options.tiles) and Path(options.tiles).is_dir()
-        self._tile_url = options.tiles if remote else "tiles/{z}/{x}/{y}.png" if local else ""
-        images = f"img-src 'self' data: {origin_of(options.tiles) if remote else ''}".rstrip()
+        self._tile_url, tile_origin = map_of(options.tiles)
+        images = f"img-src 'self' data: {tile_origin}".rstrip()
         policy = f"default-src 'none'; script-src 'self'; style-src 'self'; {images}; connect-src 'self'"
         self._headers = {
             "Content-Security-Policy": f"{policy}; base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
@@ -173,7 +161,7 @@ class PanelServer:
             web.get("/door.css", _file),
             web.get(path, _file),
             web.get(f"{path}replay", _file),
-            web.get(f"{path}page/{{name}}", _file),
+            web.static(f"{path}page", _PAGE),
             web.get(rf"{path}tiles/{{tile:\d+/\d+/\d+}}.png", self._tile),
             web.get(f"{path}alive", self._alive),
             web.get(f"{path}live", self._live),
@@ -262,19 +250,16 @@ class PanelServer:
         page = web.WebSocketResponse(heartbeat=15.0, max_msg_size=_MAX_BYTES)
         await page.prepare(request)
         self._send()
-        queue: Queue = asyncio.Queue(MAX_QUEUED)
+        queue: asyncio.Queue[str] = asyncio.Queue(MAX_QUEUED)
         queue.put_nowait(self._hub.message(whole=True))
-        self._pages[queue] = page
-        sending = asyncio.create_task(_send_queued(page, queue))
+        self._pages[page] = queue, asyncio.create_task(_send_queued(page, queue))
         try:
             async for message in page:
                 if message.type is WSMsgType.TEXT and not self._options.look:
                     self._hub.note_operator(str(message.data))  # the key of the daemon that the page shows
         finally:
-            del self._pages[queue]
+            _, sending = self._pages.pop(page)
             sending.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await sending
         return page
 
     async def _order(self, request: web.Request) -> web.StreamResponse:
@@ -308,32 +293,27 @@ class PanelServer:
             self._hub.mark_sent()
             return
         changes = self._hub.message()
-        for queue in self._pages:
+        for queue, sending in self._pages.values():
             if queue.full():
-                while not queue.empty():
-                    queue.get_nowait()
-                queue.put_nowait(None)
+                sending.cancel()
             else:
                 queue.put_nowait(changes)
 
     async def _shut_down(self, _: web.Application) -> None:
-        for page in list(self._pages.values()):
+        for page in list(self._pages):
             await page.close(code=WSCloseCode.GOING_AWAY, message=b"the panel ends")
         self._order_threads.shutdown(wait=False, cancel_futures=True)
 
 
 async def _file(request: web.Request) -> web.StreamResponse:
-    """Return a file of the page."""
-    default = "door.css" if request.path == "/door.css" else "index.html"
-    path = _PAGE / request.match_info.get("name", default)
-    if path.parent != _PAGE or not path.is_file():
-        raise web.HTTPNotFound
-    return web.FileResponse(path)
+    return web.FileResponse(_PAGE / ("door.css" if request.path == "/door.css" else "index.html"))
 
 
-async def _send_queued(page: web.WebSocketResponse, queue: Queue) -> None:
-    """Send the messages of a queue. None closes the page: it was too slow."""
+async def _send_queued(page: web.WebSocketResponse, queue: asyncio.Queue[str]) -> None:
+    """Send the messages of a queue until cancelled: the page has gone, or it was too slow."""
     with contextlib.suppress(ConnectionError):
-        while (message := await queue.get()) is not None:
-            await page.send_str(message)
-        await page.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too slow")
+        try:
+            while True:
+                await page.send_str(await queue.get())
+        finally:
+            await page.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too slow")
