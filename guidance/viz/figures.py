@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
-from guidance.errors import ConfigError, OutputError
-from guidance.files import private_file
+from guidance.errors import ConfigError
+from guidance.files import private_file, writing
 from guidance.frames import Vector
 from guidance.game import Ball, End, Extent, Game, StandOff
 from guidance.game.extent import POINT
@@ -79,11 +79,8 @@ def save(figure: Figure, path: Path) -> None:
     Raises:
         OutputError: If the file cannot be written.
     """
-    try:
+    with writing(path):
         figure.savefig(path, dpi=130)
-    except (OSError, ValueError) as error:  # ValueError: a format that matplotlib does not know
-        reason = error.strerror if isinstance(error, OSError) else str(error).split(" (")[0]
-        raise OutputError(f"{path}: cannot be written ({reason}); choose another file, as flight.png") from error
 
 
 def save_twice(figure: Figure, stem: Path, *, dpi: float, private: bool = False) -> list[Path]:
@@ -112,10 +109,8 @@ def check_picture(path: Path) -> None:
 
 def thinned(values: Array) -> Array:
     """Thin out a long curve evenly, keeping both ends."""
-    if len(values) <= MOST_POINTS:
-        return values
-    kept: Array = values[np.linspace(0, len(values) - 1, MOST_POINTS).round().astype(int)]
-    return kept
+    kept = np.linspace(0, len(values) - 1, min(len(values), MOST_POINTS)).round().astype(int)
+    return np.asarray(values[kept])
 
 
 def draw_place(axes: Any, place_m: Vector, style: dict[str, Any], dimensions: int, label: str) -> None:  # noqa: ANN401
@@ -154,16 +149,6 @@ def legend_below(figure: Figure, *axes: Any, columns: int = 4, title: str = "") 
 def legend_beside(axes: Any) -> None:  # noqa: ANN401
     """Put the legend beside the axes."""
     axes.legend(loc="upper left", bbox_to_anchor=(1.005, 1.0), borderaxespad=0.0, frameon=False, fontsize=9)
-
-
-def panels(figure: Figure, count: int) -> list[Any]:
-    """Return stacked axes with a common time axis and a thin grid."""
-    axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
-    for one in axes:
-        one.grid(visible=True, linewidth=0.3)
-        one.margins(x=0.01)
-    axes[-1].set_xlabel("time, s")
-    return axes
 
 
 class Chase(NamedTuple):
@@ -214,22 +199,21 @@ class Chase(NamedTuple):
 
 def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int = 4) -> Figure:
     """Draw a chase in space and from above, and from above with the whole fence if asked for."""
-    if with_whole_fence:
-        figure, widths = figure_of(13.0, 5.8), [1.15, 0.08, 1.0, 0.7]  # with space for the height's label
-    else:
-        figure, widths = figure_of(12.0, 6.4), [1.0, 0.06, 0.9]
-    grid = figure.add_gridspec(1, len(widths), width_ratios=widths)
+    size, widths = ((13.0, 5.8), [1.15, 0.08, 1.0, 0.7]) if with_whole_fence else ((12.0, 6.4), [1.0, 0.06, 0.9])
+    figure = figure_of(*size)
+    grid = figure.add_gridspec(1, len(widths), width_ratios=widths)  # the second one is for the height's label
     space = figure.add_subplot(grid[0], projection="3d")
     plan, *whole = (figure.add_subplot(grid[place]) for place in range(2, len(widths)))
+    views = ((space, 3), (plan, 2), *((axes, 2) for axes in whole))
     low, high = chase.box
-    for axes, dimensions in ((space, 3), (plan, 2), *((axes, 2) for axes in whole)):
+    for axes, dimensions in views:
         draw_chase(axes, chase, dimensions)
         if axes is space or (whole and axes is plan):
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     label_plan(plan, adjustable="box" if whole else "datalim")
     for axes in whole:
-        label_plan(axes, "from above, with the fence", adjustable="box")
-    for axes, dimensions in ((space, 3), (plan, 2), *((axes, 2) for axes in whole)):
+        label_plan(axes, "from above, with the fence")
+    for axes, dimensions in views:
         draw_fence(axes, chase.fence, chase.fence_height_m, dimensions, whole=axes in whole)
     space.set_zlim(min(0.0, low[2] + _MARGIN_M), high[2])
     label_space(space)
@@ -239,8 +223,8 @@ def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int =
 
 def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN401 - 2D or 3D axes
     """Draw tracks, isochrons, stand-off disc, meeting point and target."""
-    for number, part in enumerate(chase.before):
-        axes.plot(*thinned(part)[:, :dimensions].T, **BEFORE, label=None if number else "pursuer before and after")
+    for part in chase.before:
+        axes.plot(*thinned(part)[:, :dimensions].T, **BEFORE, label="pursuer before and after")
     for name, places in chase.courses.items() if dimensions == 2 else ():
         axes.plot(*places[:, :2].T, **COURSE, label=f"course of {name}")
     _draw_run(axes, chase.pursuer, dimensions, "pursuer", PURSUER, "os")
@@ -255,8 +239,7 @@ def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN40
         name = "q*" if chase.target_m is None else "g*"
         draw_place(axes, chase.meeting_m, MEETING, dimensions, f"{name}, meeting point foreseen")
     if chase.reached_m is not None:
-        rim = circle(chase.reached_m, chase.standoff.radius_m, 73)
-        disc = lifted(rim, chase.standoff.height_m)
+        disc = lifted(circle(chase.reached_m, chase.standoff.radius_m, 73), chase.standoff.height_m)
         axes.plot(*disc[:, :dimensions].T, **STANDOFF, label="stand-off disc at capture")
     if chase.target_m is not None:
         draw_place(axes, chase.target_m, TARGET, dimensions, "T, target")
@@ -377,9 +360,7 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     for j in range(len(teams.evaders_m)):
         _draw_region(axes, teams, matching, j)
     _draw_players(axes, teams, played)
-    axes.set(xlabel="x east, m", ylabel="y north, m")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.grid(visible=True, linewidth=0.3)
+    label_plan(axes, adjustable="datalim")
     axes.set_axisbelow(True)
     figure.suptitle(scenario.title, fontsize=13)
     captured, unit = int(np.count_nonzero(played.end == End.CAPTURED)), "s" if scenario.game == "pe" else "m from T"

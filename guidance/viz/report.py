@@ -5,6 +5,7 @@ The pictures show tracks, the game and its guarantee, velocities, ages and laten
 
 import base64
 import contextlib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib import resources
@@ -12,7 +13,7 @@ from io import BytesIO
 from itertools import pairwise, starmap
 from pathlib import Path
 from string import Template
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -23,25 +24,8 @@ from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, writing
 from guidance.log import SettingsOf
 from guidance.log.scene import Array, circle, fence_edges, isochron_at
-from guidance.viz.figures import (
-    EVADER,
-    ISOCHRON,
-    MARK,
-    MEETING,
-    PURSUER,
-    STANDOFF,
-    TARGET,
-    Chase,
-    chase_figure,
-    draw_place,
-    figure_of,
-    label_plan,
-    legend_below,
-    legend_beside,
-    panels,
-    save,
-    thinned,
-)
+from guidance.viz import figures
+from guidance.viz.figures import EVADER, MARK, PURSUER, Chase, legend_beside, thinned
 from guidance.viz.story import Rows, Story, opening, story_of, summary
 
 FRAMES: Final = 90
@@ -53,8 +37,13 @@ _TAIL_S: Final = 2.0
 """Time after the capture that is shown."""
 
 _MOST_EVENTS = 60
-Subject = TypeVar("Subject")
-"""What a report is about: the story of a flight, or of a team."""
+_SECTION: Final = re.compile(r'<section id="(\w+)">.*?</section>\n', re.DOTALL)
+Style = dict[str, Any]
+Line = tuple[str, Array, Array, Style, str | None]
+"""A line over time: label of its axis, times, values, style, name."""
+
+Pictures = Mapping[str, Callable[[Any], Figure]]
+"""Functions that draw a story, by the section of `report.html` with their heading and caption."""
 
 _THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
 _SHADES = ("0.96", "0.86", "0.91", "0.82")
@@ -62,7 +51,7 @@ _SHADES = ("0.96", "0.86", "0.91", "0.82")
 
 def tracks(story: Story) -> Figure:
     """Draw the flight in space, from above, and from above with the whole fence."""
-    return chase_figure(chase_of(story), with_whole_fence=True, columns=5)
+    return figures.chase_figure(chase_of(story), with_whole_fence=True, columns=5)
 
 
 def draw_flight(record: Path, path: Path, settings_of: SettingsOf, title: str) -> None:
@@ -72,27 +61,28 @@ def draw_flight(record: Path, path: Path, settings_of: SettingsOf, title: str) -
         ConfigError: If the record cannot be read.
         OutputError: If the file cannot be written.
     """
-    figure = chase_figure(chase_of(story_of(record, settings_of)))
+    figure = figures.chase_figure(chase_of(story_of(record, settings_of)))
     figure.suptitle(title)
     with contextlib.suppress(OSError):  # `save` says what cannot be written
         private_file(path)
-    save(figure, path)
+    figures.save(figure, path)
 
 
 def chase_of(story: Story) -> Chase:
     """Return the shapes of a recorded flight."""
-    settings, home_m = story.settings.cycle, story.flight.home_m
-    begin = len(story.cycles) if story.engaged is None else story.engaged
-    end = begin + sum(one is not None for one in story.certificates[begin:])
+    settings, home_m, reached = story.settings.cycle, story.flight.home_m, story.captured
+    begin = len(story.cycles) if story.engaged is None else story.engaged.number
+    end = begin + len(story.game)
     pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
-    reached = story.certificate(story.captured)
-    first, last = (None if one is None or one.no_game else one for one in (story.certificate(story.engaged), reached))
+    first, last = (
+        None if one is None or one.certificate.no_game else one.certificate for one in (story.engaged, reached)
+    )
     return Chase(
         (pursuer[:begin], pursuer[end:]),
         pursuer[begin:end],
         evader[begin:end],
         settings.standoff,
-        reached_m=None if reached is None else reached.evader_game_m,
+        reached_m=None if reached is None else reached.certificate.evader_game_m,
         isochron=None if first is None else isochron_at(settings, first),
         isochron_later=None if last is None else isochron_at(settings, last),
         meeting_m=None if first is None else (*first.meeting_point_game_m[:2], 0.0),
@@ -105,94 +95,100 @@ def chase_of(story: Story) -> Chase:
 
 def game(story: Story) -> Figure:
     """Draw range, time to go and guarantee: t + time needed never rises in PE, and L never falls in TAD."""
-    figure = figure_of(11.0, 7.0)
-    distance, value, guarantee = axes = panels(figure, 3)
-    span = playing_span(story)
-    now_s, needed_s, values = (story.column(name)[span] for name in ("now_s", "time_needed_s", "value"))
-    distance.plot(now_s, story.column("gap_m")[span], **PURSUER, label="ground distance to the disc's rim")
-    distance.plot(now_s, story.column("height_gap_m")[span], **EVADER, label="height above the disc")
-    distance.axhline(0.0, color="0.0", linewidth=0.6)
-    distance.set_ylabel("range, m")
-    value.plot(now_s, story.column("meeting_time_s")[span], **EVADER, label="the game's pursuer")
-    value.plot(now_s, needed_s, **PURSUER, label="this vehicle")
-    value.set_ylabel("time to go, s")
-    certificate = story.certificate(story.engaged)
+
+    def column(name: str) -> Array:
+        return story.column(name)[playing_span(story)]
+
+    now_s, value, needed_s = column("now_s"), column("value"), column("time_needed_s")
+    since_s = now_s - (now_s[0] if story.engaged is None else story.engaged.now_s)
+    panel, ideal, own = "time of capture, s", "V + t, the game's\npursuer", "time of capture,\nthis vehicle"
+    guaranteed, own_guaranteed = value + since_s, needed_s + since_s
     if story.with_target:
-        labels = ("guarantee L, m", "L, evader's final\ndistance to T", "the same, of\nthis vehicle")
-        ideal, own = values, story.column("assured_distance_m")[span]
-        promised = None if certificate is None else certificate.assured_distance_m
-    else:
-        labels = ("time of capture, s", "V + t, the game's\npursuer", "time of capture,\nthis vehicle")
-        since_s = now_s - (now_s[0] if story.engaged is None else story.cycles[story.engaged].now_s)
-        ideal, own = values + since_s, needed_s + since_s
-        promised = None if certificate is None else certificate.time_needed_s
-    guarantee.set_ylabel(labels[0])
-    for line, style, label in ((ideal, EVADER, labels[1]), (own, PURSUER, labels[2])):
-        guarantee.plot(now_s, line, **{**style, "linewidth": 0.9}, label=label)
-    if promised is not None:
-        guarantee.axhline(promised, **_THIRD, label="promised at engagement")
+        panel, ideal, own = "guarantee L, m", "L, evader's final\ndistance to T", "the same, of\nthis vehicle"
+        guaranteed, own_guaranteed = value, column("assured_distance_m")
+    lines: list[Line] = [
+        ("range, m", now_s, column("gap_m"), PURSUER, "ground distance to the disc's rim"),
+        ("range, m", now_s, column("height_gap_m"), EVADER, "height above the disc"),
+        ("time to go, s", now_s, column("meeting_time_s"), EVADER, "the game's pursuer"),
+        ("time to go, s", now_s, needed_s, PURSUER, "this vehicle"),
+        (panel, now_s, guaranteed, EVADER | {"linewidth": 0.9}, ideal),
+        (panel, now_s, own_guaranteed, PURSUER | {"linewidth": 0.9}, own),
+    ]
+    figure, axes = over_time(story, 7.0, lines)
+    axes[0].axhline(0.0, color="0.0", linewidth=0.6)
+    if story.engaged is not None:
+        engaged = story.engaged.certificate
+        promised = engaged.assured_distance_m if story.with_target else engaged.time_needed_s
+        axes[2].axhline(promised, **_THIRD, label="promised at engagement")
     for number, (alarm_s, _) in enumerate(story.alarms):
-        style = {**MARK, "color": "0.0", "linestyle": "-"}
-        guarantee.axvline(alarm_s, **style, label=None if number else "alarm")
-    mark_moments(axes, story)
-    for one in axes:
-        legend_beside(one)
+        axes[2].axvline(alarm_s, **MARK | {"color": "0.0", "linestyle": "-"}, label=None if number else "alarm")
+    legend_beside(axes[2])
     return figure
 
 
 def velocities(story: Story) -> Figure:
     """Draw the flown, commanded and desired velocity, by axis."""
-    figure = figure_of(11.0, 7.0)
-    axes = panels(figure, 3)
-    span = playing_span(story)
+    span, lines = playing_span(story), list[Line]()
     now_s = thinned(story.column("now_s")[span])
-    shown = (
+    for name, style, label in (
         ("flown_ned_m_s", {"color": "0.55", "linewidth": 2.2}, "flown"),
-        ("commanded_ned_m_s", {**PURSUER, "linewidth": 1.1}, "commanded"),
-        ("desired_ned_m_s", {**EVADER, "linewidth": 1.1}, "wanted by the game"),
-    )
-    for name, style, label in shown:
-        columns = thinned(story.column(name)[span])
-        for axis, one in enumerate(axes):
-            one.plot(now_s, columns[:, axis], **style, label=label)
-    for one, direction in zip(axes, ("north", "east", "down"), strict=True):
-        one.set_ylabel(f"velocity {direction}, m/s")
-    mark_moments(axes, story)
-    legend_beside(axes[0])
-    return figure
+        ("commanded_ned_m_s", PURSUER | {"linewidth": 1.1}, "commanded"),
+        ("desired_ned_m_s", EVADER | {"linewidth": 1.1}, "wanted by the game"),
+    ):
+        for column, axis in zip(thinned(story.column(name)[span]).T, ("north", "east", "down"), strict=True):
+            lines.append((f"velocity {axis}, m/s", now_s, column, style, label if axis == "north" else None))
+    return over_time(story, 7.0, lines)[0]
 
 
 def ages(story: Story) -> Figure:
     """Draw ages of data, round-trip times and the loop's delays."""
-    figure = figure_of(11.0, 6.4)
-    known, trips, loop = axes = panels(figure, 3)
-    now_s = story.column("now_s")
-    for one, name, style, label in (
-        (known, "telemetry_age_s", PURSUER, "vehicle's position"),
-        (known, "evader_age_s", EVADER, "evader's last report"),
-        (loop, "late_s", PURSUER, "began late by"),
-        (loop, "worked_s", EVADER, "worked for"),
-    ):
-        seconds, worst_s = worst_of_each_second(now_s, story.column(name))
-        one.plot(seconds, 1e3 * worst_s, **style, drawstyle="steps-post", label=label)
-    known.set_ylabel("oldest in each\nsecond, ms")
-    loop.set_ylabel("loop, longest in\neach second, ms")
-    round_trip_s = story.column("round_trip_s")
-    answered = np.isfinite(round_trip_s)
-    trips.plot(now_s[answered], 1e3 * round_trip_s[answered], "k.", ms=4, label="TIMESYNC\nthere and back")
-    trips.set_ylabel("round trip, ms")
+
+    def worst(panel: str, name: str, style: Style, label: str) -> Line:
+        seconds, worst_s = worst_of_each_second(story.column("now_s"), story.column(name))
+        return panel, seconds, 1e3 * worst_s, style | {"drawstyle": "steps-post"}, label
+
+    dots: Style = {"color": "k", "marker": ".", "linestyle": "none", "markersize": 4}
+    trips = story.column("now_s"), 1e3 * story.column("round_trip_s"), dots, "TIMESYNC\nthere and back"
+    lines: list[Line] = [
+        worst("oldest in each\nsecond, ms", "telemetry_age_s", PURSUER, "vehicle's position"),
+        worst("oldest in each\nsecond, ms", "evader_age_s", EVADER, "evader's last report"),
+        ("round trip, ms", *trips),
+        worst("loop, longest in\neach second, ms", "late_s", PURSUER, "began late by"),
+        worst("loop, longest in\neach second, ms", "worked_s", EVADER, "worked for"),
+    ]
+    figure, axes = over_time(story, 6.4, lines)
     for one in axes:
         low, high = one.get_ylim()
         one.set_ylim(min(0.0, low), max(high, 1.0))
-        legend_beside(one)
-    mark_moments(axes, story)
     return figure
+
+
+def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figure, list[Any]]:
+    """Draw panels of lines over time, mark engagement and capture; return the figure and the axes."""
+    figure, panels = figures.figure_of(11.0, height), list(dict.fromkeys(panel for panel, *_ in lines))
+    axes = list(figure.subplots(len(panels), 1, sharex=True))
+    for panel, now_s, values, style, label in lines:
+        axes[panels.index(panel)].plot(now_s, values, **style, label=label)
+    for one, panel in zip(axes, panels, strict=True):
+        one.set_ylabel(panel)
+        one.grid(visible=True, linewidth=0.3)
+        one.margins(x=0.01)
+        if one.get_legend_handles_labels()[0]:
+            legend_beside(one)
+    axes[-1].set_xlabel("time, s")
+    moments = (("engaged", story.engaged), ("captured", story.captured))
+    for name, moment_s in ((name, one.now_s) for name, one in moments if one is not None):
+        for one in axes:
+            one.axvline(moment_s, **MARK)
+        above = axes[0].get_xaxis_transform()
+        axes[0].text(moment_s, 1.01, name, transform=above, ha="center", va="bottom", fontsize=9)
+    return figure, axes
 
 
 def events(story: Story) -> Figure:
     """Draw the states as a band with the events below."""
     shown = story.events[:_MOST_EVENTS]
-    figure = figure_of(11.0, 1.4 + 0.27 * len(shown))
+    figure = figures.figure_of(11.0, 1.4 + 0.27 * len(shown))
     axes = figure.subplots()
     now_s, states = story.column("now_s"), np.array([row.state for row in story.rows])
     changes = [0, *(1 + np.flatnonzero(states[1:] != states[:-1])), len(now_s) - 1]
@@ -220,23 +216,11 @@ def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
     return seconds, worst
 
 
-def mark_moments(axes: list[Any], story: Story) -> None:
-    """Mark the start of the game and the capture, with names above the first panel."""
-    for cycle, name in ((story.engaged, "engaged"), (story.captured, "captured")):
-        if cycle is None:
-            continue
-        now_s = story.cycles[cycle].now_s
-        for one in axes:
-            one.axvline(now_s, **MARK)
-        axes[0].text(now_s, 1.01, name, transform=axes[0].get_xaxis_transform(), ha="center", va="bottom", fontsize=9)
-
-
 def playing_span(story: Story) -> slice:
     """The cycles from just before the game to just after the capture; all cycles without a game."""
-    if story.engaged is None:
+    if not story.game:
         return slice(None)
-    last = max(number for number, one in enumerate(story.certificates) if one is not None)
-    return slice(max(0, story.engaged - 50), min(len(story.cycles), last + 50))
+    return slice(max(0, story.game[0].number - 50), min(len(story.cycles), story.game[-1].number + 50))
 
 
 def write_animation(story: Story, path: Path) -> None:
@@ -246,7 +230,7 @@ def write_animation(story: Story, path: Path) -> None:
         OSError: If the file cannot be written.
     """
     span, now_s = playing_span(story), story.column("now_s")
-    begun_s, ended_s = (now_s[-1] if one is None else now_s[one] for one in (story.engaged, story.captured))
+    begun_s, ended_s = (now_s[-1] if one is None else one.now_s for one in (story.engaged, story.captured))
     shown = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
     pursuer, evader = (story.column(name)[shown] for name in ("pursuer_m", "evader_m"))
     figure, draw = _stage(story, pursuer, evader)
@@ -261,33 +245,30 @@ def write_animation(story: Story, path: Path) -> None:
 
 def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callable[[int, float], None]]:
     """Return the figure of a moving picture, and a function that draws one moment."""
-    figure = figure_of(8.0, 4.4)
+    figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     chase, standoff = chase_of(story), story.settings.cycle.standoff
     height = np.column_stack([np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]])
     far_m, high_m = np.maximum(1.0, np.nan_to_num(height).max(axis=0))
     if chase.isochron is not None:
-        plan.plot(*chase.isochron.T, **ISOCHRON, label="isochron at engagement")
+        plan.plot(*chase.isochron.T, **figures.ISOCHRON, label="isochron at engagement")
     if chase.meeting_m is not None:
-        draw_place(plan, chase.meeting_m, MEETING, 2, "meeting point foreseen")
+        figures.draw_place(plan, chase.meeting_m, figures.MEETING, 2, "meeting point foreseen")
     if chase.target_m is not None:
-        draw_place(plan, chase.target_m, TARGET, 2, "target")
+        figures.draw_place(plan, chase.target_m, figures.TARGET, 2, "target")
     low, high = chase.box
-    label_plan(plan)
+    figures.label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
     side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
-    side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
+    side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **figures.STANDOFF)
     side.grid(visible=True, linewidth=0.3)
-    runs = [axes.plot([], [], **style, label=name)[0] for axes, style, name in (
-        (plan, PURSUER, "vehicle"), (plan, EVADER, "evader"), (side, PURSUER, None),
-    )]  # fmt: skip
-    marks = [axes.plot([], [], mark, color=style["color"])[0] for axes, mark, style in (
-        (plan, "o", PURSUER), (plan, "^", EVADER), (side, "o", PURSUER),
-    )]  # fmt: skip
-    (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
-    legend_below(figure, plan, columns=5)
+    players = ((plan, PURSUER, "o", "vehicle"), (plan, EVADER, "^", "evader"), (side, PURSUER, "o", None))
+    runs = [axes.plot([], [], **style, label=name)[0] for axes, style, _, name in players]
+    marks = [axes.plot([], [], mark, color=style["color"])[0] for axes, style, mark, _ in players]
+    (rim,) = plan.plot([], [], **figures.STANDOFF, label="stand-off disc")
+    figures.legend_below(figure, plan, columns=5)
     title = figure.suptitle("")
 
     def draw(number: int, since_s: float) -> None:
@@ -300,35 +281,7 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
     return figure, draw
 
 
-class Picture(NamedTuple, Generic[Subject]):
-    """A picture of a report: heading, caption and drawing function."""
-
-    heading: str
-    caption: str
-    draw: Callable[[Subject], Figure]
-
-
-PICTURES: Final[Mapping[str, Picture[Story]]] = {
-    "tracks": Picture(
-        "Tracks",
-        "Pursuer (solid) and evader (dashed) in the game frame. The isochron is where an evader that runs straight is "
-        "caught, by heading. In the ideal game it is caught inside the one at engagement, whatever it does.",
-        tracks,
-    ),
-    "game": Picture(
-        "The game",
-        "Under optimal play V + t (pursuit-evasion) never rises and L (target-attacker-defender) never falls. What it "
-        "rises or falls by is lost to what the game does not know: acceleration, lag, wind, noise.",
-        game,
-    ),
-    "velocities": Picture(
-        "Velocities",
-        "Flown (grey), commanded after servo and limits (solid), and wanted by the game (dashed).",
-        velocities,
-    ),
-    "ages": Picture("Ages and latencies", "How old what each cycle knew was, and how the loop kept time.", ages),
-    "events": Picture("Events", "Every event of the flight.", events),
-}
+PICTURES: Final[Pictures] = {"tracks": tracks, "game": game, "velocities": velocities, "ages": ages, "events": events}
 
 
 def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: bool = False) -> list[Path]:
@@ -356,8 +309,8 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
 def write_page(
     folder: Path,
     records: Sequence[tuple[Path, Story]],
-    subject: Subject,
-    pictures: "Mapping[str, Picture[Subject]]",
+    subject: object,
+    pictures: Pictures,
     opening: str,
     rows: Rows,
 ) -> list[Path]:
@@ -367,7 +320,7 @@ def write_page(
         folder: Made if it does not exist.
         records: What the page is about; an earlier report of the same records is replaced.
         subject: What the pictures draw.
-        pictures: By the name of their files.
+        pictures: By section; the page keeps only those.
         opening: The first paragraph.
         rows: Of the table.
 
@@ -379,24 +332,18 @@ def write_page(
         if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
             raise OutputError(f"{page}: is the report of another record; give --out another folder")
         private_folder(folder)
-        written, sections = [page], []
-        for name, picture in pictures.items():
-            figure = picture.draw(subject)
+        written, images = [page], {}
+        for name, draw in pictures.items():
+            figure = draw(subject)
             written.append(folder / f"{name}.png")
             figure.savefig(private_file(written[-1]), dpi=130)
             figure.set_layout_engine(None)  # keep this layout for the SVG
-            sections.append(_section(name, picture, svg_of(figure)))
-        template = Template(resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8"))
-        filled = template.substitute(
-            mark=mark,
-            title=escape(records[0][1].title),
-            opening=escape(opening),
-            rows="\n".join(
-                f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows
-            ),
-            sections="\n".join(sections),
-        )
-        private_file(page).write_text(filled, encoding="utf-8")
+            images[name] = f"data:image/svg+xml;base64,{base64.b64encode(svg_of(figure)).decode('ascii')}"
+        table = [f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows]
+        template = resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8")
+        kept = _SECTION.sub(lambda found: found[0] if found[1] in pictures else "", template)
+        texts = {"title": escape(records[0][1].title), "opening": escape(opening), "rows": "\n".join(table)}
+        private_file(page).write_text(Template(kept).substitute(texts, **images, mark=mark), encoding="utf-8")
     return written
 
 
@@ -413,12 +360,3 @@ def svg_of(figure: Figure) -> bytes:
     with mpl.rc_context({"svg.hashsalt": "report"}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     return stream.getvalue()
-
-
-def _section(name: str, picture: "Picture[Any]", image: bytes) -> str:
-    data = base64.b64encode(image).decode("ascii")
-    return (
-        f'<h2 id="{name}">{escape(picture.heading)}</h2>\n'
-        f'<figure><img alt="{escape(picture.heading)}: {escape(picture.caption)}" '
-        f'src="data:image/svg+xml;base64,{data}">\n<figcaption>{escape(picture.caption)}</figcaption></figure>'
-    )

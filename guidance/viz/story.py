@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -22,6 +21,14 @@ from guidance.messages import Home
 Rows = list[tuple[str, str]]
 
 
+class Played(NamedTuple):
+    """A cycle of the game: its number in the flight, and its certificate."""
+
+    number: int
+    now_s: float
+    certificate: Certificate
+
+
 class Story(NamedTuple):
     """A flight, cycle by cycle.
 
@@ -33,6 +40,7 @@ class Story(NamedTuple):
         events: All of them.
         rows: One of each cycle, as recorded.
         cycles: The numbers of each.
+        game: Those of the game.
         evaders: Track of each evader by name: time and place in the game frame.
     """
 
@@ -43,6 +51,7 @@ class Story(NamedTuple):
     events: list[EventEntry]
     rows: list[CycleEntry]
     cycles: list[Cycle]
+    game: list[Played]
     evaders: dict[str, list[tuple[float, Vector]]]
 
     def column(self, name: str) -> Array:
@@ -50,24 +59,14 @@ class Story(NamedTuple):
         return np.array([getattr(cycle, name) for cycle in self.cycles])
 
     @property
-    def certificates(self) -> list[Certificate | None]:
-        """The certificate of each cycle."""
-        return [row.certificate for row in self.rows]
-
-    @property
-    def engaged(self) -> int | None:
+    def engaged(self) -> Played | None:
         """The first cycle of the game."""
-        return next((number for number, row in enumerate(self.rows) if row.certificate is not None), None)
+        return self.game[0] if self.game else None
 
     @property
-    def captured(self) -> int | None:
+    def captured(self) -> Played | None:
         """The first cycle of the capture."""
-        played = ((number, row.certificate) for number, row in enumerate(self.rows))
-        return next((number for number, one in played if one is not None and one.captured), None)
-
-    def certificate(self, cycle: int | None) -> Certificate | None:
-        """Return the certificate of a cycle."""
-        return None if cycle is None else self.rows[cycle].certificate
+        return next((one for one in self.game if one.certificate.captured), None)
 
     @property
     def alarms(self) -> list[tuple[float, str]]:
@@ -87,11 +86,8 @@ class Story(NamedTuple):
     @property
     def game_lasted_s(self) -> float:
         """Time from the state ENGAGED to ON STATION, as in `guidance.session.result`; NaN without one of them."""
-        begun_s, reached_s = (
-            next((row.now_s for row in self.rows if row.state == state), math.nan)
-            for state in (State.ENGAGED, State.ON_STATION)
-        )
-        return reached_s - begun_s
+        first_s = {row.state: row.now_s for row in reversed(self.rows)}
+        return first_s.get(State.ON_STATION, math.nan) - first_s.get(State.ENGAGED, math.nan)
 
 
 def story_of(path: Path, settings_of: SettingsOf) -> Story:
@@ -102,12 +98,14 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
     """
     metadata, survey = metadata_of(path), Survey()
     flight = Aggregator(settings_of, metadata, str(path))
-    story = Story(title_of(metadata), survey, flight.settings, flight, [], [], [], {})
+    story = Story(title_of(metadata), survey, flight.settings, flight, [], [], [], [], {})
     for item in scan(path, survey):
         entry = flight.take(item)
         if isinstance(entry, EventEntry):
             story.events.append(entry)
         elif entry is not None:
+            if entry.certificate is not None:
+                story.game.append(Played(len(story.rows), entry.now_s, entry.certificate))
             story.rows.append(entry)
             story.cycles.append(flight.cycle)
             for name in {report.evader or "" for report in entry.inputs.reports} & flight.evaders_m.keys():
@@ -119,7 +117,7 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
 
 def opening(story: Story) -> str:
     """Return the report's first paragraph: vehicle and place, promise, outcome, limits."""
-    return " ".join((_who(story), *_promise(story), _happened(story), _limited(story)))
+    return " ".join(filter(None, (_who(story), _promise(story), _happened(story), _limited(story))))
 
 
 def _who(story: Story) -> str:
@@ -130,49 +128,43 @@ def _who(story: Story) -> str:
     return f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {story.lasted_s:.0f} s."
 
 
-def _promise(story: Story) -> Sequence[str]:
+def _promise(story: Story) -> str:
     """Say what the vehicle promised at engagement."""
-    engaged = story.certificate(story.engaged)
-    if engaged is None:
-        return ()
+    if story.engaged is None:
+        return ""
+    engaged, standoff = story.engaged.certificate, story.settings.cycle.standoff
     if engaged.no_game:
-        return ("At engagement nothing could be promised: the evader was too fast.",)
+        return "At engagement nothing could be promised: the evader was too fast."
+    if story.with_target and not engaged.assured_distance_m >= 0.0:
+        return "At engagement it could not promise to keep the evader from its target."
     within = f"within {engaged.time_needed_s:.1f} s" if math.isfinite(engaged.time_needed_s) else "without a time"
-    standoff = story.settings.cycle.standoff
+    kept = f", at least {engaged.assured_distance_m:.1f} m from the target" if story.with_target else ""
     disc = f"{standoff.radius_m:g} m beside and {standoff.height_m:g} m above the evader"
-    if not story.with_target:
-        return (f"At engagement it promised to be {disc} {within}.",)
-    kept = engaged.assured_distance_m
-    if not kept >= 0.0:
-        return ("At engagement it could not promise to keep the evader from its target.",)
-    return (f"At engagement it promised to be {disc} {within}, at least {kept:.1f} m from the target.",)
+    return f"At engagement it promised to be {disc} {within}{kept}."
 
 
 def _happened(story: Story) -> str:
     """Say how the game and the flight ended."""
     ended = f"the flight ended {story.rows[-1].state}"
-    engaged = story.certificate(story.engaged)
-    if engaged is None:
+    if story.engaged is None:
         return f"No game was played; {ended}."
     if story.captured is None:
         return f"It did not reach that place; {ended}."
-    lasted_s = story.game_lasted_s
-    share = f" ({lasted_s / engaged.time_needed_s:.2f} of the promise)" if engaged.time_needed_s > 0.0 else ""
-    kept = f", with the evader {_flown(story):.1f} m from the target" if story.with_target else ""
+    lasted_s, needed_s = story.game_lasted_s, story.engaged.certificate.time_needed_s
+    share = f" ({lasted_s / needed_s:.2f} of the promise)" if needed_s > 0.0 else ""
+    kept = f", with the evader {_flown(story, story.captured):.1f} m from the target" if story.with_target else ""
     return f"It was there after {lasted_s:.1f} s{share}{kept}; {ended}."
 
 
 def _limited(story: Story) -> str:
     """Say which limits changed the commands, and whether a promise was broken."""
-    played = [one for one in story.certificates if one is not None]
-    acting = Counter(name for one in played for name in one.active_limits).most_common(3)
-    shares = [(name, count / len(played)) for name, count in acting if count >= 0.01 * len(played)]
+    acting = Counter(name for one in story.game for name in one.certificate.active_limits).most_common(3)
+    shares = [(name, count / len(story.game)) for name, count in acting if count >= 0.01 * len(story.game)]
     named = ", ".join(f"{name} ({share:.0%} of the game)" for name, share in shares)
     limits = f"Limits that changed its commands: {named}." if named else "No limit changed its commands."
     slowest_m_s = _slowest_m_s(story)
     reached = "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."
-    alarms = Counter(what for _, what in story.alarms)
-    broken = ", ".join(f"{what} ({count})" for what, count in alarms.items())
+    broken = ", ".join(f"{what} ({count})" for what, count in Counter(what for _, what in story.alarms).items())
     return f"{limits}{reached} {f'Alarms: {broken}.' if broken else 'There was no alarm.'}"
 
 
@@ -181,7 +173,7 @@ def summary(story: Story) -> Rows:
     survey = story.survey
     speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
     playing = np.isin([row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION])
-    lowest_m = -_largest(-story.column("pursuer_m")[playing, 2])
+    lowest_m = min(filter(math.isfinite, story.column("pursuer_m")[playing, 2]), default=math.nan)
     torn = "whole" if survey.torn is None else f"torn ({survey.torn})"
     missing = f", {survey.missing} messages missing in between" if survey.missing else ""
     made = [f"{name} {text}" for name, text in survey.metadata.items() if name not in {"scenario", "config", "seed"}]
@@ -189,7 +181,7 @@ def summary(story: Story) -> Rows:
         *_game(story),
         ("record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"),
         ("setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"),
-        ("highest speed", f"{_largest(speeds):.2f} m/s"),
+        ("highest speed", f"{max(filter(math.isfinite, speeds), default=math.nan):.2f} m/s"),
         ("lowest height during the game", f"{lowest_m:.2f} m above the evader's plane"),
         ("guarantee alarms", f"{len(story.alarms)}"),
         ("age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))),
@@ -212,9 +204,10 @@ def _game(story: Story) -> Rows:
         ("autopilot", story.settings.autopilot.name),
         ("stand-off", f"{cycle.standoff.radius_m:g} m around, {cycle.standoff.height_m:g} m above the evader's plane"),
     ]
-    engaged = story.certificate(story.engaged)
-    if engaged is None:
-        return [*rows, ("outcome", f"no game was played; ended {story.rows[-1].state}")]
+    ended = f"ended {story.rows[-1].state}"
+    if story.engaged is None:
+        return [*rows, ("outcome", f"no game was played; {ended}")]
+    engaged = story.engaged.certificate
     predicted = _predicted(story, engaged)
     rows += [
         ("value predicted at engagement", f"{predicted:.2f} {unit}"),
@@ -224,11 +217,11 @@ def _game(story: Story) -> Rows:
     if story.with_target:
         rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
     if story.captured is None:
-        return [*rows, ("outcome", f"not captured; ended {story.rows[-1].state}")]
-    flown, lasted_s = _flown(story), story.game_lasted_s
+        return [*rows, ("outcome", f"not captured; {ended}")]
+    flown, lasted_s = _flown(story, story.captured), story.game_lasted_s
     return [
         *rows,
-        ("outcome", f"captured; ended {story.rows[-1].state}"),
+        ("outcome", f"captured; {ended}"),
         ("flown", f"{flown:.2f} {unit}"),
         ("flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"),
         ("game lasted", f"{lasted_s:.2f} s"),
@@ -238,7 +231,7 @@ def _game(story: Story) -> Rows:
 
 def _slowest_m_s(story: Story) -> float:
     """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
-    reachable = [one.reachable_speed_m_s for one in story.certificates if one is not None]
+    reachable = (one.certificate.reachable_speed_m_s for one in story.game)
     return min((each for each in reachable if not math.isnan(each)), default=math.nan)
 
 
@@ -251,24 +244,15 @@ def _predicted(story: Story, engaged: Certificate) -> float:
     return float(solve(game, *places, *target).value)
 
 
-def _flown(story: Story) -> float:
-    captured = story.certificate(story.captured)
-    if captured is None:
-        return math.nan
-    target = story.settings.cycle.target_game_m
-    if target is not None:
-        return story.settings.cycle.target_extent.distance_m(target, captured.evader_game_m)
-    return story.game_lasted_s
-
-
-def _largest(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.max()) if len(known) else math.nan
+def _flown(story: Story, captured: Played) -> float:
+    cycle = story.settings.cycle
+    if cycle.target_game_m is None:
+        return story.game_lasted_s
+    return cycle.target_extent.distance_m(cycle.target_game_m, captured.certificate.evader_game_m)
 
 
 def _spread_ms(values: Array) -> str:
     known = 1e3 * values[np.isfinite(values)]
     if not len(known):
         return "not recorded"
-    median, p99, worst = (float(np.percentile(known, share)) for share in (50, 99, 100))
-    return f"median {median:.1f} ms, p99 {p99:.1f} ms, largest {worst:.1f} ms"
+    return "median {:.1f} ms, p99 {:.1f} ms, largest {:.1f} ms".format(*np.percentile(known, (50, 99, 100)))

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,21 +16,12 @@ from guidance.frames import Vector
 from guidance.log import Comparison, SettingsOf, compare
 from guidance.log.entries import ASSIGNED
 from guidance.log.scene import circle, fence_edges
+from guidance.messages import Role
 from guidance.session.result import least_distance_m
 from guidance.team.messages import Promise, RolesMessage
-from guidance.viz.figures import (
-    EVADER,
-    FENCE,
-    PURSUER,
-    STANDOFF,
-    TARGET,
-    draw_place,
-    figure_of,
-    label_plan,
-    legend_below,
-    thinned,
-)
-from guidance.viz.report import Picture, write_page
+from guidance.viz import figures
+from guidance.viz.figures import EVADER, PURSUER, STANDOFF, TARGET
+from guidance.viz.report import write_page
 from guidance.viz.story import Rows, Story, story_of
 
 
@@ -104,11 +95,11 @@ def team_story(records: Mapping[str, Path], settings_of: SettingsOf) -> TeamStor
             if event.event == ASSIGNED:
                 told.append((event.now_s, RolesMessage.model_validate_json(event.detail)))
             elif event.event == Event.CAPTURED:
-                evader = next(evader for now_s, evader in reversed(_roles(flight)) if now_s <= event.now_s)
+                evader = next(role.evader for now_s, role in reversed(_roles(flight)) if now_s <= event.now_s)
                 place = next(place for now_s, place in reversed(flight.evaders[evader]) if now_s <= event.now_s)
                 captures.setdefault(evader, Capture(name, event.now_s, place))
     told.sort(key=lambda one: (one[0], one[1].term, one[1].seq))
-    began_s = max(math.inf if one.engaged is None else one.cycles[one.engaged].now_s for one in flights.values())
+    began_s = max(math.inf if one.engaged is None else one.engaged.now_s for one in flights.values())
     offered = [roles.promises for now_s, roles in told if now_s <= began_s]
     causes = {one.evader: one.cause for _, roles in told for one in roles.promises}
     return TeamStory(
@@ -120,9 +111,9 @@ def team_story(records: Mapping[str, Path], settings_of: SettingsOf) -> TeamStor
     )
 
 
-def _roles(flight: Story) -> list[tuple[float, str]]:
-    """Return when a vehicle began to play against which evader."""
-    return [(row.now_s, row.inputs.role.evader) for row in flight.rows if row.inputs.role is not None]
+def _roles(flight: Story) -> list[tuple[float, Role]]:
+    """Return when a vehicle began to play which role."""
+    return [(row.now_s, row.inputs.role) for row in flight.rows if row.inputs.role is not None]
 
 
 def write_team_report(records: Mapping[str, Path], folder: Path, settings_of: SettingsOf) -> list[Path]:
@@ -134,7 +125,7 @@ def write_team_report(records: Mapping[str, Path], folder: Path, settings_of: Se
     """
     team = team_story(records, settings_of)
     named = [(path, team.flights[name]) for name, path in records.items()]
-    return write_page(folder, named, team, PICTURES, opening(team), rows_of(team))
+    return write_page(folder, named, team, {"plan": plan}, opening(team), rows_of(team))
 
 
 def opening(team: TeamStory) -> str:
@@ -142,11 +133,8 @@ def opening(team: TeamStory) -> str:
     flights, wanted = team.flights.values(), team.first.settings.team or TeamSection()
     given = [name for name, one in team.promised.items() if one.value is not None]
     kept = sum("; kept" in team.verdict(name) for name in given)
-    tracks = [
-        {row.now_s: cycle.pursuer_m for row, cycle in zip(one.rows, one.cycles, strict=True)
-         if row.state in SETPOINT_STATES}
-        for one in flights
-    ]  # fmt: skip
+    flown = [zip(one.rows, one.cycles, strict=True) for one in flights]
+    tracks = [{row.now_s: cycle.pursuer_m for row, cycle in one if row.state in SETPOINT_STATES} for one in flown]
     least_m = least_distance_m(tracks, wanted.separation_height_m)
     apart = "never flew at one height" if math.isinf(least_m) else f"stayed {least_m:.1f} m apart"
     alarms = sum(len(one.alarms) for one in flights)
@@ -165,24 +153,22 @@ def rows_of(team: TeamStory) -> Rows:
     """Return a row for each player."""
     rows = []
     for name, flight in team.flights.items():
-        changes = ", then ".join(
-            f"{role.evader} {f'({role.above_m:g} m above) ' if role.above_m else ''}from {row.now_s:.1f} s"
-            for row in flight.rows
-            if (role := row.inputs.role) is not None
+        against = ", then ".join(
+            f"{role.evader} {f'({role.above_m:g} m above) ' if role.above_m else ''}from {now_s:.1f} s"
+            for now_s, role in _roles(flight)
         )
         captured = [f"captured {evader}" for evader, one in team.captures.items() if one.vehicle == name]
-        one = team.replays[name]
-        same = "bit for bit" if not one.differing else f"except in {one.differing} cycles"
-        ended = (f"ended {flight.rows[-1].state}", f"{len(flight.alarms)} alarms")
-        rows.append(
-            (name, "; ".join((f"against {changes}", *captured, *ended, f"{one.setpoints} setpoints replay {same}")))
-        )
+        replayed = team.replays[name]
+        same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"
+        ended = f"ended {flight.rows[-1].state}", f"{len(flight.alarms)} alarms"
+        words = f"against {against}", *captured, *ended, f"{replayed.setpoints} setpoints replay {same}"
+        rows.append((name, "; ".join(words)))
     return [*rows, *((name, team.verdict(name)) for name in team.evaders)]
 
 
 def plan(team: TeamStory) -> Figure:
     """Draw all vehicles and evaders from above."""
-    figure = figure_of(10.0, 7.5)
+    figure = figures.figure_of(10.0, 7.5)
     axes: Any = figure.subplots()
     cycle, flight = team.first.settings.cycle, team.first.flight
     vehicles = {name: story.column("pursuer_m") for name, story in team.flights.items()}
@@ -193,29 +179,17 @@ def plan(team: TeamStory) -> Figure:
     # reports of one evader to several vehicles are dots: joined, they would go to and fro
     dots = EVADER | {"linestyle": "none", "marker": ".", "markersize": 2}
     for tracks, style, kind in ((vehicles, PURSUER, "vehicle"), (evaders, dots, "evader")):
-        for number, (name, track) in enumerate(tracks.items()):
-            known = thinned(track[np.isfinite(track).all(axis=1)])
-            axes.plot(*known[:, :2].T, **style, label=None if number else kind)
+        for name, track in tracks.items():
+            known = figures.thinned(track[np.isfinite(track).all(axis=1)])
+            axes.plot(*known[:, :2].T, **style, label=kind)
             axes.annotate(name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"])
-    for number, capture in enumerate(team.captures.values()):
-        rim = circle(capture.place_m, cycle.standoff.radius_m)
-        axes.plot(*rim.T, **STANDOFF, label=None if number else "stand-off disc at capture")
+    for capture in team.captures.values():
+        axes.plot(*circle(capture.place_m, cycle.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture")
     if cycle.target_game_m is not None:
-        draw_place(axes, cycle.target_game_m, TARGET, 2, "target")
-    label_plan(axes)
+        figures.draw_place(axes, cycle.target_game_m, TARGET, 2, "target")
+    figures.label_plan(axes)
     axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
-    for edge in [] if flight.home_m is None else fence_edges(flight.envelope, flight.home_m):
-        axes.plot(*edge.T, **FENCE)
-    legend_below(figure, axes, columns=4)
+    figures.draw_fence(axes, [] if flight.home_m is None else fence_edges(flight.envelope, flight.home_m), 0.0, 2)
+    figures.legend_below(figure, axes, columns=4)
     return figure
-
-
-PICTURES: Final[Mapping[str, Picture[TeamStory]]] = {
-    "plan": Picture(
-        "All vehicles and evaders",
-        "From above, in the game frame; the names are where each began. A vehicle stays outside of the stand-off disc "
-        "of its evader, or above it.",
-        plan,
-    )
-}

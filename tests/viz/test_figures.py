@@ -2,10 +2,10 @@
 
 import pytest
 
-from guidance.errors import OutputError
+from guidance.errors import ConfigError, OutputError
 from guidance.log.scene import circle
 from guidance.sweeps.drawing import _figure
-from guidance.viz.figures import MOST_POINTS, draw_fence, draw_scenario, figure_of, save, thinned
+from guidance.viz.figures import MOST_POINTS, check_picture, draw_fence, draw_scenario, figure_of, save, thinned
 from tests.harness.flights import NEAR
 
 IN_VIEW, FAR = circle((0.0, 0.0, 0.0), 8.0), circle((0.0, 0.0, 0.0), 300.0)
@@ -44,10 +44,11 @@ def test_a_scenario_may_be_called_what_would_be_a_formula(tmp_path):
     assert {path.stem for path in tmp_path.iterdir()} == {"scenario", "sweep"}
 
 
-@pytest.mark.parametrize("name", ["none/a.png", "a.foo"])
-def test_a_picture_that_cannot_be_written_is_one_clear_error(tmp_path, name):
-    with pytest.raises(OutputError, match=r"cannot be written \(.*\); choose another file"):
-        save(figure_of(1.0, 1.0), tmp_path / name)
+def test_a_picture_that_cannot_be_written_is_one_clear_error(tmp_path):
+    with pytest.raises(OutputError, match=r"cannot be written \(.*\); choose another place"):
+        save(figure_of(1.0, 1.0), tmp_path / "none" / "a.png")
+    with pytest.raises(ConfigError, match=r"a\.foo: must end in one of .*\.png"):
+        check_picture(tmp_path / "a.foo")
 
 
 def test_a_long_curve_keeps_both_ends():

@@ -157,7 +157,7 @@ def test_the_summary_says_what_the_flight_itself_said(pe, tad):
 def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_it(pe, tad, tmp_path):
     for result, path, folder in (pe, tad):
         story = told(path)
-        said, engaged = opening(story), story.certificates[story.engaged]
+        said, engaged = opening(story), story.engaged.certificate
         for words in (
             result.scenario.title, "in virtual time", f"from {story.flight.vehicle.last(Home).latitude_deg:.5f}°",
             f"within {engaged.time_needed_s:.1f} s", f"after {story.game_lasted_s:.1f} s", "ended landed",
@@ -242,11 +242,11 @@ def test_without_colours_the_players_are_still_told_apart(pe):
 def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
     story = told(pe[1])
     line = written.game(story).axes[2].lines[0]
-    engaged = story.cycles[story.engaged]
+    engaged = story.cycles[story.engaged.number]
     at = np.searchsorted(line.get_xdata(), engaged.now_s)
     assert line.get_ydata()[at] == pytest.approx(engaged.value)
     at = np.searchsorted(line.get_xdata(), engaged.now_s + 2.0)
-    assert line.get_ydata()[at] == pytest.approx(story.cycles[story.engaged + 100].value + 2.0, abs=0.05)
+    assert line.get_ydata()[at] == pytest.approx(story.cycles[story.engaged.number + 100].value + 2.0, abs=0.05)
 
 
 def test_the_worst_of_each_second_is_kept():
