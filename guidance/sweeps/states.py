@@ -8,11 +8,11 @@ cells are empty is absent in that row, so teams can have different sizes.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -50,6 +50,7 @@ _NUMBERS: Final = (
 """Columns that must hold numbers."""
 
 _NUMBER_FORM: Final = r"^([+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?inf(inity)?|nan)$"
+_AS_TEXT: Final = csv.ConvertOptions(column_types=dict.fromkeys(_NUMBERS, pa.string()), strings_can_be_null=True)
 _KINDS: Final = (".csv", ".parquet")
 _NOT_A_NUMBER: Final = "not_a_number"
 _SHOWN: Final = 5
@@ -73,16 +74,8 @@ _TEAM_COLUMNS: Final = {
 """Fields of `Matching`: their columns, by player and axis, and the value of a row or player without an answer."""
 
 Array = NDArray[Any]
-Column = Callable[[str], Array]
-"""Reads a column of numbers, NaN where a cell is empty."""
-
-
-class Cell(NamedTuple):
-    """A cell that should hold a number: its row, counted from 1, its column and its text."""
-
-    row: int
-    column: str
-    text: str
+Cell = tuple[int, str, str]
+"""A cell that should hold a number: its row, counted from 1, its column and its text."""
 
 
 def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool) -> None:
@@ -106,12 +99,12 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
     try:
         columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
         bar = Progress(*columns, console=there, transient=True, disable=not redraws(there))
-        with states.open("rb") as source, bar:
+        with bar:
             task = bar.add_task("", total=_rows_of(states))
-            for chunk in _chunks(source, states):
+            for chunk in _chunks(states):
                 numbers, cells = _with_numbers(chunk, first_row=done + 1)
                 strange += cells
-                answered = _answered(game, numbers, {cell.row - done - 1 for cell in cells}, ratio_given=ratio_given)
+                answered = _answered(game, numbers, {row - done - 1 for row, *_ in cells}, ratio_given=ratio_given)
                 done += chunk.num_rows
                 with writing(out):
                     writer = writer or _writer(out, answered.schema)
@@ -125,7 +118,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
                 writer.close()
     there.print(f"{out}: {done} rows", soft_wrap=True)
     if strange:
-        rows_lost = len({cell.row for cell in strange})
+        rows_lost = len({row for row, *_ in strange})
         lost = f"{rows_lost} of {done} rows have no answer, because a cell is not a number: {_listed(strange)}"
         there.print(f"{states}: {lost}", soft_wrap=True, markup=False)
 
@@ -146,33 +139,30 @@ def _checked_out(states: Path, out: Path | None) -> Path:
 
 def _listed(cells: list[Cell]) -> str:
     more = f"; and {len(cells) - _SHOWN} more" if len(cells) > _SHOWN else ""
-    return "; ".join(f"row {cell.row}, {cell.column} = {cell.text!r}" for cell in cells[:_SHOWN]) + more
+    return "; ".join(f"row {row}, {column} = {text!r}" for row, column, text in cells[:_SHOWN]) + more
 
 
 def _rows_of(path: Path) -> int:
     """Return the number of rows; of a CSV file the number of its lines, for the progress bar."""
     if path.suffix == ".parquet":
-        return int(parquet.ParquetFile(path).metadata.num_rows)
+        return int(parquet.read_metadata(path).num_rows)
     with path.open("rb") as file:
         return max(0, sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b"")) - 1)
 
 
-def _chunks(source: Any, path: Path) -> Iterator[pa.Table]:  # noqa: ANN401 - a binary file
+def _chunks(path: Path) -> Iterator[pa.Table]:
     """Read a file in pieces of at most `ROWS` rows; a file without rows gives one empty piece."""
     if path.suffix == ".csv":
-        words = dict.fromkeys(_NUMBERS, pa.string())
-        options = csv.ConvertOptions(column_types=words, strings_can_be_null=True)
-        reader: Any = csv.open_csv(source, convert_options=options)
-        schema = reader.schema
+        batches: Any = csv.open_csv(path, convert_options=_AS_TEXT)
+        schema = batches.schema
     else:
-        file = parquet.ParquetFile(source)
-        schema, reader = file.schema_arrow, file.iter_batches(batch_size=ROWS)
-    empty = True
-    for batch in reader:
-        for start in range(0, batch.num_rows, ROWS):
-            empty = False
-            yield pa.Table.from_batches([batch.slice(start, ROWS)])
-    if empty:
+        file = parquet.ParquetFile(path)
+        schema, batches = file.schema_arrow, file.iter_batches(ROWS)
+    done = 0
+    for batch in batches:
+        yield from (pa.table(batch.slice(start, ROWS)) for start in range(0, batch.num_rows, ROWS))
+        done += batch.num_rows
+    if not done:
         yield schema.empty_table()
 
 
@@ -192,33 +182,20 @@ def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Ce
         wrong = pc.fill_null(
             pc.invert(pc.match_substring_regex(words, _NUMBER_FORM, ignore_case=True)), fill_value=False
         )
-        rows = np.flatnonzero(wrong.to_numpy())
-        strange += [
-            Cell(first_row + row, name, text)
-            for row, text in zip(rows.tolist(), words.take(rows).to_pylist(), strict=True)
-        ]
+        strange += [(first_row + row, name, words[row].as_py()) for row in np.flatnonzero(wrong).tolist()]
         chunk = chunk.set_column(place, name, pc.if_else(wrong, None, words).cast(pa.float64()))
     return chunk, sorted(strange)
 
 
 def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool) -> pa.Table:
     """Append the answers to a chunk of states; the rows in `lost` have a cell without a number."""
-    names = set(chunk.column_names)
-
-    def column(name: str) -> Array:
-        return _column(chunk, name)
-
-    def places(player: str) -> Array:
-        return _padded(np.stack([column(f"{player}_{axis}_m") for axis in _AXES[player]], axis=-1), 0.0)
-
-    game = _with_ratios(game, chunk, ratio_given=ratio_given)
-    target = places("target") if names & {"target_x_m", "target_y_m"} else None
+    names, game = set(chunk.column_names), _with_ratios(game, chunk, ratio_given=ratio_given)
+    target = _place(chunk, "target") if names & {"target_x_m", "target_y_m"} else None
     if any(map(_PLAYER.fullmatch, names)):
-        columns = _team_answers(game, names, column, target, lost)
+        columns = _team_answers(game, chunk, target, lost)
     else:
-        answer = solve(game, places("pursuer"), places("evader"), target)
         columns = {}
-        for name, field in answer._asdict().items():
+        for name, field in solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)._asdict().items():
             parted = re.sub(r"(_m_s|_m)$", r"_{}\1", name)
             columns |= dict(_flat(name, parted if field.ndim > 1 else name, field))
     taken = names & set(columns)
@@ -244,11 +221,10 @@ def _with_ratios(game: Game, chunk: pa.Table, *, ratio_given: bool) -> Game:
     return replace(game, pursuer=Ball(_column(chunk, _RATIO) * game.evader_speed_m_s)) if there else game
 
 
-def _padded(places: Array, height_m: Array | float) -> Array:
-    """Return positions (..., 3); those of (..., 2) get a height."""
-    if places.shape[-1] == 3:
-        return places
-    return np.concatenate([places, np.broadcast_to(height_m, (*places.shape[:-1], 1))], axis=-1)
+def _place(chunk: pa.Table, player: str) -> Array:
+    """Return the positions of a player or of the target, (n, 3); those without a height are at z = 0."""
+    columns = [_column(chunk, f"{player}_{axis}_m") for axis in _AXES[player.partition("_")[0]]]
+    return np.stack([*columns, 0.0 * np.abs(columns[0])][:3], axis=-1)
 
 
 def _column(chunk: pa.Table, name: str) -> Array:
@@ -271,20 +247,19 @@ def _flat(name: str, column: str, field: Array) -> Iterator[tuple[str, Any]]:
         yield column.format(*labels), values if words is None else [words(code).word for code in values.tolist()]
 
 
-def _team_answers(game: Game, names: set[str], column: Column, target: Array | None, lost: set[int]) -> dict[str, Any]:
+def _team_answers(game: Game, chunk: pa.Table, target: Array | None, lost: set[int]) -> dict[str, Any]:
     """Return the columns of answers to the rows of a file of teams.
 
     Args:
         game: the game.
-        names: of the file's columns.
-        column: reads one column.
+        chunk: the states.
         target: (n, 3), m, or None for PE.
         lost: rows with a cell that holds no number; they have no answer.
 
     Raises:
         ConfigError: Players are not numbered from 0 on, there are too many, or a side has none; or as `match_teams`.
     """
-    P, E = (_players(player, names, column) for player in ("pursuer", "evader"))
+    P, E = _players(chunk, "pursuer"), _players(chunk, "evader")
     rows, n, m = len(P), P.shape[1], E.shape[1]
     shapes = {"guaranteed": (), "total": (), "evader_of": (n,), "pursuer_velocity_m_s": (n, 3)}
     shapes |= {"meeting_point_m": (m, 2), "evader_velocity_m_s": (m, 2)}
@@ -312,14 +287,13 @@ def _team_answers(game: Game, names: set[str], column: Column, target: Array | N
     return {name: values for columns in flat for name, values in columns}
 
 
-def _players(player: str, names: set[str], column: Column) -> Array:
-    """Return the positions of a side, (n, players, 3); evaders are at z = 0."""
-    numbers = {int(found[2]) for found in map(_PLAYER.fullmatch, names) if found and found[1] == player}
+def _players(chunk: pa.Table, player: str) -> Array:
+    """Return the positions of a side, (n, players, 3)."""
+    found = filter(None, map(_PLAYER.fullmatch, chunk.column_names))
+    numbers = {int(one[2]) for one in found if one[1] == player}
     if not numbers or numbers != set(range(len(numbers))) or len(numbers) > MAX_PLAYERS:
         raise ConfigError(
             f"--states: the columns number the {player}s {sorted(numbers)}; they must be 0, 1, 2 and so on, "
             f"at most {MAX_PLAYERS}: {', '.join(f'{player}_0_{axis}_m' for axis in _AXES[player])}, {player}_1_x_m …"
         )
-    places = [[column(f"{player}_{number}_{axis}_m") for axis in _AXES[player]] for number in sorted(numbers)]
-    level: Array = np.moveaxis(np.array(places), -1, 0)
-    return _padded(level, np.where(np.isfinite(level[..., :1]), 0.0, np.nan))
+    return np.stack([_place(chunk, f"{player}_{number}") for number in sorted(numbers)], axis=1)
