@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -68,18 +69,12 @@ class Shown:
         self.kept += rows
         now_s, done = time.monotonic(), self.kept - self._before
         rate = done / max(1e-9, now_s - self._begun_s)
-        text = f"{rate:.3g} {self._unit}/s, {clock((self._rows - self.kept) / rate)} left" if done else ""
+        left = timedelta(seconds=round((self._rows - self.kept) / rate)) if done else None
+        text = f"{rate:.3g} {self._unit}/s, {left} left" if done else ""
         self.bar.update(self._task, completed=self.kept, description=text)
         if self.bar.disable and now_s - self._shown_s >= _LINE_S:
             self._shown_s = now_s
             self._there.print(f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}")
-
-
-def clock(seconds: float) -> str:
-    """Return a duration as hours, minutes and seconds."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}"
 
 
 OnKept = Callable[[int], None]
@@ -129,11 +124,8 @@ def workers_of(count: int, scheduler: str | None) -> Iterator[Workers]:
     elif count == 1:
         yield SERIAL
     else:
-        yield Workers(lambda: _processes(count), _AHEAD * count)
-
-
-def _processes(count: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker)
+        spawn = multiprocessing.get_context("spawn")
+        yield Workers(lambda: ProcessPoolExecutor(count, mp_context=spawn, initializer=_begin_worker), _AHEAD * count)
 
 
 def _begin_worker() -> None:
@@ -212,63 +204,41 @@ def finish(work: Work, workers: Workers, on_kept: OnKept) -> None:
         OutputError: If a chunk cannot be written; earlier chunks are kept.
         GuidanceError: If a chunk cannot be computed.
     """
-    folder, pending = work.folder, deque(work.missing)
-    running: dict[Future[bytes], int] = {}
-    deaths = Counter[int]()
-    executor = workers.start()
-    try:
-        while pending or running:
-            while pending and len(running) < workers.ahead:
-                chunk = pending.popleft()
-                running[_submitted(executor, folder, chunk)] = chunk
-            finished, _ = wait(running, timeout=_SHOW_S, return_when=FIRST_COMPLETED)
-            lost = [chunk for future in finished if not _kept(folder, chunk := running.pop(future), future, on_kept)]
-            on_kept(0)
-            if lost:  # the death of one worker breaks the pool: repeat everything that was running
-                deaths.update(lost)
-                if max(deaths.values()) >= _DEATHS:
-                    raise _deadly(deaths.most_common(1)[0][0])
-                pending.extendleft([*lost, *running.values()])
-                running.clear()
-                executor.shutdown(wait=True)
-                executor = workers.start()
-    finally:
-        for future in running:
-            future.cancel()
-        executor.shutdown(wait=not running)
-        for process in multiprocessing.active_children():
-            process.terminate()
+    folder, pending, deaths = work.folder, deque(work.missing), Counter[int]()
+    while pending:
+        executor, running = workers.start(), dict[Future[bytes], int]()
+        try:
+            while pending or running:
+                while pending and len(running) < workers.ahead:
+                    future = executor.submit(computed, folder.plan, folder.rows(pending[0]))
+                    running[future] = pending.popleft()
+                for future in wait(running, timeout=_SHOW_S, return_when=FIRST_COMPLETED).done:
+                    folder.keep(running[future], _content(future, running[future]))
+                    on_kept(len(folder.rows(running.pop(future))))
+                on_kept(0)
+        except BrokenProcessPool:  # the death of one worker breaks the pool: repeat everything that was running
+            deaths.update(running.values())
+            if max(deaths.values(), default=0) >= _DEATHS:
+                raise _deadly(deaths.most_common(1)[0][0]) from None
+            pending.extendleft(running.values())
+            running.clear()
+        finally:
+            executor.shutdown(wait=not running)
+            for process in multiprocessing.active_children():
+                process.terminate()
 
 
-def _kept(folder: Folder, chunk: int, future: Future[bytes], on_kept: OnKept) -> bool:
-    """Write a chunk; return False if its worker died."""
+def _content(future: Future[bytes], chunk: int) -> bytes:
+    """Return a chunk, or say what the user can do about its error."""
     try:
-        content = future.result()
-    except BrokenProcessPool:
-        return False
+        return future.result()
+    except ModuleNotFoundError as error:
+        missing = f"--scheduler: its workers lack a package ({error}); install pursuit-guidance there"
+        raise ConfigError(missing) from error
     except Exception as error:
-        raise _explained(error, chunk) from error
-    folder.keep(chunk, content)
-    on_kept(len(folder.rows(chunk)))
-    return True
-
-
-def _submitted(executor: Executor, folder: Folder, chunk: int) -> Future[bytes]:
-    try:
-        return executor.submit(computed, folder.plan, folder.rows(chunk))
-    except BrokenProcessPool as error:  # a worker died just now
-        failed: Future[bytes] = Future()
-        failed.set_exception(error)
-        return failed
-
-
-def _explained(error: Exception, chunk: int) -> Exception:
-    """Return what to tell the user about an error of a chunk, or the error itself."""
-    if type(error).__name__ == "KilledWorker":  # Dask's
-        return _deadly(chunk)
-    if isinstance(error, ModuleNotFoundError):
-        return ConfigError(f"--scheduler: its workers lack a package ({error}); install pursuit-guidance there")
-    return error
+        if type(error).__name__ == "KilledWorker":  # Dask's
+            raise _deadly(chunk) from error
+        raise
 
 
 def _deadly(chunk: int) -> GuidanceError:
@@ -339,9 +309,6 @@ def checked_way(text: str | None) -> Way | None:
     Raises:
         ConfigError: If it is neither maths nor fast.
     """
-    for way in _UNITS:
-        if text == way:
-            return way
-    if text is None:
-        return None
+    if text is None or text in _UNITS:
+        return text
     raise ConfigError(f"--as {text}: allowed are {', '.join(_UNITS)}; for real time use guidance scenario run")
