@@ -5,12 +5,12 @@ also after a crash or a power failure, and missing chunks are computed again.
 """
 
 import errno
+import fcntl
 import json
 import math
 import os
 import platform
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -39,8 +39,6 @@ _CHUNKS_A_WORKER: Final = 4
 _LARGEST_CHUNK: Final = {"maths": 4096, "teams": 512, "fast": 1}
 """Rows of a chunk at most: 2 to 20 s of work. Larger batches of games are slower, because they leave the cache."""
 
-Write = Callable[[Path, bytes], None]
-
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a complete file, or none.
@@ -68,13 +66,11 @@ class Folder:
         path: Of the folder.
         plan: Of the sweep.
         chunk_rows: Rows of a chunk.
-        write: Writes a file.
     """
 
     path: Path
     plan: Plan
     chunk_rows: int
-    write: Write = write_whole
 
     @property
     def chunks(self) -> int:
@@ -91,12 +87,12 @@ class Folder:
 
     def has(self, chunk: int) -> bool:
         """Return True if a chunk's file has all rows: one for each game, with teams one for each evader."""
-        part, games = self.part(chunk), len(self.rows(chunk))
+        games = len(self.rows(chunk))
         try:
-            count = parquet.read_metadata(part).num_rows if part.is_file() else -1
-        except pa.ArrowInvalid:  # damaged
+            count = parquet.read_metadata(self.part(chunk)).num_rows
+        except (FileNotFoundError, pa.ArrowInvalid):  # missing or damaged
             return False
-        return count >= games if self.plan.teams else count == games
+        return bool(count >= games if self.plan.teams else count == games)
 
     def keep(self, chunk: int, content: bytes) -> None:
         """Write a chunk's file.
@@ -105,7 +101,7 @@ class Folder:
             OutputError: If it cannot be written. Earlier chunks are kept.
         """
         try:
-            self.write(self.part(chunk), content)
+            write_whole(self.part(chunk), content)
         except OSError as error:
             reason = "the disk is full" if error.errno == errno.ENOSPC else error.strerror or str(error)
             raise OutputError(
@@ -121,8 +117,7 @@ class Folder:
     def table(self, columns: Sequence[str]) -> pa.Table:
         """Read columns of all rows, with `PAIR`, `POINT` and `SEED`; texts are dictionary encoded."""
         texts = [name for name in columns if pa.types.is_string(self.plan.schema.field(name).type)]
-        tables = [parquet.read_table(part, columns=list(columns), read_dictionary=texts) for part in self.parts]
-        table = pa.concat_tables(tables).unify_dictionaries()
+        table = parquet.read_table(self.parts, columns=list(columns), read_dictionary=texts).unify_dictionaries()
         for name, values in zip((PAIR, POINT, SEED), self.plan.places(table[ROW].to_numpy()), strict=True):
             table = table.append_column(name, pa.array(values))
         return table
@@ -177,11 +172,6 @@ def alone(path: Path) -> Iterator[None]:
         ConfigError: If another process has locked it.
         OutputError: If the folder cannot be written.
     """
-    if sys.platform == "win32":  # has no fcntl; two processes would write equal bytes
-        yield
-        return
-    import fcntl  # noqa: PLC0415 - not on every system
-
     with writing(f"--out {path}"):
         lock = private_file(private_folder(path) / ".lock").open("w")
     with lock:
@@ -203,12 +193,10 @@ def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
             f"--out {path}: holds another sweep ({', '.join(differing)} differ{'s' * (len(differing) == 1)}); "
             "choose another folder"
         )
-    if manifest["versions"] != _versions():
-        was, now = manifest["versions"], _versions()
-        changed = [f"{name} {was.get(name)}, now {now[name]}" for name in now if was.get(name) != now[name]]
-        raise ConfigError(
-            f"--out {path}: was begun with {'; '.join(changed)}: rows could differ; choose another folder"
-        )
+    was, now = manifest["versions"], _versions()
+    if was != now:
+        changed = "; ".join(f"{name} {was.get(name)}, now {now[name]}" for name in now if was.get(name) != now[name])
+        raise ConfigError(f"--out {path}: was begun with {changed}: rows could differ; choose another folder")
     if chunk_rows not in {None, manifest["chunk_rows"]}:
         raise ConfigError(f"--chunk {chunk_rows}: this sweep was begun with {manifest['chunk_rows']}; omit the option")
     return Folder(path, plan, manifest["chunk_rows"])

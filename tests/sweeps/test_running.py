@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from guidance.cli.sweep import sweep as app
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
-from guidance.sweeps import running
-from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_whole
+from guidance.sweeps import folder, running
+from guidance.sweeps.folder import alone, opened, read_folder, write_whole
 from guidance.sweeps.running import SERIAL, Interrupted, Shown, ThisProcess, Workers, begun, finish, planned, workers_of
 from tests.sweeps.conftest import SWEEP
 
@@ -36,12 +36,12 @@ def run(plan, out, *, chunk=5, by=None):
     return out
 
 
-def files(folder):
-    return {part.name: part.read_bytes() for part in sorted(folder.glob("rows/*.parquet"))}
+def files(at):
+    return {part.name: part.read_bytes() for part in sorted(at.glob("rows/*.parquet"))}
 
 
-def table(folder):
-    return parquet.read_table(folder / "rows")
+def table(at):
+    return parquet.read_table(at / "rows")
 
 
 def test_the_rows_do_not_depend_on_the_chunks(plan_from, tmp_path):
@@ -120,7 +120,7 @@ def test_a_damaged_chunk_is_computed_again(plan_from, tmp_path):
     assert files(run(plan, tmp_path / "out", chunk=None)) == before
 
 
-def test_a_full_disk_is_reported_and_earlier_rows_are_kept(plan_from, tmp_path):
+def test_a_full_disk_is_reported_and_earlier_rows_are_kept(plan_from, tmp_path, monkeypatch):
     plan = plan_from()
     work = begun(plan, tmp_path / "out", 5)
 
@@ -129,9 +129,9 @@ def test_a_full_disk_is_reported_and_earlier_rows_are_kept(plan_from, tmp_path):
             raise OSError(errno.ENOSPC, "No space left on device")
         write_whole(path, content)
 
-    full = work._replace(folder=Folder(work.folder.path, plan, 5, fill_up))
+    monkeypatch.setattr(folder, "write_whole", fill_up)
     with pytest.raises(OutputError, match=r"part-000002\.parquet: cannot be written \(the disk is full\)") as caught:
-        finish(full, SERIAL, lambda _: None)
+        finish(work, SERIAL, lambda _: None)
     assert caught.value.exit_code == 5
     assert begun(plan, tmp_path / "out", None).rows_there == 10
 
