@@ -9,8 +9,9 @@ import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from hashlib import blake2b
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -22,6 +23,7 @@ from guidance.errors import ConfigError
 from guidance.strategies import uniform
 
 Seeds = NDArray[np.int64]
+Array = NDArray[np.float64]
 
 _PART = re.compile(r"(?P<name>[a-z_][a-z0-9_]*)(?P<places>(\[\d+\])*)")
 
@@ -59,66 +61,18 @@ def path_of(key: str) -> tuple[str | int, ...]:
     return tuple(path)
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
-    """A continuous distribution of SciPy. A draw outside a key's range makes an invalid row.
+class Random(NamedTuple):
+    """A distribution; a draw outside a key's range makes an invalid row.
 
     Attributes:
-        frozen: SciPy's distribution with its parameters.
+        extremes: The bounds of its values, or their median if they are unbounded.
+        draw: Makes a value for each seed from two random numbers for each, from 0 to 1.
+        plane: Whether a value is a position (x, y), m.
     """
 
-    frozen: Any
-
-    def draw(self, seed: Seeds, stream: int) -> list[Any]:
-        """Draw one value for each seed."""
-        # Rounding can put a draw just outside the support.
-        return list(np.clip(self.frozen.ppf(uniform(seed, stream, 0)), *self.frozen.support()).tolist())
-
-    def extremes(self) -> list[Any]:
-        """Return the bounds, or the median of an unbounded distribution."""
-        ends = [float(end) for end in self.frozen.support()]
-        return ends if all(map(math.isfinite, ends)) else [float(self.frozen.median())]
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """One of several equally likely values."""
-
-    values: tuple[Any, ...]
-
-    def draw(self, seed: Seeds, stream: int) -> list[Any]:
-        """Draw one value for each seed."""
-        places = (uniform(seed, stream, 0) * len(self.values)).astype(int)
-        return [self.values[place] for place in places.tolist()]
-
-    def extremes(self) -> list[Any]:
-        """Return all values."""
-        return list(self.values)
-
-
-@dataclass(frozen=True, slots=True)
-class Annulus:
-    """A position (x, y), m, uniform by area between two radii about a centre."""
-
-    inner_m: float
-    outer_m: float
-    centre_m: tuple[float, float]
-
-    def draw(self, seed: Seeds, stream: int) -> list[Any]:
-        """Draw one position for each seed."""
-        inner, outer = self.inner_m**2, self.outer_m**2
-        radius = np.sqrt(inner + (outer - inner) * uniform(seed, stream, 0))
-        angle = 2.0 * np.pi * uniform(seed, stream, 1)
-        x, y = self.centre_m
-        return list(np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist())
-
-    def extremes(self) -> list[Any]:
-        """Return the outermost positions along both axes."""
-        (x, y), r = self.centre_m, self.outer_m
-        return [[x + r, y], [x - r, y], [x, y + r], [x, y - r]]
-
-
-Distribution: TypeAlias = Number | Choice | Annulus
+    extremes: Sequence[Any]
+    draw: Callable[[Array, Array], list[Any]]
+    plane: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,26 +83,27 @@ class Axis:
         key: Of the scenario.
         path: Its names and places.
         values: On a grid; empty for a random axis.
-        distribution: Of a random axis; None on a grid.
+        random: The distribution of a random axis; None on a grid.
     """
 
     key: str
     path: tuple[str | int, ...]
     values: tuple[Any, ...] = ()
-    distribution: Distribution | None = None
+    random: Random | None = None
 
     @property
-    def stream(self) -> int:
-        """Number of the key's own stream of random numbers."""
-        return int.from_bytes(blake2b(self.key.encode(), digest_size=7).digest(), "big")
+    def extremes(self) -> Sequence[Any]:
+        """The values to check before anything runs."""
+        return self.values if self.random is None else self.random.extremes
 
-    def extremes(self) -> list[Any]:
-        """Return the values to check before anything runs."""
-        return list(self.values) if self.distribution is None else self.distribution.extremes()
+    def draw(self, seed: Seeds) -> list[Any]:
+        """Draw a value of a random axis for each seed; the key has a stream of random numbers of its own."""
+        stream = int.from_bytes(blake2b(self.key.encode(), digest_size=7).digest(), "big")
+        return self.random.draw(uniform(seed, stream, 0), uniform(seed, stream, 1)) if self.random else []
 
     def settings(self, value: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:  # noqa: ANN401 - any value of a key
-        """Yield the paths that a value sets; an annulus sets x and y and keeps the height."""
-        if isinstance(self.distribution, Annulus):
+        """Yield the paths that a value sets; a position (x, y) keeps the height."""
+        if self.random is not None and self.random.plane:
             yield (*self.path, 0), value[0]
             yield (*self.path, 1), value[1]
         else:
@@ -157,14 +112,14 @@ class Axis:
     @property
     def width(self) -> int:
         """Number of columns of a vector, one for each element; 0 for a single column."""
-        shapes = {len(value) if _is_vector(value) else 0 for value in self.extremes()}
+        shapes = {len(value) if _is_vector(value) else 0 for value in self.extremes}
         return shapes.pop() if len(shapes) == 1 else 0
 
     def columns(self) -> dict[str, pa.DataType]:
         """Return names and types of the columns that hold the values."""
         if self.width:
             return {f"{self.key}[{place}]": pa.float64() for place in range(self.width)}
-        return {self.key: _type_of(self.extremes())}
+        return {self.key: _type_of(self.extremes)}
 
     def cells(self, values: Sequence[Any]) -> Iterator[pa.Array]:
         """Yield values as columns, in the order of `columns`."""
@@ -203,13 +158,13 @@ def random_axis(key: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
         ConfigError: If the distribution is unknown or its numbers are wrong, or the key cannot be swept.
     """
     path = path_of(key)
-    distribution = _distribution(key, spec if isinstance(spec, Mapping) else {str(spec): None})
-    if isinstance(distribution, Annulus) and not str(path[-1]).endswith("position_m"):
+    random = _random(key, spec if isinstance(spec, Mapping) else {str(spec): None})
+    if random.plane and not str(path[-1]).endswith("position_m"):
         raise ConfigError(
             f"random.{key} = {as_toml(spec)}: a disc or an annulus is a position: use it for pursuer.position_m or "
             "evader.position_m as a whole; give each number of another key its own distribution"
         )
-    return Axis(key, path, distribution=distribution)
+    return Axis(key, path, random=random)
 
 
 def flat(table: Mapping[str, Any], prefix: str = "", *, tables: bool = False) -> dict[str, Any]:
@@ -230,56 +185,91 @@ def flat(table: Mapping[str, Any], prefix: str = "", *, tables: bool = False) ->
     return found
 
 
-def _distribution(key: str, table: Mapping[str, Any]) -> Distribution:
+def _random(key: str, table: Mapping[str, Any]) -> Random:
     kind, *more = [name for name in table if name in _KINDS] or [""]
     if kind not in _KINDS or more or set(table) - {kind, "about_m"}:
-        allowed = "; ".join(form for form, *_ in _KINDS.values())
+        allowed = "; ".join(form for form, _ in _KINDS.values())
         raise ConfigError(f"random.{key} = {as_toml(table)}: must be one of {allowed}")
     if "about_m" in table and kind not in {"disc", "annulus"}:
         raise ConfigError(f"random.{key}.about_m: only with disc or annulus")
-    form, allowed_pair, made = _KINDS[kind]
-    value = table[kind]
+    form, made = _KINDS[kind]
     try:
-        if kind == "choice" and isinstance(value, list) and value:
-            return Choice(tuple(value))
-        first, second = map(_number, (0.0, value) if kind == "disc" else value)
-        x, y = map(_number, table.get("about_m", (0.0, 0.0)))
-        if math.isfinite(first + second + x + y) and allowed_pair(first, second):
-            return made(first, second, (x, y))
+        return made(table[kind], table.get("about_m", (0.0, 0.0)))
     except (TypeError, ValueError):
-        pass
-    raise ConfigError(f"random.{key} = {as_toml(table)}: must be {form}")
+        raise ConfigError(f"random.{key} = {as_toml(table)}: must be {form}") from None
 
 
-def _inside(inner: float, outer: float) -> bool:
-    return 0.0 <= inner < outer
+def _pair(value: Any, allowed: Callable[[float, float], bool] = lambda *_: True) -> tuple[float, float]:  # noqa: ANN401
+    """Return two finite numbers.
+
+    Raises:
+        TypeError, ValueError: If they are none, or not allowed.
+    """
+    first, second = map(_number, value)
+    if not (math.isfinite(first + second) and allowed(first, second)):
+        raise ValueError
+    return first, second
 
 
-_KINDS: Final[Mapping[str, tuple[str, Callable[..., bool], Callable[..., Distribution]]]] = {
-    "uniform": (
-        "{ uniform = [low, high] } with low < high",
-        operator.lt,
-        lambda low, high, _: Number(stats.uniform(low, high - low)),
-    ),
+def _continuous(frozen: Any) -> Random:  # noqa: ANN401 - SciPy's distribution with its parameters
+    ends = tuple(float(end) for end in frozen.support())
+    return Random(ends if all(map(math.isfinite, ends)) else (float(frozen.median()),), partial(_quantiles, frozen))
+
+
+def _quantiles(frozen: Any, draw: Array, _: Array) -> list[float]:  # noqa: ANN401
+    # Rounding can put a draw just outside the support.
+    return list(np.clip(frozen.ppf(draw), *frozen.support()).tolist())
+
+
+def _choice(values: Any, _: Any) -> Random:  # noqa: ANN401 - from a file
+    if not isinstance(values, list) or not values:
+        raise ValueError
+    return Random(values, partial(_chosen, values))
+
+
+def _chosen(values: Sequence[Any], draw: Array, _: Array) -> list[Any]:
+    return [values[place] for place in (draw * len(values)).astype(int).tolist()]
+
+
+def _annulus(radii: Any, about: Any) -> Random:  # noqa: ANN401 - from a file
+    """Return positions that are uniform by area between two radii about a centre."""
+    (inner, outer), (x, y) = _pair(radii, lambda inner, outer: 0.0 <= inner < outer), _pair(about)
+    edge = [[x + outer, y], [x - outer, y], [x, y + outer], [x, y - outer]]
+    return Random(edge, partial(_placed, inner**2, outer**2, (x, y)), plane=True)
+
+
+def _placed(inner_m2: float, outer_m2: float, about_m: tuple[float, float], draw: Array, turn: Array) -> list[Any]:
+    radius, angle = np.sqrt(inner_m2 + (outer_m2 - inner_m2) * draw), 2.0 * np.pi * turn
+    x, y = about_m
+    return list(np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist())
+
+
+def _uniform(value: Any, _: Any) -> Random:  # noqa: ANN401 - from a file
+    low, high = _pair(value, operator.lt)
+    return _continuous(stats.uniform(low, high - low))
+
+
+_KINDS: Final[Mapping[str, tuple[str, Callable[[Any, Any], Random]]]] = {
+    "uniform": ("{ uniform = [low, high] } with low < high", _uniform),
     "log_uniform": (
         "{ log_uniform = [low, high] } with 0 < low < high",
-        lambda low, high: 0.0 < low < high,
-        lambda low, high, _: Number(stats.loguniform(low, high)),
+        lambda value, _: _continuous(stats.loguniform(*_pair(value, lambda low, high: 0.0 < low < high))),
     ),
     "normal": (
         "{ normal = [mean, deviation] } with a deviation above 0",
-        lambda _, deviation: deviation > 0.0,
-        lambda mean, deviation, _: Number(stats.norm(mean, deviation)),
+        lambda value, _: _continuous(stats.norm(*_pair(value, lambda _, deviation: deviation > 0.0))),
     ),
-    "choice": ("{ choice = [value, …] }", lambda *_: False, Annulus),
-    "disc": ("{ disc = radius } in m, with about_m = [x, y] if its centre is not zero", _inside, Annulus),
+    "choice": ("{ choice = [value, …] }", _choice),
+    "disc": (
+        "{ disc = radius } in m, with about_m = [x, y] if its centre is not zero",
+        lambda radius, about: _annulus((0.0, radius), about),
+    ),
     "annulus": (
         "{ annulus = [inner, outer] } in m, 0 <= inner < outer, with about_m = [x, y] if its centre is not zero",
-        _inside,
-        Annulus,
+        _annulus,
     ),
 }
-"""Form of each distribution, which pairs of numbers it takes, and the distribution of two numbers and a centre."""
+"""Form of each distribution, and what makes it of the values of its key and of about_m."""
 
 
 def _spaced(key: str, spec: Mapping[str, Any]) -> tuple[float, ...]:
@@ -303,8 +293,6 @@ def _is_vector(value: Any) -> bool:  # noqa: ANN401 - from a file
 
 def _type_of(values: Sequence[Any]) -> pa.DataType:
     kinds = {type(value) for value in values}
-    if kinds == {bool}:
-        return pa.bool_()
-    if kinds == {int}:
-        return pa.int64()
+    if kinds in ({bool}, {int}):
+        return pa.bool_() if kinds == {bool} else pa.int64()
     return pa.float64() if kinds <= {int, float} else pa.string()

@@ -181,7 +181,7 @@ class Plan:
     @cached_property
     def points(self) -> int:
         """Number of grid points."""
-        return math.prod(len(axis.values) for axis in self.axes if axis.distribution is None)
+        return math.prod(len(axis.values) for axis in self.axes if axis.random is None)
 
     @property
     def seeds(self) -> int:
@@ -207,8 +207,8 @@ class Plan:
         values: list[list[Any]] = []
         size = self.points
         for axis in self.axes:
-            if axis.distribution is not None:
-                values.append(axis.distribution.draw(seed, axis.stream))
+            if axis.random is not None:
+                values.append(axis.draw(seed))
             else:
                 size //= len(axis.values)
                 values.append([axis.values[place] for place in (point // size % len(axis.values)).tolist()])

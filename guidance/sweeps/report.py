@@ -99,13 +99,13 @@ def _known(first: pa.ChunkedArray, second: pa.ChunkedArray) -> pa.ChunkedArray:
 
 def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
     """Yield groups of rows: by the values of a grid, or by ten even bins of each random number."""
-    if axis.distribution is None and len(axis.values) > 1:
+    if axis.random is None and len(axis.values) > 1:
         after = math.prod(len(other.values) or 1 for other in plan.axes[plan.axes.index(axis) + 1 :])
         places = table[POINT].to_numpy() // after % len(axis.values)
         numbers = all(isinstance(value, (int, float)) for value in axis.values)
         labels = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values]
         yield _key(axis.key, labels, axis.values if numbers else range(len(labels)), places, grid=True)
-    for column in axis.columns() if axis.distribution is not None else ():
+    for column in axis.columns() if axis.random is not None else ():
         if not pa.types.is_floating(table[column].type):
             cells = [str(value) for value in table[column].to_pylist()]
             texts, places = np.unique(cells, return_inverse=True)
@@ -183,7 +183,7 @@ def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[
     for number, row in enumerate(grouped.drop_columns(["regret_list"]).to_pylist()):
         at = {key.column: key.labels[row[_place(key)]] for key in keys}
         times = row["game_time_s_min_max"]
-        drawn = any(axis.distribution is not None for axis in plan.axes) or times["min"] != times["max"]
+        drawn = any(axis.random is not None for axis in plan.axes) or times["min"] != times["max"]
         regret = regrets[number].values.to_numpy(zero_copy_only=False)
         summary = _summary(row, regret, intervals=drawn and not mixed and not plan.teams)
         found.setdefault(row[PAIR], []).append(({"at": at} if keys else {}) | summary)

@@ -114,7 +114,7 @@ def check(plan: Plan, source: str) -> None:
     """
     _check_policies(plan, source)
     base, model = _with_policies(plan.scenario, plan.pairs[0]), _model_of(plan)
-    faults = [fault for axis in plan.axes for value in axis.extremes() for fault in _faults(model, base, axis, value)]
+    faults = [fault for axis in plan.axes for value in axis.extremes for fault in _faults(model, base, axis, value)]
     if faults:
         raise ConfigError(f"{source}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
     Scenarios(plan)

@@ -104,7 +104,7 @@ def test_a_course_stays_with_the_policy_that_follows_it(short, plan_from):
 )
 def test_draws_follow_the_distribution_they_are_named_after(law, distribution):
     drawn = random_axis("evader.speed_m_s", law)
-    values = np.array(drawn.distribution.draw(np.arange(20000), drawn.stream))
+    values = np.array(drawn.draw(np.arange(20000)))
     assert stats.kstest(values, distribution.cdf).pvalue > 0.001
     assert np.min(values) >= distribution.support()[0]
     assert np.max(values) <= distribution.support()[1]
@@ -112,7 +112,7 @@ def test_draws_follow_the_distribution_they_are_named_after(law, distribution):
 
 def test_a_disc_is_even_by_area_and_about_its_centre():
     axis = random_axis("evader.position_m", {"annulus": [10, 20], "about_m": [5, -7]})
-    places = np.array(axis.distribution.draw(np.arange(20000), axis.stream)) - [5, -7]
+    places = np.array(axis.draw(np.arange(20000))) - [5, -7]
     radius, angle = np.hypot(*places.T), np.arctan2(*places.T)
     assert stats.kstest((radius**2 - 100) / 300, "uniform").pvalue > 0.001
     assert stats.kstest(angle / (2 * np.pi) + 0.5, "uniform").pvalue > 0.001
@@ -120,14 +120,14 @@ def test_a_disc_is_even_by_area_and_about_its_centre():
 
 def test_a_choice_is_even_among_its_values():
     axis = random_axis("pursuer.speed_set", {"choice": ["ball", "cylinder"]})
-    values = axis.distribution.draw(np.arange(10000), axis.stream)
+    values = axis.draw(np.arange(10000))
     assert abs(values.count("ball") - 5000) < 250
     assert axis.columns() == {"pursuer.speed_set": pa.string()}
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6), st.integers(0, 2**62))
 def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
-    (value,) = random_axis("a", {"uniform": [low, low + width]}).distribution.draw(np.array([seed]), 7)
+    (value,) = random_axis("a", {"uniform": [low, low + width]}).draw(np.array([seed]))
     assert low <= value <= low + width
 
 
