@@ -21,10 +21,10 @@ from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 from guidance.config import Section, find, load
 from guidance.errors import ConfigError
 from guidance.sim.outcome import Outcome
-from guidance.sim.scenario import EvaderPolicy, PursuerPolicy
+from guidance.sim.scenario import EvaderPolicy, PursuerPolicy, Scenario
 from guidance.sim.scenario_file import FOLDER as SCENARIOS
 from guidance.sim.scenario_file import has_teams, load_any
-from guidance.sim.teams import TeamOutcome
+from guidance.sim.teams import TeamOutcome, TeamScenario
 from guidance.sweeps.axes import Axis, flat, grid_axis, random_axis
 
 Way = Literal["maths", "fast"]
@@ -166,6 +166,11 @@ class Plan:
     def teams(self) -> bool:
         """True if teams play; a game then has one table row for each evader."""
         return has_teams(self.scenario)
+
+    @property
+    def model(self) -> type[Scenario] | type[TeamScenario]:
+        """The model of a row's scenario."""
+        return TeamScenario if self.teams else Scenario
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:

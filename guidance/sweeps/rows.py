@@ -1,9 +1,10 @@
 """Rows of a plan: their scenarios, played or flown, as the bytes of a Parquet file."""
 
+import contextlib
 import gc
+import itertools
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from io import BytesIO
 from typing import Any, Final
@@ -14,7 +15,7 @@ from pyarrow import parquet
 from pydantic import ValidationError
 
 from guidance.clock import VirtualClock
-from guidance.config import explain, parse
+from guidance.config import Section, explain, parse
 from guidance.errors import ConfigError, GuidanceError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
 from guidance.sim.maths import play
@@ -27,7 +28,6 @@ from guidance.sweeps.plan import Cases, Pair, Plan, policy_in
 
 _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 _SAMPLE: Final = 1000
-Model = type[Scenario] | type[TeamScenario]
 
 
 class Scenarios:
@@ -38,7 +38,7 @@ class Scenarios:
     """
 
     def __init__(self, plan: Plan) -> None:
-        self._model, self._axes = _model_of(plan), plan.axes
+        self._model, self._axes = plan.model, plan.axes
         swept = {str(axis.path[0]) for axis in plan.axes}
         self._bases: list[dict[str, Any]] = []
         for pair in plan.pairs:
@@ -61,10 +61,6 @@ class Scenarios:
 def scenario_of(plan: Plan, row: int) -> Scenario | TeamScenario | str:
     """Return the scenario of a row, or the reason why it is invalid."""
     return next(iter(Scenarios(plan).of(plan.cases(np.array([row], dtype=np.int64)))))
-
-
-def _model_of(plan: Plan) -> Model:
-    return TeamScenario if plan.teams else Scenario
 
 
 def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
@@ -113,8 +109,8 @@ def check(plan: Plan, source: str) -> None:
         ConfigError: One line for each fault, with the key, the value and what is allowed.
     """
     _check_policies(plan, source)
-    base, model = _with_policies(plan.scenario, plan.pairs[0]), _model_of(plan)
-    faults = [fault for axis in plan.axes for value in axis.extremes for fault in _faults(model, base, axis, value)]
+    base = _with_policies(plan.scenario, plan.pairs[0])
+    faults = [one for axis in plan.axes for value in axis.extremes for one in _faults(plan.model, base, axis, value)]
     if faults:
         raise ConfigError(f"{source}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
     Scenarios(plan)
@@ -129,7 +125,7 @@ def _check_policies(plan: Plan, source: str) -> None:
                 raise ConfigError(f"{source}: policies.{player} = {policy!r}: allowed are {', '.join(known[player])}")
 
 
-def _faults(model: Model, base: dict[str, Any], axis: Axis, value: Any) -> Iterator[str]:  # noqa: ANN401 - any value of a key
+def _faults(model: type[Section], base: dict[str, Any], axis: Axis, value: Any) -> Iterator[str]:  # noqa: ANN401 - any value of a key
     try:
         model.model_validate(_with_values(base, (axis,), (value,)))
     except LookupError as error:
@@ -166,7 +162,7 @@ def computed(plan: Plan, rows: range) -> bytes:
     return sink.getvalue()
 
 
-@contextmanager
+@contextlib.contextmanager
 def uncollected() -> Iterator[None]:
     """Switch garbage collection off."""
     was_on = gc.isenabled()
@@ -180,42 +176,32 @@ def uncollected() -> Iterator[None]:
 
 def table_of(plan: Plan, rows: range) -> pa.Table:
     """Play rows and return their table."""
-    return as_table(plan, *_outcomes(plan, plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))))
-
-
-def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Any]) -> pa.Table:
-    """Return the table of cases and their outcomes."""
-    cells: list[Any] = [pa.array(cases.row)]
-    for axis, values in zip(plan.axes, cases.values, strict=True):
-        cells.extend(axis.cells(values))
-    schema = list(plan.schema)[len(cells) :]
-    columns = zip(*outcomes, strict=True) if outcomes else [[] for _ in schema]
-    cells.extend(pa.array(column, field.type) for column, field in zip(columns, schema, strict=True))
-    return pa.Table.from_arrays(cells, schema=plan.schema)
-
-
-def _outcomes(plan: Plan, cases: Cases) -> tuple[Cases, list[Any]]:
-    """Return the outcomes, and the cases that belong to them: of teams one for every evader."""
+    cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
     found = list(Scenarios(plan).of(cases))
-    played = _played(plan, [scenario for scenario in found if not isinstance(scenario, str)])
-    outcomes: list[Any] = []
-    places: list[int] = []
-    for place, scenario in enumerate(found):
-        rows = [_invalid(plan, cases, place, scenario)] if isinstance(scenario, str) else next(played)
-        outcomes += rows
-        places += [place] * len(rows)
-    if not plan.teams:
-        return cases, outcomes
-    values = tuple([axis[place] for place in places] for axis in cases.values)
-    whose = np.array(places, dtype=np.intp)
-    return Cases(cases.row[whose], cases.pair[whose], cases.point[whose], cases.seed[whose], values), outcomes
+    played = iter(_played(plan, [scenario for scenario in found if not isinstance(scenario, str)]))
+    outcomes = [
+        [_invalid(plan, cases, place, one)] if isinstance(one, str) else next(played) for place, one in enumerate(found)
+    ]
+    return as_table(plan, cases, outcomes)
 
 
-def _played(plan: Plan, games: list[Any]) -> Iterator[Sequence[Any]]:
-    """Yield the outcomes of each game: one, or of teams one for every evader."""
+def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Sequence[Any]]) -> pa.Table:
+    """Return the table of cases and the outcomes of each: one, or of teams one for every evader."""
+    swept = [pa.array(cases.row)]
+    for axis, values in zip(plan.axes, cases.values, strict=True):
+        swept.extend(axis.cells(values))
+    places = np.repeat(np.arange(len(outcomes)), [len(rows) for rows in outcomes])
+    columns = zip(*itertools.chain.from_iterable(outcomes), strict=True)
+    fields = list(plan.schema)[len(swept) :]
+    cells = [pa.array(column, field.type) for column, field in zip(columns, fields, strict=True)]
+    return pa.Table.from_arrays([*(column.take(pa.array(places)) for column in swept), *cells], schema=plan.schema)
+
+
+def _played(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
+    """Return the outcomes of each game: one, or of teams one for every evader."""
     if plan.teams:
-        return iter(play_teams(games))
-    return ([outcome] for outcome in (play(games) if plan.way == "maths" else map(_flown, games)))
+        return play_teams(games)
+    return ([outcome] for outcome in (play(games) if plan.way == "maths" else map(flown, games)))
 
 
 def _invalid(plan: Plan, cases: Cases, place: int, reason: str) -> Outcome | TeamOutcome:
@@ -225,27 +211,15 @@ def _invalid(plan: Plan, cases: Cases, place: int, reason: str) -> Outcome | Tea
     return kind(pursuer_policy=names[0], evader_policy=names[1], seed=seed, reason=reason)
 
 
-def _flown(scenario: Scenario) -> Outcome:
-    try:
-        return flown(scenario)
-    except GuidanceError as error:
-        return outcome_of(scenario, "fast", end="failed", reason=str(error))
-
-
 def flown(scenario: Scenario) -> Outcome:
-    """Fly a scenario against the mock in virtual time, in this process and without a record.
-
-    Raises:
-        GuidanceError: If it cannot be flown.
-    """
+    """Fly a scenario against the mock in virtual time, in this process and without a record."""
     from guidance.session.mission import Mission  # noqa: PLC0415 - flights only: imports the mock
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
     from guidance.sim.stepped import SteppedWorld  # noqa: PLC0415
 
     clock = VirtualClock()
-    world = SteppedWorld(scenario, clock)
     try:
-        result = Mission(scenario, world, clock).fly()
-    finally:
-        world.close()
-    return outcome_of_flight(result.vehicles[PURSUER], "fast")
+        with contextlib.closing(SteppedWorld(scenario, clock)) as world:
+            return outcome_of_flight(Mission(scenario, world, clock).fly().vehicles[PURSUER], "fast")
+    except GuidanceError as error:
+        return outcome_of(scenario, "fast", end="failed", reason=str(error))

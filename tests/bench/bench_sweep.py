@@ -111,7 +111,7 @@ def bench_maths(folder, rows):
     built = time.process_time()
     outcomes = play(scenarios)
     played = time.process_time()
-    as_table(plan, cases, outcomes)
+    as_table(plan, cases, [[outcome] for outcome in outcomes])
     put = time.process_time()
     gc.enable()
     lasted = sum(outcome.game_time_s for outcome in outcomes) / rows
