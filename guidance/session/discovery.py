@@ -118,9 +118,8 @@ def wait_until_placed(
     Raises:
         FlightError: If it is in the air, armed, or has no position in time. No order was given then.
     """
-    state, said, asked_s, begun_s = VehicleState(), "", -math.inf, clock.now_s()
+    state, said, words, asked_s, begun_s = VehicleState(), "", "", -math.inf, clock.now_s()
     asked = (*profile.stream_requests(), *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN)))
-    words = ""
     for now_s, messages in _heard(link, clock, within_s):
         if now_s - asked_s >= _ASK_EVERY_S:
             asked_s = now_s
@@ -131,11 +130,12 @@ def wait_until_placed(
         said = next((each.text for each in reversed(messages) if isinstance(each, StatusText)), said)
         _refuse_if_flown(state, waited_s)
         missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
-        home, frame = state.last(Home), local_frame(state, profile.projection)
+        home, frame, beat = state.last(Home), local_frame(state, profile.projection), state.last(Heartbeat)
         if not missing and home is not None and frame is not None:
             return home, frame
         words = f"{', '.join(missing)} not received: no position fix yet?" + (f' It says "{said}"' if said else "")
-        show(Progress(now_s, State.CONNECTING, _mode(state, profile), None, "s", waiting=words))
+        mode = "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
+        show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=words))
     raise FlightError(f"not ready within {within_s:g} s: {words} Nothing was armed")
 
 
@@ -153,11 +153,6 @@ def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
         raise FlightError("the vehicle is in the air already: land and disarm it first; no order was given")
     if state.armed and (told or waited_s > _LANDED_STATE_WITHIN_S):
         raise FlightError("the vehicle was armed by someone else: disarm it first; no order was given")
-
-
-def _mode(state: VehicleState, profile: AutopilotProfile) -> str:
-    heartbeat = state.last(Heartbeat)
-    return "unknown" if heartbeat is None else profile.mode_title(profile.mode_of(heartbeat.custom_mode))
 
 
 class Surveyed(NamedTuple):
@@ -182,15 +177,8 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
     clock = MonotonicClock()
     with autopilot_at(url, asked, clock, who=url) as (wire, found, profile):
         memory, who = PreflightMemory([bound.parameter for bound in profile.bounds]), f"{url}: system {found.system_id}"
-        link = open_link(
-            wire,
-            "pymavlink",
-            clock=clock.now_s,
-            who=who,
-            system_id=found.system_id,
-            component_id=found.component_id,
-        )
-        with closing(link):
+        ids: dict[str, Any] = {"system_id": found.system_id, "component_id": found.component_id}
+        with closing(open_link(wire, "pymavlink", clock=clock.now_s, who=who, **ids)) as link:
             link.send_heartbeat()
             for now_s, messages in _heard(link, clock, READ_WITHIN_S):  # an old firmware may lack a parameter
                 memory.observe(messages, ())
@@ -213,8 +201,7 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
     Raises:
         ConfigError: If the name, the URL or the autopilot is wrong.
     """
-    described = autopilot_named(autopilot)
-    templates = config_folder() / "vehicles"
+    described, templates = autopilot_named(autopilot), config_folder() / "vehicles"
     template = next(one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file())
     text = template.read_text(encoding="utf-8")
     text = f"{_head(described, surveyed)}\n{text[text.index('name = ') :]}"
@@ -266,13 +253,12 @@ def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, 
         told = surveyed.parameters.get(parameter)
         if told is None:
             continue
-        bound, value = told * scale, own[section][key]
-        if section == "limits":
-            value = value if bound <= _BEHIND_M else min(value, math.floor(bound - _BEHIND_M))
-            said = f"{parameter} is {told:g}" + (", which is off: guidance check refuses it" if told == 0.0 else "")
-        else:
+        bound, value, said = told * scale, own[section][key], f"{parameter} is {told:g}"
+        if section != "limits":
             value = min(value, math.floor(10.0 * bound / _LIMITS_ABOVE) / 10.0)
-            said = f"{parameter} is {told:g}"
+        elif bound > _BEHIND_M:
+            value = min(value, math.floor(bound - _BEHIND_M))
+        said += ", which is off: guidance check refuses it" if section == "limits" and told == 0.0 else ""
         yield section, key, f"{value:.1f}", said
         if key == "ceiling_m" and value < own["flight"]["takeoff_height_m"]:
             yield "flight", "takeoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"

@@ -41,9 +41,10 @@ _SHORT: Final = {SCENARIO: {"policy": "pursuer.policy"}, CONFIG: {"policy": "gam
 
 def flight_metadata(scenario: "Scenario | None", config: Config | None, clock: Clock | None) -> dict[str, str]:
     """Return a record's metadata: files, seed, versions and, in real time, the start."""
-    said = {} if scenario is None else {"scenario": scenario.model_dump_json(exclude_unset=config is not None)}
+    said = {}
+    if scenario is not None:
+        said = {"scenario": scenario.model_dump_json(exclude_unset=config is not None), "seed": str(scenario.seed)}
     said |= {} if config is None else {"config": config.model_dump_json()}
-    said |= {} if scenario is None else {"seed": str(scenario.seed)}
     return {**said, **versions(), **({} if clock is None else {"started_utc": started_utc(clock.now_s())})}
 
 
@@ -58,7 +59,8 @@ def flight_folder(out: Path | None, stem: str, parent: Path = Path("flights")) -
         yield out
         return
     with writing(parent):
-        folder = _new_folder(private_folder(parent), stem)
+        private_folder(parent)
+        folder = next(filter(None, (_made(parent / f"{stem}-{number:03d}") for number in itertools.count(1))))
     try:
         yield folder
     finally:
@@ -66,14 +68,12 @@ def flight_folder(out: Path | None, stem: str, parent: Path = Path("flights")) -
             folder.rmdir()
 
 
-def _new_folder(parent: Path, stem: str) -> Path:
-    """Create the first free folder: of two flights that begin together, each gets its own."""
-    for number in itertools.count(1):
-        folder = parent / f"{stem}-{number:03d}"
-        with contextlib.suppress(FileExistsError):
-            folder.mkdir(mode=0o700)
-            return folder
-    raise AssertionError
+def _made(folder: Path) -> Path | None:
+    """Create a folder, and return it if it is new: of two flights that begin together, each gets its own."""
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+        return folder
+    return None
 
 
 @contextlib.contextmanager
@@ -103,15 +103,13 @@ def daemon_recording(
     if config.record.folder is None:
         yield None
         return
-    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
+    own, stamp = config.record, time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    path, size = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap", round(own.rotate_mb * 1e6)
     recorder: Recorder | NullRecorder
     try:
-        rotate_bytes = round(config.record.rotate_mb * 1e6)
-        recorder = Recorder(path, metadata, threaded=True, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes)
+        recorder = Recorder(path, metadata, threaded=True, rotate_s=own.rotate_s, rotate_bytes=size)
     except OSError as error:
-        where = f"record.folder = {str(config.record.folder)!r}"
-        recorder = NullRecorder(f"{where}: cannot be written ({error.strerror})")
+        recorder = NullRecorder(f"record.folder = {str(own.folder)!r}: cannot be written ({error.strerror})")
     try:
         yield recorder
     finally:
@@ -143,11 +141,8 @@ class Recording:
     def __init__(
         self, vehicle: str, record: Record | None, broadcast: Record | None = None, *, required: bool = False
     ) -> None:
-        self._vehicle = vehicle
-        self._record = record
+        self._vehicle, self._record, self._required, self._begun = vehicle, record, required, False
         self._each = [one for one in (record, broadcast) if one is not None]
-        self._required = required
-        self._begun = False
         self.stopped: Stopped | None = None
 
     def begin(self) -> None:
@@ -171,13 +166,11 @@ class Recording:
             self.event(happening.now_s, str(happening.event), ": ".join(filter(None, details)))
         if outputs.alarm is not None:
             self.event(now_s, str(outputs.alarm.violation), outputs.alarm.by)
-        return self._stops(now_s)
-
-    def _stops(self, now_s: float) -> Stopped | None:
-        if self._record is None or self._record.failed is None or self.stopped is not None:
+        failed = None if self._record is None else self._record.failed
+        if failed is None or self.stopped is not None:
             return None
-        self.stopped = Stopped(now_s, self._record.failed)
-        self.event(now_s, STOPPED, self._record.failed)
+        self.stopped = Stopped(now_s, failed)
+        self.event(now_s, STOPPED, failed)
         return self.stopped
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
@@ -220,16 +213,14 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
     if kind is None:
         known = ", ".join(sorted(metadata)) or "nothing"
         raise ConfigError(f"the record's metadata has no scenario and no config, only {known}: it cannot be replayed")
-    document = json.loads(metadata[kind])
-    changes = changes or {}
+    document, changes = json.loads(metadata[kind]), changes or {}
     for key, value in changes.items():
         _set(document, _SHORT[kind].get(key, key), value)
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
         return plan_of(parse(Config, document, source=source)).flight
-    config = None
-    if CONFIG in metadata:
-        config = parse(Config, json.loads(metadata[CONFIG]), source="the record's config")
+    own = json.loads(metadata[CONFIG]) if CONFIG in metadata else None
+    config = None if own is None else parse(Config, own, source="the record's config")
     from guidance.sim.scenario import Scenario  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
     return plan_of(config, parse(Scenario, document, source=source), metadata.get(TEAM)).flight

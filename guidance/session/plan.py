@@ -20,7 +20,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
 from guidance.flight.settings import LIMITS_S, FlightSection, TeamSection
 from guidance.frames import Amsl
-from guidance.game import Ball, Cylinder, SpeedSet, StandOff
+from guidance.game import Ball, Cylinder, StandOff
 from guidance.game.extent import POINT
 from guidance.session.vehicle_file import Config, EvaderSection, GameSection, LogSection, Vehicle
 from guidance.strategies import Strategy
@@ -69,9 +69,8 @@ def plan_of(config: Config | None = None, scenario: "Scenario | None" = None, te
     if config is None:
         if scenario is None:
             raise ConfigError("neither a vehicle file nor a scenario: give at least one")
-        vehicle = Vehicle(autopilot=scenario.pursuer.autopilot, url=_MOCK_URL)
-        settings = _settings(_as_vehicle_file(scenario, vehicle, _MOCK_URL), scenario, mocked=True)
-        return FlightPlan(flight=settings, document=scenario.model_dump_json())
+        config = _as_vehicle_file(scenario, Vehicle(autopilot=scenario.pursuer.autopilot, url=_MOCK_URL), _MOCK_URL)
+        return FlightPlan(flight=_settings(config, scenario, mocked=True), document=scenario.model_dump_json())
     config = config if scenario is None else merged(scenario, config)
     settings = _settings(config, scenario)
     return FlightPlan(flight=settings, wants=_wants(config, settings), document=config.model_dump_json())
@@ -79,7 +78,8 @@ def plan_of(config: Config | None = None, scenario: "Scenario | None" = None, te
 
 def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = False) -> FlightSettings:
     autopilot, game, target = autopilot_named(config.vehicle.autopilot), config.game, config.game.target
-    speed_set, standoff = _speed_set(game), StandOff(game.standoff_radius_m, game.standoff_height_m)
+    handling, standoff = autopilot.handling, StandOff(game.standoff_radius_m, game.standoff_height_m)
+    speed_set = Ball(game.speed_m_s) if game.speed_set == "ball" else Cylinder(*game.speeds)
     strategy, start_game_m, target_game_m = Strategy(game.policy, gain=game.navigation_gain), None, None
     target_extent, site = POINT if target is None else target.extent, None
     if scenario is not None:
@@ -94,7 +94,6 @@ def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = Fal
         target_game_m = (0.0, 0.0, 0.0)  # the game frame's zero is the target; only height differences matter
         site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
     unlimited = () if mocked else _UNLIMITED_WITH_A_PERSON
-    handling = autopilot.handling
     cycle = CycleSettings(
         speed_set=speed_set,
         strategy=strategy,
@@ -123,10 +122,6 @@ def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = Fal
     )
 
 
-def _speed_set(game: GameSection) -> SpeedSet:
-    return Ball(game.speed_m_s) if game.speed_set == "ball" else Cylinder(*game.speeds)
-
-
 def _wants(config: Config, flight: FlightSettings) -> Wants:
     reserve = flight.reserve
     needed = None if reserve is None else reserve.needed(flight.farthest_m, flight.takeoff_height_m)
@@ -143,22 +138,18 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     if contradictions:
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
-    game = GameSection(
-        **_game(scenario)
-        | {key: min(getattr(scenario.pursuer, key), getattr(config.game, key)) for key in ("climb_m_s", "descent_m_s")}
-    )
+    slower = {
+        key: min(getattr(scenario.pursuer, key), getattr(config.game, key)) for key in ("climb_m_s", "descent_m_s")
+    }
     own, theirs = (
         limits.model_copy(update=speeds._asdict())
         for limits, speeds in ((config.limits, config.speed_limits), (scenario.limits, scenario.speed_limits))
     )
     document = config.model_dump(mode="json")
-    document["game"] = game.model_dump(mode="json")
+    document["game"] = GameSection(**_game(scenario) | slower).model_dump(mode="json")
     document["limits"] = own.tighter(theirs).model_dump(mode="json")
-    document["flight"] |= {
-        "takeoff_height_m": scenario.pursuer.takeoff_height_m,
-        "after_capture": "hold",
-        "engage_on": "command",
-    }
+    document["flight"] |= {"takeoff_height_m": scenario.pursuer.takeoff_height_m}
+    document["flight"] |= {"after_capture": "hold", "engage_on": "command"}
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
@@ -218,18 +209,15 @@ def _speeds(scenario: "Scenario", config: Config) -> Iterator[str]:
 
 
 def _evader(scenario: "Scenario", config: Config) -> Iterator[str]:
-    game, evader = config.game, scenario.evader
-    if evader.believed_speed_m_s < game.evader_speed_m_s:
+    game, evader, disc = config.game, scenario.evader, scenario.standoff
+    declared_m_s, least_m_s = evader.believed_speed_m_s, game.evader_speed_m_s
+    if declared_m_s < least_m_s:
         key = "speed_m_s" if evader.declared_speed_m_s is None else "declared_speed_m_s"
-        yield (
-            f"evader.{key} = {evader.believed_speed_m_s:g} is less than game.evader_speed_m_s = "
-            f"{game.evader_speed_m_s:g}, the speed that the evader may reach"
-        )
-    above_m = scenario.standoff.height_m - evader.height_m
-    for key, near_m, least_m in (
-        ("radius_m", scenario.standoff.radius_m, game.standoff_radius_m),
-        ("height_m", above_m, game.standoff_height_m),
-    ):
+        less = f"is less than game.evader_speed_m_s = {least_m_s:g}, the speed that the evader may reach"
+        yield f"evader.{key} = {declared_m_s:g} {less}"
+    above_m = disc.height_m - evader.height_m
+    nearest = (("radius_m", disc.radius_m, game.standoff_radius_m), ("height_m", above_m, game.standoff_height_m))
+    for key, near_m, least_m in nearest:
         if near_m < least_m:
             yield f"standoff.{key} = {near_m:g} is nearer to the evader than game.standoff_{key} = {least_m:g}"
 
@@ -237,11 +225,12 @@ def _evader(scenario: "Scenario", config: Config) -> Iterator[str]:
 def _places(scenario: "Scenario", config: Config) -> Iterator[str]:
     pursuer, limits = scenario.pursuer, config.limits
     low, high = limits.floor_m, limits.ceiling_m
-    for key, height_m in (
-        ("pursuer.position_m", pursuer.position_m[2]),
-        ("pursuer.takeoff_height_m", pursuer.takeoff_height_m),
-        ("standoff.height_m", scenario.standoff.height_m),
-    ):
+    heights_m = {
+        "pursuer.position_m": pursuer.position_m[2],
+        "pursuer.takeoff_height_m": pursuer.takeoff_height_m,
+        "standoff.height_m": scenario.standoff.height_m,
+    }
+    for key, height_m in heights_m.items():
         if not low <= height_m <= high:
             yield f"{key}: height {height_m:g} m is not within limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
     fence_m, out_m = limits.fence_radius_m, math.hypot(*pursuer.position_m[:2])

@@ -59,11 +59,10 @@ def opened_vehicle(
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    mailbox, wanted = Mailbox(), config.vehicle
-    mailbox.meanwhile(startup_answers(config.name, wanted.awaited, wanted.connect_timeout_s, clock))
+    mailbox, wanted, limit_s = Mailbox(), config.vehicle, config.vehicle.connect_timeout_s
+    mailbox.meanwhile(startup_answers(config.name, wanted.awaited, limit_s, clock))
     with opened_equipment(mailbox, config) as used, closing(open_control(config, mailbox)) as control:
         fields = {"url": wanted.url, "system": wanted.system_id, "component": wanted.component_id}
-        limit_s = wanted.connect_timeout_s
         used.log.say(logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s)
         with closing(open_all(config, clock, tapped=tapped)) as world:
             yield world, control, used
@@ -89,11 +88,11 @@ def run_vehicle(path: Path, config: Config) -> None:
         closing(Broadcast(config.name, control.session, flight_metadata(None, config, clock))) as broadcast,
         _member(config, control, clock) as team,
     ):
-        required = config.record.required
+        name, required = config.name, config.record.required
         used = replace(opened, metrics=metrics, record=record, broadcast=broadcast, record_required=required, team=team)
-        daemon = Daemon(config.name, plan, world.links[config.name], world.evaders[config.name], used)
+        daemon = Daemon(name, plan, world.links[name], world.evaders[name], used)
         used.notifier.ready()
-        started = {"name": config.name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
+        started = {"name": name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
         used.log.say(logging.INFO, "running", **started, scheduling=claim())
         used.mailbox.meanwhile(None)
         run([daemon], world, clock, signals=signals)
@@ -107,16 +106,10 @@ def _member(config: Config, control: ControlBus, clock: Clock) -> Iterator[Membe
     if config.team is None:
         yield None
         return
-    team, mates = config.team, config.team.mates
+    team, mates, epoch = config.team, config.team.mates, secrets.randbits(48)
     with closing(ZenohTeam(clock.now_s, control.session, team.name, config.name, mates)) as transport:
-        yield Member(
-            config.name,
-            mates,
-            list(config.evaders),
-            transport,
-            epoch=secrets.randbits(48),
-            separation_height_m=team.separation_height_m,
-        )
+        evaders, above_m = list(config.evaders), team.separation_height_m
+        yield Member(config.name, mates, evaders, transport, epoch=epoch, separation_height_m=above_m)
 
 
 def reload(path: Path, before: Config) -> FlightPlan:
