@@ -11,7 +11,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import ClassVar, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
 from guidance.autopilots import autopilot_named
 from guidance.clock import Clock, MonotonicClock, VirtualClock
@@ -47,13 +47,10 @@ from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario,
 from guidance.sim.stepped import EvaderHere, SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
-from guidance.team import Member, MemoryNetwork, Transport
+from guidance.team import Member, MemoryNetwork
 
 DELAY_S: Final = 0.02
 """Delay of the messages between the vehicles of a team in virtual time."""
-
-MakeJoin = Callable[[Clock], Callable[[str], Transport]]
-"""Makes what connects a vehicle to its team."""
 
 ENDS: Final = ("return", "land")
 """Endings of a flight at a URL: fly home and land, or land at once."""
@@ -206,19 +203,17 @@ class Asked:
             LinkError: If there is no vehicle.
             FlightError: If one is in the air, armed or does not get ready.
         """
-        pursuits = _pursuits(scenario)
+        pursuits, clock = _pursuits(scenario), MonotonicClock()
         if len(self.urls) != len(pursuits):
-            raise ConfigError(
-                f"--vehicle: {len(self.urls)} given; the scenario has {len(pursuits)} vehicles: give one URL each"
-            )
+            words = f"the scenario has {len(pursuits)} vehicles: give one URL each"
+            raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
         with _ordered(scenario, pursuits, onlooker) as (mailboxes, buses), contextlib.ExitStack() as stack:
             for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
                 for_whom = f"a HEARTBEAT at {url}, {FOUND_WITHIN_S:g} s at most"
                 onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
-                mailbox.meanwhile(startup_answers(name, for_whom, FOUND_WITHIN_S, MonotonicClock()))
-            reached = stack.enter_context(reach(pursuits, self, _separation(scenario)))
-            configs, world, clock = reached.configs, reached.world, reached.clock
-            laid = list[Pursuit]()
+                mailbox.meanwhile(startup_answers(name, for_whom, FOUND_WITHIN_S, clock))
+            reached = reach(pursuits, self, clock, _separation(scenario))
+            (configs, world, radios), laid = stack.enter_context(reached), list[Pursuit]()
             for pursuit in pursuits:
                 autopilot = autopilot_named(configs[pursuit.vehicle].vehicle.autopilot)
                 show = partial(_shown_as, pursuit.vehicle, onlooker.show)
@@ -226,17 +221,15 @@ class Asked:
                 here = laid_about(pursuit.scenario, home, frame, autopilot.name)
                 site = laid[0].scenario.site if laid else here.site
                 laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
-            for name, radio in reached.radios.items():
+            for name, radio in radios.items():
                 chased = next(one.scenario for one in laid if one.evader == name)
                 world.players[name] = evader = EvaderHere(chased, clock, radio)
                 world.on_engage = evader.engage  # a team's scenario has no faults that would begin then
             policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
             signals = Signals(Event.LAND)
             stack.enter_context(signals.installed())
-            used = {
-                name: stack.enter_context(opened_equipment(mailbox, configs[name]))
-                for name, mailbox in mailboxes.items()
-            }
+            boxes = mailboxes.items()
+            used = {name: stack.enter_context(opened_equipment(box, configs[name])) for name, box in boxes}
             yield Opened(laid, world, clock, buses, used, configs, policy, signals)
 
 
@@ -267,9 +260,7 @@ def _check(option: str, value: str, allowed: Sequence[str]) -> None:
 Way = MockOptions | ByFile | Asked
 
 
-def fly_recorded(
-    scenario: Played, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY, *, join: MakeJoin | None = None
-) -> MissionResult:
+def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY) -> MissionResult:
     """Fly a scenario of one vehicle or of a team, with records, and broadcasts where orders are taken.
 
     Args:
@@ -277,8 +268,6 @@ def fly_recorded(
         folder: For the record; in a team each vehicle has a folder of its name in it. None keeps no record.
         how: The mocks, a vehicle file, or URLs.
         onlooker: Who watches, and gives orders.
-        join: Makes the transports of a team; by default a network in this process in virtual time, and in real time
-            the sessions for orders.
 
     Raises:
         GuidanceError: For everything that the user can mend.
@@ -288,7 +277,7 @@ def fly_recorded(
         pursuits, clock, team, members = flight.pursuits, flight.clock, None, dict[str, Member]()
         if isinstance(scenario, TeamScenario):
             team = team_document(scenario, pursuits)
-            members = _joined(scenario, flight, join, stack)
+            members = _joined(scenario, flight, stack)
         plans = {one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team) for one in pursuits}
         files = {name: None if folder is None else (folder / name if team else folder) / RECORD for name in plans}
         equipment = {
@@ -334,17 +323,18 @@ def team_document(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> str:
     return json.dumps({"team": _separation(scenario), "evaders": _declared_m_s(pursuits)})
 
 
-def _joined(
-    scenario: TeamScenario, flight: Opened, join: MakeJoin | None, stack: contextlib.ExitStack
-) -> dict[str, Member]:
-    """Return the members of a team, connected until the stack is closed: by `join`, or else over the control buses."""
+def _joined(scenario: TeamScenario, flight: Opened, stack: contextlib.ExitStack) -> dict[str, Member]:
+    """Return the members of a team, connected until the stack is closed: over the control buses, if there are any.
+
+    In virtual time a network in this process connects them.
+    """
     names, evaders = [one.vehicle for one in flight.pursuits], sorted({one.evader for one in flight.pursuits})
     now_s, above_m = flight.clock.now_s, scenario.flight.separation_height_m
-    connect = MemoryNetwork(now_s, delay_s=DELAY_S, seed=scenario.seed).join if join is None else join(flight.clock)
+    network = MemoryNetwork(now_s, delay_s=DELAY_S, seed=scenario.seed)
     members = {}
     for number, (_, name, first) in enumerate(flight.pursuits):
-        over_zenoh = join is None and name in flight.buses
-        transport = ZenohTeam(now_s, flight.buses[name].session, TEAM, name, names) if over_zenoh else connect(name)
+        bus = flight.buses.get(name)
+        transport = network.join(name) if bus is None else ZenohTeam(now_s, bus.session, TEAM, name, names)
         stack.callback(transport.close)
         epoch = random.Random(f"{scenario.seed} {number}").getrandbits(48)
         chased = [first, *(evader for evader in evaders if evader != first)]
@@ -367,31 +357,26 @@ def _recorded(
     return replace(flight.equipment[name], record=record, broadcast=broadcast)
 
 
-class Reached(NamedTuple):
-    """Vehicles at URLs: their configurations by name, their world, and the evaders' ends of loopback ports by name."""
-
-    configs: dict[str, Config]
-    world: VehicleWorld
-    clock: MonotonicClock
-    radios: Mapping[str, Wire]
-
-
 @contextlib.contextmanager
 def reach(
-    pursuits: Sequence[Pursuit], asked: Asked, separation: Mapping[str, float] | None = None
-) -> Iterator[Reached]:
+    pursuits: Sequence[Pursuit], asked: Asked, clock: Clock, separation: Mapping[str, float] | None = None
+) -> Iterator[tuple[Mapping[str, Config], VehicleWorld, Mapping[str, Wire]]]:
     """Find the vehicles at their URLs and open their links, and a loopback port for each evader's reports.
 
     Args:
         pursuits: Who pursues whom.
         asked: A URL for each vehicle.
+        clock: Of the process.
         separation: Of a team; None for one vehicle.
+
+    Yields:
+        The vehicles' configurations by name, their world, and the evaders' ends of the loopback ports by name.
 
     Raises:
         ConfigError: If an argument is wrong, or another autopilot is there.
         LinkError: If there is no vehicle.
     """
-    clock, speeds_m_s = MonotonicClock(), _declared_m_s(pursuits)
+    speeds_m_s, configs, world = _declared_m_s(pursuits), dict[str, Config](), VehicleWorld()
     with contextlib.ExitStack() as stack:
 
         def udp(port: int, systems: Sequence[int] = ()) -> UdpWire:
@@ -402,7 +387,6 @@ def reach(
         radios = {name: udp(wire.port) for name, wire in ears.items()}
         reports = {name: f"udpin://127.0.0.1:{wire.port}" for name, wire in ears.items()}
         heard = {name: iter(share(wire, len(pursuits))) for name, wire in ears.items()}
-        reached = Reached({}, VehicleWorld(), clock, radios)
         for (scenario, vehicle, evader), url in zip(pursuits, asked.urls, strict=True):
             at_url = autopilot_at(url, asked.autopilot, clock, who=f"--vehicle {url}")
             wire, found, autopilot = stack.enter_context(at_url)
@@ -416,11 +400,11 @@ def reach(
                 }
                 mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
                 team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **separation}
-            config = reached.configs[vehicle] = config_of(scenario, vehicle, own, reports[evader], team)
+            config = configs[vehicle] = config_of(scenario, vehicle, own, reports[evader], team)
             wires = {name: next(shares) for name, shares in heard.items()}
-            reached.world.add(open_all(config, clock, tapped=True, wire=wire, evader_wires=wires))
-        stack.callback(reached.world.close)
-        yield reached
+            world.add(open_all(config, clock, tapped=True, wire=wire, evader_wires=wires))
+        stack.callback(world.close)
+        yield configs, world, radios
 
 
 @contextlib.contextmanager
@@ -430,11 +414,12 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    with reach((Pursuit(scenario),), asked) as reached:
-        own = reached.configs[PURSUER]
+    clock = MonotonicClock()
+    with reach((Pursuit(scenario),), asked, clock) as (configs, world, _):
+        own = configs[PURSUER]
         pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
         plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
-        yield Checkup(own.name, plan, reached.world, reached.clock)
+        yield Checkup(own.name, plan, world, clock)
 
 
 def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:
@@ -452,23 +437,19 @@ def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str
     home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))
     north_m, east_m, down_m = (at + by for at, by in zip(home_ned_m, ned_from_game((-x, -y, 0.0)), strict=True))
     latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned((north_m, east_m, down_m))
-    return scenario.model_copy(
-        update={
-            "site": Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres),
-            "pursuer": scenario.pursuer.model_copy(update={"autopilot": autopilot}),
-            "fault": tuple(fault for fault in scenario.fault if fault.vehicle == EVADER),
-            "wind": Wind(),
-        }
-    )
+    update: dict[str, Any] = {
+        "site": Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres),
+        "pursuer": scenario.pursuer.model_copy(update={"autopilot": autopilot}),
+        "fault": tuple(fault for fault in scenario.fault if fault.vehicle == EVADER),
+        "wind": Wind(),
+    }
+    return scenario.model_copy(update=update)
 
 
 def left_out(scenario: Played, how: Way) -> Sequence[str]:
     """Name what of a scenario a vehicle that is not ours flies without."""
-    words = []
     if isinstance(how, MockOptions) or isinstance(scenario, TeamScenario):
         return ()
-    if any(fault.vehicle != EVADER or isinstance(how, ByFile) for fault in scenario.fault):
-        words.append("faults")
-    if any(scenario.wind.velocity_m_s):
-        words.append("wind")
-    return words
+    faults = any(fault.vehicle != EVADER or isinstance(how, ByFile) for fault in scenario.fault)
+    wind = any(scenario.wind.velocity_m_s)
+    return [what for what, lost in (("faults", faults), ("wind", wind)) if lost]

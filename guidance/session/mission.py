@@ -7,7 +7,7 @@ has for itself, is sent home or landed and watched until it is disarmed.
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
@@ -85,12 +85,7 @@ LINGER_S: Final = 2.0
 CONTACT_PATIENCE_S: Final = 60.0
 """Wait of a mission for a person's engage order after a telemetry gap."""
 
-PATIENCE_S: Final[Mapping[State, float]] = {
-    State.READY: 60.0,
-    State.RETURNING: 300.0,
-    State.LANDING: 300.0,
-    State.OUT_OF_CONTACT: 60.0,
-}
+PATIENCE_S: Final = {State.READY: 60.0, State.RETURNING: 300.0, State.LANDING: 300.0, State.OUT_OF_CONTACT: 60.0}
 """Longest stay in states without a limit of their own; then the run ends."""
 
 
@@ -161,19 +156,19 @@ class MissionSequencer:
             if self._state is State.ENGAGED and before not in PLAYED:
                 self.engaged_s = now_s
 
-    def orders(self, now_s: float, *, evader_ready: bool, evader_fresh: bool) -> Sequence[Event]:
-        """Give the orders for this cycle."""
-        if self.by_operator:
-            return ()
+    def order(self, now_s: float, *, evader_ready: bool, evader_fresh: bool) -> Event | None:
+        """Return the order of this cycle, if there is one."""
         first = self.engaged_s is None and not self._lost_contact
+        if self.by_operator:
+            return None
         if self._state is State.READY and evader_ready:
-            return (Event.START,)
+            return Event.START
         if self._state is State.STANDING_BY and first and evader_ready and evader_fresh:
-            return (Event.ENGAGE,)
+            return Event.ENGAGE
         if self._state in PLAYING and self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s:
             self.timed_out = True
-            return (self._end_with,)
-        return (self._end_with,) if now_s - self._since_s >= self._lingers_s() else ()
+            return self._end_with
+        return self._end_with if now_s - self._since_s >= self._lingers_s() else None
 
     def _lingers_s(self) -> float:
         """Longest stay in the present state; then the mission ends the flight."""
@@ -338,14 +333,14 @@ class VehicleMission:
         fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
         player = self._mission.world.players.get(self.evader)
         ready = player is None or player.ready
-        for order in self.sequencer.orders(now_s, evader_ready=ready, evader_fresh=fresh):
-            if order in {Event.START, Event.ENGAGE}:
-                if self._policy.engage:
-                    self._ask(order, now_s)
-            elif self._policy.end_with is not None:
-                self._ask(order, now_s)
-            elif self.sequencer.engaged_s is not None:
-                self._leave(now_s)
+        order = self.sequencer.order(now_s, evader_ready=ready, evader_fresh=fresh)
+        begins = order in {Event.START, Event.ENGAGE}
+        if order is not None and (self._policy.engage if begins else self._policy.end_with is not None):
+            if now_s - self._asked_s >= ASK_EVERY_S:
+                self._asked_s = now_s
+                self.daemon.mailbox.ask(str(order), authority=Authority.MISSION)
+        elif order is not None and not begins and self.sequencer.engaged_s is not None:
+            self._leave(now_s)
 
     def after(self, now_s: float, late_s: float, evader_game_m: Vector | None) -> None:
         """Follow a cycle.
@@ -390,28 +385,18 @@ class VehicleMission:
         flight, team, unit = self.daemon.flight, self.daemon.team, "s" if self.pursuit.scenario.target is None else "m"
         promises = () if team is None or team.board.roles is None else team.board.roles.promises
         promise = next((one for one in promises if one.evader == self.evader), None)
-        return Progress(
-            now_s,
-            outputs.state,
-            flight.mode_title,
-            outputs.certificate,
-            unit,
-            self.result.record_stopped,
-            waiting,
-            "" if outputs.cause is None else outputs.cause.words,
-            next_words(flight),
-            self.pursuit.vehicle,
-            "" if team is None else self.evader,
-            "" if promise is None else promise.words(unit),
-        )
+        why, name = "" if outputs.cause is None else outputs.cause.words, self.pursuit.vehicle
+        against = "" if team is None else self.evader
+        words, stopped = "" if promise is None else promise.words(unit), self.result.record_stopped
+        seen = (now_s, outputs.state, flight.mode_title, outputs.certificate, unit)
+        return Progress(*seen, stopped, waiting, why, next_words(flight), name, against, words)
 
     def _waiting(self, now_s: float) -> str:
         """Say briefly why a vehicle on the ground is not ready."""
         flight = self.daemon.flight
         if flight.state is State.READY:
             return ""
-        failed = failed_checks(flight, now_s)
-        if failed:
+        if failed := failed_checks(flight, now_s):
             return failed + self._said("it says")
         if not self.daemon.survey.complete:
             return "its parameters are being read"
@@ -439,11 +424,6 @@ class VehicleMission:
             elif isinstance(message, CommandAck) and message.command == _ARM_DISARM and message.result != 0:
                 self.result.said = self.result.said or f"arming refused (MAV_RESULT {message.result})"
 
-    def _ask(self, order: Event, now_s: float) -> None:
-        if now_s - self._asked_s >= ASK_EVERY_S:
-            self._asked_s = now_s
-            self.daemon.mailbox.ask(str(order), authority=Authority.MISSION)
-
     def _leave(self, now_s: float) -> None:
         if self._policy.hand_over is None:
             self.over = True
@@ -461,10 +441,9 @@ class VehicleMission:
         if now_s - self._refused_s >= JUDGED_FOR_S:
             raise FlightError(f"preflight refuses: {advice(daemon.rows)}; see `guidance check`")
         if daemon.flight.state is not State.READY and waited_s > self._mission.ready_within_s:
-            raise FlightError(
-                f"not ready to fly within {self._mission.ready_within_s:g} s: "
-                f"{missing(daemon.flight, now_s, daemon.rows)}{self._said('the autopilot says')}; nothing was armed"
-            )
+            lacking = missing(daemon.flight, now_s, daemon.rows) + self._said("the autopilot says")
+            limit = f"not ready to fly within {self._mission.ready_within_s:g} s"
+            raise FlightError(f"{limit}: {lacking}; nothing was armed")
 
     def _check_start(self) -> None:
         """Refuse a start outside of the fence: to there the autopilot flies by itself, and our limits do not act."""
@@ -475,7 +454,5 @@ class VehicleMission:
             return
         away_m = math.dist(frame.position_to_ned(start)[:2], home.position_ned_m[:2])
         if away_m > fence_m:
-            raise FlightError(
-                f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; allowed is the fence's {fence_m:g} m. "
-                "Does [site] of the scenario say where the vehicle is?"
-            )
+            allowed = f"allowed is the fence's {fence_m:g} m. Does [site] of the scenario say where the vehicle is?"
+            raise FlightError(f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; {allowed}")

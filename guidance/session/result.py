@@ -196,7 +196,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         predicted=predicted,
         predicted_winner=winner,
         time_needed_s=result.time_needed_s,
-        min_standoff_m=min((_beside_m(sample) for sample in game), default=math.nan),
+        min_standoff_m=min((math.dist(one.pursuer_m[:2], one.evader_m[:2]) for one in game), default=math.nan),
         min_altitude_m=min((sample.pursuer_m[2] for sample in game), default=math.nan) + scenario.evader.height_m,
         duration_s=result.duration_s,
         reachable_speed_m_s=result.reachable_speed_m_s,
@@ -263,15 +263,10 @@ def _predicted(result: FlightResult) -> tuple[float, str]:
     """Solve the game where it began; NaN where the evader was too fast for one."""
     if result.engaged is None:
         return math.nan, "none"
-    still: Scenario = result.scenario.model_copy(update={"wind": Wind()})
-    batch = stack([still])
+    batch = stack([result.scenario.model_copy(update={"wind": Wind()})])
     P, E = np.array([result.engaged.pursuer_game_m]), np.array([result.engaged.evader_game_m])
     solution = solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
     return float(solution.value[0]), winner_name(int(solution.winner[0]))
-
-
-def _beside_m(sample: FlightSample) -> float:
-    return math.dist(sample.pursuer_m[:2], sample.evader_m[:2])
 
 
 def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[TeamOutcome]:

@@ -8,6 +8,7 @@ import pytest
 from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
+from guidance.session import fly
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
 from guidance.session.result import team_rows
@@ -149,12 +150,14 @@ def test_a_team_flies_pursuit_evasion_and_vehicles_at_one_evader_are_stacked():
 
 
 @pytest.mark.flight
-def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_captures():
+def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_captures(monkeypatch):
     networks, engaged_s = [], []
 
-    def join(clock):
-        networks.append(MemoryNetwork(clock.now_s, delay_s=0.05, jitter_s=0.05, loss=0.3, seed=1))
-        return networks[0].join
+    def network(clock, **_):
+        networks.append(MemoryNetwork(clock, delay_s=0.05, jitter_s=0.05, loss=0.3, seed=1))
+        return networks[0]
+
+    monkeypatch.setattr(fly, "MemoryNetwork", network)
 
     def cut(progress):
         if progress.state is State.ENGAGED and not engaged_s:
@@ -162,7 +165,7 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
         since_s = progress.now_s - engaged_s[0] if engaged_s else 0.0
         networks[0].cut = {"uav1"} if 1.0 <= since_s < 4.0 else set()
 
-    flown = fly_recorded(GUARD, None, MockOptions(fast=True), Onlooker(cut), join=join)
+    flown = fly_recorded(GUARD, None, MockOptions(fast=True), Onlooker(cut))
     assert [row.end for row in team_rows(GUARD, "fast", flown)] == ["captured", "captured"]
     assert flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
     boards = [member.board for member in flown.members.values()]
