@@ -134,7 +134,8 @@ class Differentiating(Library):
 
     def codes(self, shape: tuple[int, ...], like: Array, value: Real) -> Array:
         """Spread integers of eight bits over the leading shape, on the device of `like`."""
-        return self.broadcast_to(self.asarray(value, dtype=self.int8, **_place(like)), shape)
+        array = value if hasattr(value, "dtype") else self.asarray(value, **_place(like))
+        return self.broadcast_to(self.astype(array, self.int8), shape)
 
 
 class NumPy(Library):
