@@ -181,7 +181,6 @@ class LiveFlight:
     """
 
     live = True
-    trusted = False
 
     def __init__(self, session: "zenoh.Session", name: str | None = None) -> None:
         self._arrived: deque[Item] = deque(maxlen=MAX_ARRIVED)

@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator
 from http import HTTPStatus
 from pathlib import Path
 from typing import Final
@@ -31,7 +32,6 @@ MEMORY_LIMIT: Final = "512MB"
 """Memory limit of the server, for late viewers; the oldest data are dropped first."""
 
 START_LIMIT_S: Final = 30.0
-STOP_LIMIT_S: Final = 3.0
 _LIMIT_S: Final = 20.0
 _MAX_HEADER_BYTES: Final = 65_536
 _PIECE_BYTES: Final = 65_536
@@ -155,62 +155,54 @@ def _copy(source: socket.socket, to: socket.socket) -> None:
             one.shutdown(socket.SHUT_RDWR)
 
 
-class RecordingServer:
-    """Serves a recording on loopback.
+@contextlib.contextmanager
+def recording_server(port: int) -> Iterator[tuple[int, rr.GrpcServerSink]]:
+    """Serve a recording on loopback; yield the port and the sink.
+
+    At the end no further viewers are accepted; the recording's own server ends with its last use.
 
     Raises:
         LinkError: If the port is in use.
     """
-
-    def __init__(self, port: int) -> None:
-        behind = hidden_address()
-        self._front = _Relay("--port", port, behind)
-        self.port = self._front.port
-        self.uri = f"rerun+http://{LOOPBACK}:{self.port}/proxy"
-        self.sink = rr.GrpcServerSink(bind_ip=behind[0], port=behind[1], server_memory_limit=MEMORY_LIMIT)
-
-    def close(self) -> None:
-        """Accept no further viewers; the recording's own server ends with its last use."""
-        self._front.close()
+    behind = hidden_address()
+    with contextlib.closing(_Relay("--port", port, behind)) as front:
+        yield front.port, rr.GrpcServerSink(bind_ip=behind[0], port=behind[1], server_memory_limit=MEMORY_LIMIT)
 
 
-class WebPage:
-    """The viewer's web page: Rerun's program behind a relay.
+def recording_uri(port: int) -> str:
+    """Return the address of a recording for viewers."""
+    return f"rerun+http://{LOOPBACK}:{port}/proxy"
+
+
+@contextlib.contextmanager
+def web_page(port: int, recording_port: int) -> Iterator[str]:
+    """Serve the viewer's web page, Rerun's program behind a relay; yield its address.
 
     Raises:
         LinkError: If the port is in use, or the page is not served in time.
     """
-
-    def __init__(self, port: int, recording: RecordingServer) -> None:
-        headers = f"Content-Security-Policy: {policy(recording.port)}\r\nReferrer-Policy: no-referrer\r\n"
-        with contextlib.ExitStack() as closing:
-            behind = hidden_address()
-            front = _Relay("--web-port", port, behind, headers)
-            closing.callback(front.close)
-            self.url = f"http://{LOOPBACK}:{front.port}/?url={quote(recording.uri, safe='')}"
-            try:
-                _wait_until_served(_start(closing, behind, recording.uri), behind)
-            except (OSError, subprocess.SubprocessError) as error:
-                raise LinkError(f"the viewer's page could not be served: {error}") from error
-            self._closing = closing.pop_all()
-
-    def close(self) -> None:
-        """End the child. May be called twice."""
-        self._closing.close()
+    headers = f"Content-Security-Policy: {policy(recording_port)}\r\nReferrer-Policy: no-referrer\r\n"
+    behind, uri = hidden_address(), recording_uri(recording_port)
+    with contextlib.closing(_Relay("--web-port", port, behind, headers)) as front, contextlib.ExitStack() as closing:
+        try:
+            _wait_until_served(_start(closing, behind, uri), behind)
+        except (OSError, subprocess.SubprocessError) as error:
+            raise LinkError(f"the viewer's page could not be served: {error}") from error
+        yield f"http://{LOOPBACK}:{front.port}/?url={quote(uri, safe='')}"
 
 
-def _start(closing: contextlib.ExitStack, behind: Address, recording_url: str) -> "subprocess.Popen[bytes]":
+def _start(closing: contextlib.ExitStack, behind: Address, recording: str) -> "subprocess.Popen[bytes]":
     program = str(Path(rerun_cli.__file__).with_name("rerun"))
     # Turn off Rerun's usage reports in a folder of our own, so the user's setting stays unchanged.
     folder = closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
-    environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
-    none = subprocess.DEVNULL
+    environment, none = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}, subprocess.DEVNULL
     silent = [program, "analytics", "disable"]
     subprocess.run(silent, env=environment, stdout=none, stderr=none, check=True, timeout=START_LIMIT_S)
-    serve = [program, "--serve-web", "--bind", behind[0], "--web-viewer-port", str(behind[1]), recording_url]
+    serve = [program, "--serve-web", "--bind", behind[0], "--web-viewer-port", str(behind[1]), recording]
     words = [sys.executable, "-P", "-c", _UNTIL_WE_END, *serve]
     child = subprocess.Popen(words, env=environment, stdin=none, stdout=none, stderr=none)
-    closing.callback(_end, child)
+    closing.callback(child.wait)
+    closing.callback(child.kill)
     return child
 
 
@@ -221,15 +213,6 @@ def _wait_until_served(child: "subprocess.Popen[bytes]", behind: Address) -> Non
         with contextlib.suppress(subprocess.TimeoutExpired):
             raise LinkError(f"the viewer's page could not be served (exit code {child.wait(0.05)})")
     raise LinkError(f"the viewer's page was not served within {START_LIMIT_S:g} s")
-
-
-def _end(child: "subprocess.Popen[bytes]") -> None:
-    child.terminate()
-    try:
-        child.wait(STOP_LIMIT_S)
-    except subprocess.TimeoutExpired:
-        child.kill()
-        child.wait()
 
 
 def hidden_address() -> Address:

@@ -25,7 +25,7 @@ from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, metadata_of, scan, title_of
 from guidance.log.reader import Idle
 from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted, target_edge
-from guidance.viz.serving import RecordingServer, WebPage
+from guidance.viz.serving import recording_server, recording_uri, web_page
 
 if TYPE_CHECKING:
     from guidance.log.broadcast import LiveFlight
@@ -41,11 +41,8 @@ DISC: Final = "game/stand_off_disc"
 ISOCHRON: Final = "game/isochron"
 MEETING: Final = "game/meeting_point"
 FENCE: Final = "game/fence"
-TARGET: Final = "game/target"
 GUARANTEE: Final = "plots/guarantee"
-STATE: Final = "state"
 EVENTS: Final = "events"
-
 TIMELINE: Final = "flight"
 
 Colour = tuple[int, int, int]
@@ -144,22 +141,12 @@ class Painter:
 
     Args:
         recording: The recording; the caller owns its sinks.
-        settings_of: Returns the flight's settings for its metadata.
-        metadata: The flight's metadata.
-        source: Name of the source, for errors.
+        flight: Reads the flights of the source.
         vehicle: Its name if the recording has several; else empty.
     """
 
-    def __init__(
-        self,
-        recording: rr.RecordingStream,
-        settings_of: SettingsOf,
-        metadata: Mapping[str, str],
-        source: str,
-        vehicle: str = "",
-    ) -> None:
-        self._to, self._vehicle = recording, vehicle
-        self._flight = Aggregator(settings_of, metadata, source)
+    def __init__(self, recording: rr.RecordingStream, flight: Aggregator, vehicle: str = "") -> None:
+        self._to, self._flight, self._vehicle = recording, flight, vehicle
         self._state = ""
         self._drawn_s = -math.inf
         self.cycles = 0
@@ -201,11 +188,11 @@ class Painter:
         if not pending:
             return
         now_s = np.array([cycle.now_s for cycle, _ in pending])
-        self._send_track(PURSUER, now_s, np.array([cycle.pursuer_m for cycle, _ in pending]))
-        self._send_track(EVADER, now_s, np.array([cycle.evader_m for cycle, _ in pending]))
+        self._send(PURSUER, now_s, np.array([cycle.pursuer_m for cycle, _ in pending]))
+        self._send(EVADER, now_s, np.array([cycle.evader_m for cycle, _ in pending]))
         for curve in CURVES:
-            self._send_curve(curve.path, now_s, np.array([curve.of(cycle) for cycle, _ in pending]))
-        self._send_curve(f"{GUARANTEE}/value", now_s, np.array([guarantee for _, guarantee in pending]))
+            self._send(curve.path, now_s, np.array([curve.of(cycle) for cycle, _ in pending]))
+        self._send(f"{GUARANTEE}/value", now_s, np.array([guarantee for _, guarantee in pending]))
 
     def _add(self, row: CycleEntry) -> None:
         certificate, home_m = row.certificate, self._flight.home_m
@@ -216,12 +203,12 @@ class Painter:
         if not self._fenced and home_m is not None:
             self._fenced = True
             if edges := [lifted(edge, home_m[2]) for edge in fence_edges(self._flight.envelope, home_m)]:
-                self._log_static(FENCE, _lines(edges, FENCE))
+                self._log(None, FENCE, _lines(edges, FENCE))
         if row.inputs.role is not None:
             self._log(row.now_s, EVADER, rr.Points3D.from_fields(labels=[row.inputs.role.evader]))
         if row.state != self._state:
             self._state = row.state
-            self._log(row.now_s, STATE, rr.TextDocument(row.state))
+            self._log(row.now_s, "state", rr.TextDocument(row.state))
         if certificate is not None and row.now_s - self._drawn_s >= DRAWN_EVERY_S:
             self._drawn_s = row.now_s
             self._draw_game(row.now_s, certificate)
@@ -236,22 +223,19 @@ class Painter:
     def _draw_static(self) -> None:
         """Send what never changes: axes, colours, names, the target."""
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for name in (PURSUER, EVADER):
-            label = name.split("/")[1]
-            labels = [label] if not self._vehicle else [self._vehicle] if name == PURSUER else None
-            points = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels)
-            self._log_static(name, points)
+        for name, labels in ((PURSUER, [self._vehicle or "pursuer"]), (EVADER, None if self._vehicle else ["evader"])):
+            self._log(None, name, rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels))
         cycle = self._flight.settings.cycle
         target_m = cycle.target_game_m
         label = "V + t since engagement, s" if target_m is None else "L, m from T"
         for path, name, colour in ((f"{GUARANTEE}/value", label, COLOURS[PURSUER]), *(curve[:3] for curve in CURVES)):
             names = [" ".join(filter(None, (self._vehicle, name)))]
-            self._log_static(path, rr.SeriesLines(names=names, colors=[colour]))
+            self._log(None, path, rr.SeriesLines(names=names, colors=[colour]))
         if target_m is not None:
             at = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
-            self._log_static(TARGET, at)
+            self._log(None, "game/target", at)
             if len(edge := target_edge(target_m, cycle.target_extent)):
-                self._log_static(f"{TARGET}/edge", rr.LineStrips3D([lifted(edge, 0.0)]))
+                self._log(None, "game/target/edge", rr.LineStrips3D([lifted(edge, 0.0)]))
 
     def _draw_game(self, now_s: float, certificate: Certificate) -> None:
         cycle, evader = self._flight.settings.cycle, certificate.evader_game_m
@@ -264,33 +248,25 @@ class Painter:
         star = rr.Points3D([certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]])
         self._log(now_s, MEETING, star)
 
-    def _send_track(self, name: str, now_s: Array, positions: Array) -> None:
-        """Send the position at every cycle, and the line from the last position."""
-        known = np.isfinite(positions).all(axis=-1)
+    def _send(self, name: str, now_s: Array, values: Array) -> None:
+        """Send a number or a position of every cycle that has one; of a position also the line from the last one."""
+        known = np.isfinite(values.reshape(len(values), -1)).all(axis=-1)
         if not known.any():
             return
-        run = positions[known]
-        self._send_columns(name, now_s[known], rr.Points3D.columns(positions=run))
-        line = np.concatenate([self._tails.get(name, run[:1]), run])
-        self._tails[name] = run[-1:]
-        self._log(float(now_s[known][-1]), f"{name}/track", _lines([line], name, 1.0))
+        run, times, is_track = values[known], now_s[known], values.ndim > 1
+        columns: Any = rr.Points3D.columns(positions=run) if is_track else rr.Scalars.columns(scalars=run)
+        indexes = [rr.TimeColumn(TIMELINE, duration=times)]
+        self._to.send_columns(path_of(name, self._vehicle), indexes=indexes, columns=columns)
+        if is_track:
+            line = np.concatenate([self._tails.get(name, run[:1]), run])
+            self._tails[name] = run[-1:]
+            self._log(float(times[-1]), f"{name}/track", _lines([line], name, 1.0))
 
-    def _send_curve(self, name: str, now_s: Array, values: Array) -> None:
-        known = np.isfinite(values)
-        if known.any():
-            self._send_columns(name, now_s[known], rr.Scalars.columns(scalars=values[known]))
-
-    def _send_columns(self, name: str, now_s: Array, columns: Any) -> None:  # noqa: ANN401 - of any of Rerun's types
-        self._to.send_columns(
-            path_of(name, self._vehicle), indexes=[rr.TimeColumn(TIMELINE, duration=now_s)], columns=columns
-        )
-
-    def _log(self, now_s: float, name: str, what: rr.AsComponents) -> None:
-        self._to.set_time(TIMELINE, duration=now_s)
-        self._to.log(path_of(name, self._vehicle), what)
-
-    def _log_static(self, name: str, what: rr.AsComponents) -> None:
-        self._to.log(path_of(name, self._vehicle), what, static=True)
+    def _log(self, now_s: float | None, name: str, what: rr.AsComponents) -> None:
+        """Log what is so from a time on, or always."""
+        if now_s is not None:
+            self._to.set_time(TIMELINE, duration=now_s)
+        self._to.log(path_of(name, self._vehicle), what, static=now_s is None)
 
 
 def _lines(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3D:
@@ -305,15 +281,16 @@ class Destination(NamedTuple):
     web_port: int = 9090
 
 
-class RecordFile:
+class RecordFile(NamedTuple):
     """A record; `live` is one that is still being written."""
 
-    trusted = True
+    path: Path
+    live: bool = False
 
-    def __init__(self, path: Path, *, live: bool = False) -> None:
-        self.name = str(path)
-        self.path = path
-        self.live = live
+    @property
+    def name(self) -> str:
+        """Its name in errors."""
+        return str(self.path)
 
     def metadata(self, idle: Idle) -> Mapping[str, str]:
         """Return the record's metadata."""
@@ -322,9 +299,6 @@ class RecordFile:
     def items(self, idle: Idle) -> Iterator[Item]:
         """Yield the record's messages."""
         return scan(self.path, idle=idle if self.live else None)
-
-    def close(self) -> None:
-        """Do nothing; `scan` closes the file."""
 
 
 def view(
@@ -351,14 +325,11 @@ def view(
     """
     with contextlib.ExitStack() as closing:
         for source in sources.values():
-            closing.enter_context(contextlib.closing(source))
+            if not isinstance(source, RecordFile):
+                closing.callback(source.close)
         if any(source.live for source in sources.values()):
             os.nice(NICE)
-
-        def wait() -> bool:
-            return ended.wait(REDRAWN_EVERY_S)
-
-        told = {name: source.metadata(wait) for name, source in sources.items()}
+        told = {name: source.metadata(partial(ended.wait, REDRAWN_EVERY_S)) for name, source in sources.items()}
         first = next(iter(told.values()))
         recording = rr.RecordingStream(APPLICATION)
         closing.callback(recording.disconnect)
@@ -373,7 +344,7 @@ def view(
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
         painters = [
-            Painter(recording, settings_of, metadata, sources[name].name, vehicle)
+            Painter(recording, Aggregator(settings_of, metadata, sources[name].name), vehicle)
             for (name, metadata), vehicle in zip(told.items(), vehicles, strict=True)
         ]
         with ThreadPoolExecutor(len(painters)) as pool:  # a record that still grows keeps its thread
@@ -390,8 +361,9 @@ def _paint(ended: threading.Event, painter: Painter, source: "RecordFile | LiveF
         painter.flush()
         return ended.wait(REDRAWN_EVERY_S)
 
+    ignored = () if isinstance(source, RecordFile) else (ConfigError, KeyError, TypeError)
     for item in source.items(idle):
-        with contextlib.suppress(*(() if source.trusted else (ConfigError, KeyError, TypeError))):
+        with contextlib.suppress(*ignored):
             painter.take(item)
         if ended.is_set() and not source.live:  # a live flight is shown to its end
             break
@@ -402,10 +374,7 @@ def _served(place: Destination, say: Callable[[str], None], closing: contextlib.
     for option, given in (("--port", place.port), ("--web-port", place.web_port)):
         if not 0 <= given <= 65535:
             raise ConfigError(f"{option} {given}: allowed is 0 (pick a free one) to 65535")
-    recording = RecordingServer(place.port)
-    closing.callback(recording.close)
-    page = WebPage(place.web_port, recording)
-    closing.callback(page.close)
-    say(f"look at  {page.url}")
-    say(f"or with  rerun --connect {recording.uri}")
-    return recording.sink
+    port, sink = closing.enter_context(recording_server(place.port))
+    say(f"look at  {closing.enter_context(web_page(place.web_port, port))}")
+    say(f"or with  rerun --connect {recording_uri(port)}")
+    return sink

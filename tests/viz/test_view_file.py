@@ -20,7 +20,7 @@ from guidance.cli import app
 from guidance.config import load
 from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
-from guidance.log import Item, cycles_of, events_of, metadata_of, scan, survey_of
+from guidance.log import Aggregator, Item, cycles_of, events_of, metadata_of, scan, survey_of
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.log.scene import isochron_at
 from guidance.session.flight_files import recorded_settings
@@ -184,7 +184,7 @@ def test_reruns_own_reader_of_mcap_finds_every_message_of_the_record(record):
 def test_a_second_flight_in_a_record_begins_anew(record, tmp_path):
     recording = rr.RecordingStream("guidance")
     recording.set_sinks(rr.FileSink(tmp_path / "two.rrd"))
-    painter = Painter(recording, recorded_settings, metadata_of(record), "two")
+    painter = Painter(recording, Aggregator(recorded_settings, metadata_of(record), "two"))
     for _ in range(2):
         for item in scan(record):
             painter.take(item)
@@ -205,7 +205,7 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
     wider = config.model_copy(update={"game": config.game.model_copy(update={"standoff_radius_m": 11.0})})
     recording = rr.RecordingStream("guidance")
     recording.set_sinks(rr.FileSink(tmp_path / "again.rrd"))
-    painter = Painter(recording, recorded_settings, {"config": config.model_dump_json()}, "again")
+    painter = Painter(recording, Aggregator(recorded_settings, {"config": config.model_dump_json()}, "again"))
     cycles = [item for item in scan(record) if item.topic == CYCLE_TOPIC]
     played = next(number for number, item in enumerate(cycles) if b'"certificate"' in item.data)
     painter.take(cycles[played])

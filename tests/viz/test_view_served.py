@@ -22,7 +22,7 @@ from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
 from guidance.log.entries import CYCLE
 from guidance.log.reader import Item
 from guidance.session.control_bus import free_endpoint, host_session, join_session
-from guidance.viz.serving import RecordingServer, _Relay, hidden_address
+from guidance.viz.serving import _Relay, hidden_address, recording_server
 
 FREE = ("--port", "0", "--web-port", "0")
 LISTENING = "0A"
@@ -150,8 +150,11 @@ def test_a_port_in_use_is_one_clear_error():
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(LinkError, match=rf"--port {port}: Address already in use; choose another"):
-            RecordingServer(port)
+        with (
+            pytest.raises(LinkError, match=rf"--port {port}: Address already in use; choose another"),
+            recording_server(port),
+        ):
+            pass
 
 
 @pytest.fixture
@@ -238,10 +241,8 @@ def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
 
 
 def test_the_recording_is_given_to_nobody_who_asks_for_another_host():
-    recording, stream = RecordingServer(0), rr.RecordingStream("test")
-    stream.set_sinks(recording.sink)  # it listens from now on
-    try:
-        port = recording.port
+    with recording_server(0) as (port, sink), rr.RecordingStream("test") as stream:
+        stream.set_sinks(sink)  # it listens from now on
         for host in STRANGE:
             assert status_for(port, host.format(port=port), "POST") == http.HTTPStatus.MISDIRECTED_REQUEST
         for ours in (f"127.0.0.1:{port}", f"localhost:{port}"):
@@ -249,9 +250,7 @@ def test_the_recording_is_given_to_nobody_who_asks_for_another_host():
         with socket.create_connection(("127.0.0.1", port), timeout=5.0) as native:  # HTTP/2, which no page can speak
             native.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + b"\x04" + bytes(5))
             assert native.recv(9)[3] == 4  # the server's SETTINGS frame
-    finally:
         stream.disconnect()
-        recording.close()
 
 
 def status_for(port, host, method="GET"):
