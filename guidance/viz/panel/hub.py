@@ -76,15 +76,11 @@ class DaemonBus:
     def __init__(
         self, endpoint: str, token_file: Path | None, clock: Clock, credentials: Credentials = NO_CREDENTIALS
     ) -> None:
-        self.endpoint = endpoint
-        self.reason = "looking for a daemon"
-        self._token_file = token_file
-        self._clock = clock
-        self._credentials = credentials
+        self.endpoint, self.reason = endpoint, "looking for a daemon"
+        self._token_file, self._clock, self._credentials = token_file, clock, credentials
         self._news: deque[News] = deque(maxlen=MAX_QUEUED_NEWS)
         self._session: zenoh.Session | None = None
         self._known: set[str] = set()
-        self._unanswered = 0
         self._operator_seen_s: dict[str, float] = {}
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"bus {endpoint}")
@@ -126,44 +122,41 @@ class DaemonBus:
         self._thread.join()
 
     def _run(self) -> None:
+        limit_s = LOCAL_JOIN_LIMIT_S if self._credentials.tls is None else JOIN_LIMIT_S
         while not is_over(self._ended, STATUS_INTERVAL_S):
             try:
-                self._poll()
+                self._watch(join_session(self.endpoint, self._token_file, self._credentials, timeout_s=limit_s))
             except (GuidanceError, zenoh.ZError, OSError, ValueError, KeyError, TypeError) as error:
                 self.reason = str(error)
-                self._disconnect()
-        self._disconnect()
+            self._disconnect()
 
-    def _poll(self) -> None:
-        """Connect if necessary, then query the status of all daemons."""
-        session = self._session
-        if session is None:
-            limit_s = LOCAL_JOIN_LIMIT_S if self._credentials.tls is None else JOIN_LIMIT_S
-            session = join_session(self.endpoint, self._token_file, self._credentials, timeout_s=limit_s)
-            self._session, self._unanswered = session, 0
-            if self._ended.is_set():
-                return
-            session.declare_subscriber(broadcast_key("*", "*"), self._queue)
-        self._send_sign_of_life(session)
+    def _watch(self, session: "zenoh.Session") -> None:
+        """Query the status of all daemons until the end, or until nobody answers."""
+        self._session, unanswered = session, 0
+        self._known.clear()
+        session.declare_subscriber(broadcast_key("*", "*"), self._queue)
+        while not is_over(self._ended):
+            unanswered = 0 if self._poll(session) else unanswered + 1
+            if unanswered >= MAX_UNANSWERED:
+                raise LinkError(f"no daemon answers at {self.endpoint}")
+            self._ended.wait(STATUS_INTERVAL_S)
+
+    def _poll(self, session: "zenoh.Session") -> bool:
+        """Send signs of life, and query all status; return whether a daemon answered."""
+        oldest_s = self._clock.now_s() - OPERATOR_LIMIT_S
+        for name in self._known:
+            if self._operator_seen_s.get(name, -math.inf) >= oldest_s:
+                answers(session, control_key(name, ALIVE), ANSWER_LIMIT_S)
         statuses = answers(session, control_key("*", STATUS), ANSWER_LIMIT_S)
-        self._unanswered = 0 if statuses else self._unanswered + 1
-        if self._unanswered >= MAX_UNANSWERED:
-            raise LinkError(f"no daemon answers at {self.endpoint}")
         self.reason = "" if statuses else "no answer"
-        named = [(str(status["name"]), status) for status in statuses if "name" in status]
-        self._known &= {name for name, _ in named}  # one that was away may have restarted
-        for name, status in named:
+        named = {str(status["name"]): status for status in statuses if "name" in status}
+        self._known &= named.keys()  # one that was away may have restarted
+        for name, status in named.items():
             for found in find_flights(session, name, ANSWER_LIMIT_S) if name not in self._known else ():
                 self._news.append(News(found.name, self._clock.now_s(), found))
                 self._known.add(name)
             self._news.append(News(name, self._clock.now_s(), status))
-
-    def _send_sign_of_life(self, session: "zenoh.Session") -> None:
-        """Tell the daemons that an operator is watching."""
-        oldest_s = self._clock.now_s() - OPERATOR_LIMIT_S
-        for name, at_s in list(self._operator_seen_s.items()):
-            if at_s >= oldest_s and name in self._known:
-                answers(session, control_key(name, ALIVE), ANSWER_LIMIT_S)
+        return bool(statuses)
 
     def _queue(self, sample: "zenoh.Sample") -> None:
         """Queue a cycle or event. Runs in Zenoh's thread, so it must not block; the reader checks the content."""
@@ -173,7 +166,6 @@ class DaemonBus:
 
     def _disconnect(self) -> None:
         session, self._session = self._session, None
-        self._known.clear()
         if session is not None:
             with contextlib.suppress(zenoh.ZError):
                 session.close()  # type: ignore[no-untyped-call]
@@ -275,24 +267,18 @@ class Hub:
     """
 
     def __init__(self, buses: Sequence[DaemonBus], settings_of: SettingsOf, clock: Clock) -> None:
-        self._buses = buses
-        self._settings_of = settings_of
-        self._clock = clock
+        self._buses, self._settings_of, self._clock = buses, settings_of, clock
         self._views: dict[str, DaemonView] = {}
 
     def receive(self) -> None:
         """Read the news of all buses."""
         for bus in self._buses:
             for news in bus.news():
-                view = self._view(news.name, bus)
-                if view is not None:
-                    view.take(news)
-
-    def _view(self, name: str, bus: DaemonBus) -> DaemonView | None:
-        key = f"{name}@{bus.endpoint}"
-        if key not in self._views and len(self._views) < MAX_DAEMONS:
-            self._views[key] = DaemonView(name, bus, self._settings_of, self._clock.now_s())
-        return self._views.get(key)
+                key = f"{news.name}@{bus.endpoint}"
+                if key not in self._views and len(self._views) < MAX_DAEMONS:
+                    self._views[key] = DaemonView(news.name, bus, self._settings_of, self._clock.now_s())
+                if key in self._views:
+                    self._views[key].take(news)
 
     def mark_sent(self) -> None:
         """Mark everything as sent, without a message: no page is open, and a new one gets a snapshot."""
