@@ -163,8 +163,7 @@ def report(
     - `guidance report records/*.mcap --animate`
     """
     require("guidance report", "plot")
-    from guidance.viz.report import write_report  # noqa: PLC0415 - matplotlib loads slowly
-    from guidance.viz.team_report import write_team_report  # noqa: PLC0415
+    from guidance.viz.report import write_report, write_team_report  # noqa: PLC0415 - matplotlib loads slowly
 
     for given in files:
         of_vehicles = {path.parent.name: path for path in sorted(given.glob(f"*/{RECORD}"))}

@@ -25,8 +25,18 @@ from guidance.files import private_file, private_folder, writing
 from guidance.log import SettingsOf
 from guidance.log.scene import Array, circle, fence_edges, isochron_at
 from guidance.viz import figures
-from guidance.viz.figures import EVADER, MARK, PURSUER, Chase, legend_beside, thinned
-from guidance.viz.story import Rows, Story, opening, story_of, summary
+from guidance.viz.figures import EVADER, MARK, PURSUER, STANDOFF, TARGET, Chase, legend_beside, thinned
+from guidance.viz.story import (
+    Rows,
+    Story,
+    TeamStory,
+    opening,
+    story_of,
+    summary,
+    team_opening,
+    team_story,
+    team_summary,
+)
 
 FRAMES: Final = 90
 FRAME_MS: Final = 80
@@ -208,6 +218,35 @@ def events(story: Story) -> Figure:
     return figure
 
 
+def plan(team: TeamStory) -> Figure:
+    """Draw all vehicles and evaders from above."""
+    figure = figures.figure_of(10.0, 7.5)
+    axes: Any = figure.subplots()
+    cycle, flight = team.first.settings.cycle, team.first.flight
+    vehicles = {name: story.column("pursuer_m") for name, story in team.flights.items()}
+    evaders = {
+        name: np.array([place for one in team.flights.values() for _, place in one.evaders.get(name, ())])
+        for name in team.evaders
+    }
+    # reports of one evader to several vehicles are dots: joined, they would go to and fro
+    dots = EVADER | {"linestyle": "none", "marker": ".", "markersize": 2}
+    for tracks, style, kind in ((vehicles, PURSUER, "vehicle"), (evaders, dots, "evader")):
+        for name, track in tracks.items():
+            known = thinned(track[np.isfinite(track).all(axis=1)])
+            axes.plot(*known[:, :2].T, **style, label=kind)
+            axes.annotate(name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"])
+    for capture in team.captures.values():
+        axes.plot(*circle(capture.place_m, cycle.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture")
+    if cycle.target_game_m is not None:
+        figures.draw_place(axes, cycle.target_game_m, TARGET, 2, "target")
+    figures.label_plan(axes)
+    axes.margins(0.1)
+    axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
+    figures.draw_fence(axes, [] if flight.home_m is None else fence_edges(flight.envelope, flight.home_m), 0.0, 2)
+    figures.legend_below(figure, axes, columns=4)
+    return figure
+
+
 def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
     """Return the seconds with data and the largest value in each, which turns a sawtooth into a line."""
     known = np.isfinite(values)
@@ -256,18 +295,18 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
     if chase.meeting_m is not None:
         figures.draw_place(plan, chase.meeting_m, figures.MEETING, 2, "meeting point foreseen")
     if chase.target_m is not None:
-        figures.draw_place(plan, chase.target_m, figures.TARGET, 2, "target")
+        figures.draw_place(plan, chase.target_m, TARGET, 2, "target")
     low, high = chase.box
     figures.label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
     side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
-    side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **figures.STANDOFF)
+    side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
     side.grid(visible=True, linewidth=0.3)
     players = ((plan, PURSUER, "o", "vehicle"), (plan, EVADER, "^", "evader"), (side, PURSUER, "o", None))
     runs = [axes.plot([], [], **style, label=name)[0] for axes, style, _, name in players]
     marks = [axes.plot([], [], mark, color=style["color"])[0] for axes, style, mark, _ in players]
-    (rim,) = plan.plot([], [], **figures.STANDOFF, label="stand-off disc")
+    (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
     figures.legend_below(figure, plan, columns=5)
     title = figure.suptitle("")
 
@@ -304,6 +343,18 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
         with writing(folder):
             write_animation(story, private_file(written[-1]))
     return written
+
+
+def write_team_report(records: Mapping[str, Path], folder: Path, settings_of: SettingsOf) -> list[Path]:
+    """Write one report of the records of a team, by vehicle; return the files, the page first.
+
+    Raises:
+        ConfigError: If a record cannot be read, or is not of a team.
+        OutputError: If the folder cannot be written, or contains the report of other records.
+    """
+    team = team_story(records, settings_of)
+    named = [(path, team.flights[name]) for name, path in records.items()]
+    return write_page(folder, named, team, {"plan": plan}, team_opening(team), team_summary(team))
 
 
 def write_page(

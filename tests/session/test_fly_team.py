@@ -16,7 +16,8 @@ from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.team import MemoryNetwork
 from guidance.viz.panel.snapshot import replay_of
-from guidance.viz.team_report import opening, rows_of, team_story, write_team_report
+from guidance.viz.report import write_team_report
+from guidance.viz.story import team_opening, team_story, team_summary
 
 GUARD = load_any("teams_guard")[1]
 
@@ -96,8 +97,8 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
         capture = story.captures[name]
         assert (capture.vehicle, capture.now_s) == (evader.captured_by, evader.captured_s)
         assert "; kept: " in story.verdict(name)
-    assert [name for name, _ in rows_of(story)] == ["uav1", "uav2", "uav3", "rover1", "rover2"]
-    words = opening(story)
+    assert [name for name, _ in team_summary(story)] == ["uav1", "uav2", "uav3", "rover1", "rover2"]
+    words = team_opening(story)
     assert "promised 2 captures; 2 promises were kept" in words
     assert f"{flown.least_distance_m(3.0):.1f} m apart" in words
     assert "replays bit for bit" in words
