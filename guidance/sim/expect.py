@@ -148,11 +148,6 @@ class Expect(Expectations):
     maths: Expectations = Field(Expectations(), description="only for runs as mathematics")
     flown: Expectations = Field(Expectations(), description="only for flights")
 
-    def check_all(self, game: str) -> None:
-        """Refuse contradictions in each part; see `check`."""
-        for part in (self, self.maths, self.flown):
-            part.check(game)
-
     def of(self, outcome: dict[str, Any]) -> list[CheckedExpectation]:
         """Return the verdicts that apply to an outcome's kind of run."""
         own = self.maths if outcome["run"] == "maths" else self.flown

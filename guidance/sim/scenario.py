@@ -5,8 +5,8 @@ Positions are in the game frame: x east, y north, z up, in metres about the site
 
 import itertools
 import math
-from collections.abc import Sequence
-from typing import Annotated, Any, Final, Literal, NamedTuple, Self
+from collections.abc import Collection, Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
 
 from pydantic import ConfigDict, Field, WithJsonSchema, model_validator
 
@@ -31,6 +31,10 @@ BESIDE_M: Final = 2.0
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_STRATEGIES]})]
 EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_STRATEGIES]})]
+
+Speed = Annotated[float, Field(gt=0.0, le=30.0)]
+SlowSpeed = Annotated[float, Field(gt=0.0, le=10.0)]
+TakeoffHeight = Annotated[float, Field(ge=2.0, le=120.0)]
 
 TrackRow = tuple[float, float, float, float]
 """Time in s, and x, y and z in m."""
@@ -57,13 +61,11 @@ class Player(Section):
 
     @model_validator(mode="after")
     def _check_course(self) -> Self:
-        for policy, key, course in (("waypoints", "waypoints_m", self.waypoints_m), ("recorded", "track", self.track)):
-            given = bool(course)
+        for policy, key in (("waypoints", "waypoints_m"), ("recorded", "track")):
+            given = bool(getattr(self, key))
             if (self.policy == policy) != given:
-                raise ValueError(
-                    f"{key}: {'missing' if not given else 'not allowed'} with policy = {self.policy!r}; "
-                    f"it is the course of policy = {policy!r}"
-                )
+                fault = f"{key}: {'not allowed' if given else 'missing'} with policy = {self.policy!r}"
+                raise ValueError(f"{fault}; it is the course of policy = {policy!r}")
         times = [row[0] for row in self.track]
         if any(later <= sooner for sooner, later in itertools.pairwise(times)) or len(times) == 1:
             raise ValueError("track: needs at least two rows, with increasing times")
@@ -75,15 +77,15 @@ class Pursuer(Player):
 
     policy: PursuerPolicy = Field("optimal", description="the pursuer's strategy")
     position_m: Point3 = Field(description="start of the game: x east, y north, z up")
-    speed_m_s: float = Field(gt=0.0, le=30.0, description="horizontal speed in the game")
+    speed_m_s: Speed = Field(description="horizontal speed in the game")
     speed_set: Literal["ball", "cylinder"] = Field(
         "ball", description="one speed in all directions (the paper's), or a climb and a descent rate of its own"
     )
-    climb_m_s: float = Field(3.0, gt=0.0, le=10.0, description="climb rate, with the cylinder")
-    descent_m_s: float = Field(1.5, gt=0.0, le=10.0, description="descent rate, with the cylinder")
+    climb_m_s: SlowSpeed = Field(3.0, description="climb rate, with the cylinder")
+    descent_m_s: SlowSpeed = Field(1.5, description="descent rate, with the cylinder")
     navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description='N of policy = "proportional_navigation"')
     autopilot: AutopilotName = Field("px4", description="the autopilot that the mock plays in a flight")
-    takeoff_height_m: float = Field(10.0, ge=2.0, le=120.0, description="above home")
+    takeoff_height_m: TakeoffHeight = Field(10.0, description="above home")
 
     @property
     def speeds(self) -> Speeds:
@@ -97,11 +99,8 @@ class Evader(Player):
     policy: EvaderPolicy = Field("optimal", description="the evader's strategy")
     position_m: Point2 = Field(description="start of the game: x east, y north")
     height_m: float = Field(0.0, ge=0.0, description="height of the evader's antenna above its plane")
-    speed_m_s: float = Field(gt=0.0, le=30.0, description="its top speed")
-    declared_speed_m_s: float | None = Field(
-        None, gt=0.0, le=30.0, description="top speed that it declares to the pursuer; default: speed_m_s"
-    )
-
+    speed_m_s: Speed = Field(description="its top speed")
+    declared_speed_m_s: Speed | None = Field(None, description="top speed that it declares; default: speed_m_s")
     acceleration_m_s2: float | None = Field(
         None, gt=0.0, le=10.0, description="acceleration of the mocked rover; default: the rover's own"
     )
@@ -204,15 +203,47 @@ class Fault(Section):
         return dict(self.model_extra or {})
 
 
-class Scenario(Section):
-    """A whole scenario file."""
+class AnyScenario(Section):
+    """The keys that a scenario of two players and one of teams share."""
+
+    known: ClassVar[Mapping[str, Collection[str]]]
+    """The policies of each player."""
 
     title: str = Field(description="a few words")
     description: str = Field("", description="purpose and choices of the scenario")
     game: Literal["pe", "tad"] = Field(description="pursuit-evasion, or target-attacker-defender")
+    target: Target | None = Field(None, description='with game = "tad"')
+    seed: int = Field(0, ge=0, description="seed of all random numbers")
+    time_limit_s: float = Field(300.0, gt=0.0, description="longest game, from engagement")
+
+    @model_validator(mode="after")
+    def _check_target(self) -> Self:
+        if self.game == "tad" and self.target is None:
+            raise ValueError('target.position_m: missing; game = "tad" needs a target')
+        if self.game == "pe" and self.target is not None:
+            raise ValueError('target: not allowed with game = "pe"; use game = "tad"')
+        return self
+
+    @model_validator(mode="after")
+    def _check_policies(self) -> Self:
+        for player, known in self.known.items():
+            given = getattr(self, player)
+            named = {f"{player}[{number}]": one for number, one in enumerate(given)} if isinstance(given, tuple) else {}
+            for key, one in (named or {player: given}).items():
+                if one.policy not in known:
+                    raise ValueError(f"{key}.policy = {one.policy!r}: allowed are {', '.join(known)}")
+                if one.policy == "task_oriented" and self.target is None:
+                    raise ValueError(f"{key}.policy = {one.policy!r}: needs target.position_m")
+        return self
+
+
+class Scenario(AnyScenario):
+    """A whole scenario file."""
+
+    known: ClassVar = {PURSUER: PURSUER_STRATEGIES, EVADER: EVADER_STRATEGIES}
+
     pursuer: Pursuer
     evader: Evader
-    target: Target | None = Field(None, description='with game = "tad"')
     standoff: Standoff = Standoff()
     sensor: Sensor = Sensor()
     wind: Wind = Wind()
@@ -220,8 +251,6 @@ class Scenario(Section):
     expect: Expect = Expect()
     limits: ScenarioLimits = ScenarioLimits()
     site: Site = Site()
-    seed: int = Field(0, ge=0, description="seed of all random numbers")
-    time_limit_s: float = Field(300.0, gt=0.0, description="longest game, from engagement")
     hold_s: float = Field(3.0, ge=0.0, description="time on station before landing")
 
     @property
@@ -239,58 +268,36 @@ class Scenario(Section):
     def _check_players(self) -> Self:
         _ = self.speed_limits
         wind_m_s = math.hypot(*self.wind.velocity_m_s)
-        evader = self.evader
-        for key, speed_m_s in (("speed_m_s", evader.speed_m_s), ("declared_speed_m_s", evader.believed_speed_m_s)):
-            if self.pursuer.speed_m_s <= speed_m_s + wind_m_s:
+        evader, u = self.evader, self.pursuer.speed_m_s
+        for key, v in (("speed_m_s", evader.speed_m_s), ("declared_speed_m_s", evader.believed_speed_m_s)):
+            if u <= v + wind_m_s:
+                wind = f" with {wind_m_s:g} m/s of wind" if wind_m_s else ""
                 raise ValueError(
-                    f"speed ratio pursuer.speed_m_s / evader.{key} = {self.pursuer.speed_m_s:g} / {speed_m_s:g} = "
-                    f"{self.pursuer.speed_m_s / speed_m_s:.3g}{f' with {wind_m_s:g} m/s of wind' if wind_m_s else ''}: "
+                    f"speed ratio pursuer.speed_m_s / evader.{key} = {u:g} / {v:g} = {u / v:.3g}{wind}: "
                     "must be above 1, with the wind added to the evader's speed; a slower pursuer is another game"
                 )
-        if self.evader.height_m >= self.standoff.height_m:
-            raise ValueError(
-                f"evader.height_m = {self.evader.height_m:g}: must be below standoff.height_m = "
-                f"{self.standoff.height_m:g}, the pursuer's lowest height"
-            )
-        if self.game == "tad" and self.target is None:
-            raise ValueError('target.position_m: missing; game = "tad" needs a target')
-        if self.game == "pe" and self.target is not None:
-            raise ValueError('target: not allowed with game = "pe"; use game = "tad"')
-        return self
-
-    @model_validator(mode="after")
-    def _check_policies(self) -> Self:
-        known = {"pursuer": PURSUER_STRATEGIES, "evader": EVADER_STRATEGIES}
-        for player, names in known.items():
-            policy = getattr(self, player).policy
-            if policy not in names:
-                raise ValueError(f"{player}.policy = {policy!r}: allowed are {', '.join(names)}")
-            if policy == "task_oriented" and self.target is None:
-                raise ValueError(f"{player}.policy = {policy!r}: needs target.position_m")
+        if evader.height_m >= self.standoff.height_m:
+            lowest = f"standoff.height_m = {self.standoff.height_m:g}, the pursuer's lowest height"
+            raise ValueError(f"evader.height_m = {evader.height_m:g}: must be below {lowest}")
         if any(len(point) == 2 for point in self.pursuer.waypoints_m):
             raise ValueError("pursuer.waypoints_m: every point needs x, y and z")
-        self.expect.check_all(self.game)
+        for part in (self.expect, self.expect.maths, self.expect.flown):
+            part.check(self.game)
         return self
 
     @model_validator(mode="after")
     def _check_places(self) -> Self:
-        z = self.pursuer.position_m[2]
-        if not self.standoff.height_m <= z <= self.limits.ceiling_m:
-            raise ValueError(
-                f"pursuer.position_m: height {z:g} m; allowed is standoff.height_m = {self.standoff.height_m:g} "
-                f"to limits.ceiling_m = {self.limits.ceiling_m:g}"
-            )
-        if self.limits.floor_m > self.standoff.height_m:
-            raise ValueError(
-                f"limits.floor_m = {self.limits.floor_m:g}: must not be above standoff.height_m = "
-                f"{self.standoff.height_m:g}"
-            )
+        z, lowest_m, limits = self.pursuer.position_m[2], self.standoff.height_m, self.limits
+        if not lowest_m <= z <= limits.ceiling_m:
+            allowed = f"standoff.height_m = {lowest_m:g} to limits.ceiling_m = {limits.ceiling_m:g}"
+            raise ValueError(f"pursuer.position_m: height {z:g} m; allowed is {allowed}")
+        if limits.floor_m > lowest_m:
+            above = f"must not be above standoff.height_m = {lowest_m:g}"
+            raise ValueError(f"limits.floor_m = {limits.floor_m:g}: {above}")
         out_m = math.dist(self.evader.position_m, self.home_m)
-        if out_m > self.limits.fence_radius_m:
-            raise ValueError(
-                f"evader.position_m: {out_m:.0f} m from the pursuer's home; allowed is limits.fence_radius_m = "
-                f"{self.limits.fence_radius_m:g}"
-            )
+        if out_m > limits.fence_radius_m:
+            allowed = f"allowed is limits.fence_radius_m = {limits.fence_radius_m:g}"
+            raise ValueError(f"evader.position_m: {out_m:.0f} m from the pursuer's home; {allowed}")
         return self
 
 

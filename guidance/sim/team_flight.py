@@ -10,9 +10,8 @@ from guidance.errors import ConfigError
 from guidance.frames import Vector
 from guidance.game import Cylinder, Game, StandOff
 from guidance.game.team import match_teams
-from guidance.sim.outcome import achieved_and_regret, winner_name
 from guidance.sim.scenario import Evader, Pursuer, Pursuit, Scenario
-from guidance.sim.teams import TeamOutcome, Teams, TeamScenario, opening_of, teams_of
+from guidance.sim.teams import TeamOutcome, Teams, TeamScenario, opening_of, outcomes_of, teams_of
 
 
 def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
@@ -48,30 +47,22 @@ def _scenario_of(scenario: TeamScenario, teams: Teams, number: int, evader: int)
     Raises:
         ConfigError: If the vehicle cannot fly it.
     """
-    (x, y, z), flight = teams.pursuers_m[number].tolist(), scenario.flight
+    flight, (x, y, z), (east_m, north_m, _) = scenario.flight, teams.pursuers_m[number], teams.evaders_m[evader]
     document = {
-        "title": scenario.title,
-        "game": scenario.game,
+        **{name: getattr(scenario, name) for name in ("title", "game", "target", "seed", "time_limit_s")},
+        **{name: getattr(flight, name) for name in ("standoff", "limits", "sensor", "site", "hold_s")},
         "pursuer": Pursuer(
             policy=teams.pursuer_policy[number],
-            position_m=(x, y, z),
+            position_m=(float(x), float(y), float(z)),
             speed_m_s=float(teams.pursuer_speed_m_s[number]),
             autopilot=flight.autopilot,
             takeoff_height_m=flight.takeoff_height_m,
         ),
         "evader": Evader(
             policy=teams.evader_policy[evader],
-            position_m=(float(teams.evaders_m[evader, 0]), float(teams.evaders_m[evader, 1])),
+            position_m=(float(east_m), float(north_m)),
             speed_m_s=float(teams.evader_speed_m_s[evader]),
         ),
-        "target": scenario.target,
-        "standoff": flight.standoff,
-        "limits": flight.limits,
-        "sensor": flight.sensor,
-        "site": flight.site,
-        "seed": scenario.seed,
-        "time_limit_s": scenario.time_limit_s,
-        "hold_s": flight.hold_s,
     }
     return parse(Scenario, document, source=f"{scenario.title}, uav{number + 1} in flight")
 
@@ -99,41 +90,10 @@ def rows_of(
         ends: Of each evader: the end, its time, s, the evader's place then, m, and the number of the captor.
     """
     teams, (began_s, pursuers_m, evaders_m) = teams_of(scenario), began
-    ground = np.array(evaders_m) * [1.0, 1.0, 0.0]
-    first = match_teams(_flown_game(scenario, teams), np.array(pursuers_m), ground, teams.target_m)
-    captured, rows = sum(end == "captured" for end, *_ in ends), []
-    for number, (end, now_s, place_m, captor) in enumerate(ends):
-        time_s, value = now_s - began_s, float(first.value[number])
-        away_m = math.nan if teams.target_m is None else math.dist(place_m[:2], teams.target_m[:2])
-        achieved, regret = achieved_and_regret(scenario.game, end, time_s, away_m, value)
-        sure = bool(first.first[number] >= 0)
-        rows.append(
-            TeamOutcome(
-                scenario.title,
-                way,
-                scenario.game,
-                number,
-                "+".join(dict.fromkeys(teams.pursuer_policy)),
-                teams.evader_policy[number],
-                scenario.seed,
-                len(teams.pursuers_m),
-                len(teams.evaders_m),
-                int(first.guaranteed),
-                captured,
-                end,
-                "pursuer" if end == "captured" else "evader" if end == "arrived" else "none",
-                winner_name(int(first.winner[number])),
-                int(first.first[number]),
-                int(first.second[number]),
-                captor,
-                time_s,
-                time_s if end == "captured" else math.nan,
-                away_m,
-                value,
-                float(first.lower_bound[number]),
-                achieved,
-                regret if sure else math.nan,
-                achieved / value if sure and value else math.nan,
-            )
-        )
-    return rows
+    ground, target_m = np.array(evaders_m) * [1.0, 1.0, 0.0], teams.target_m
+    first = match_teams(_flown_game(scenario, teams), np.array(pursuers_m), ground, target_m)
+    lasted = [
+        (end, now_s - began_s, math.nan if target_m is None else math.dist(place_m[:2], target_m[:2]), captor)
+        for end, now_s, place_m, captor in ends
+    ]
+    return outcomes_of(scenario, way, teams, first, lasted)

@@ -6,7 +6,7 @@ scatters `count` of them over a disc, so a sweep can vary their number. Every ev
 
 import math
 from collections.abc import Hashable, Sequence
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,14 @@ from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
 from guidance.sim.batch import by_kind
 from guidance.sim.expect import WINNERS, CheckedExpectation, Range, range_verdicts
 from guidance.sim.outcome import achieved_and_regret, winner_name
-from guidance.sim.scenario import Point2, Point3, ScenarioLimits, Sensor, Site, Standoff, Target
+from guidance.sim.scenario import AnyScenario, Point2, ScenarioLimits, Sensor, Site, Speed, Standoff, TakeoffHeight
 
 Array = NDArray[np.float64]
 
-_NEEDS_TARGET = "task_oriented"
+PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_POLICIES]})]
+EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})]
+GroundedHeight = Annotated[float, Field(ge=0.0)]
+
 _ENDS = {End.CAPTURED: "captured", End.ARRIVED: "arrived", End.TIME_UP: "time_up"}
 
 
@@ -35,7 +38,7 @@ class PlayerGroup(Section):
     scatter_m: float = Field(
         0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters the players"
     )
-    speed_m_s: float = Field(gt=0.0, le=30.0, description="speed in every direction")
+    speed_m_s: Speed = Field(description="speed in every direction")
 
     @model_validator(mode="after")
     def _check_scatter(self) -> Self:
@@ -47,18 +50,14 @@ class PlayerGroup(Section):
 class PursuerGroup(PlayerGroup):
     """Pursuers in space."""
 
-    policy: Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_POLICIES]})] = Field(
-        "optimal", description="strategy of the players"
-    )
-    position_m: Point3 = Field(description="initial position: x east, y north, z up")
+    policy: PursuerPolicy = Field("optimal", description="strategy of the players")
+    position_m: tuple[float, float, GroundedHeight] = Field(description="initial position: x east, y north, z up")
 
 
 class EvaderGroup(PlayerGroup):
     """Evaders in the plane."""
 
-    policy: Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})] = Field(
-        "optimal", description="strategy of the players"
-    )
+    policy: EvaderPolicy = Field("optimal", description="strategy of the players")
     position_m: Point2 = Field(description="initial position: x east, y north")
 
 
@@ -79,7 +78,7 @@ class TeamFlightSection(TeamSection):
     """How mocks fly the scenario: separation, stand-off, limits, place and sensor."""
 
     autopilot: AutopilotName = Field("px4", description="the autopilot that the mocks play")
-    takeoff_height_m: float = Field(10.0, ge=2.0, le=120.0, description="above home")
+    takeoff_height_m: TakeoffHeight = Field(10.0, description="above home")
     standoff: Standoff = Standoff()
     limits: ScenarioLimits = ScenarioLimits()
     sensor: Sensor = Sensor()
@@ -87,46 +86,25 @@ class TeamFlightSection(TeamSection):
     hold_s: float = Field(3.0, ge=2.5, description="time on station before landing; longer than a new role takes")
 
 
-class TeamScenario(Section):
+class TeamScenario(AnyScenario):
     """A whole scenario file of teams."""
 
-    title: str = Field(description="short title")
-    description: str = Field("", description="purpose of the scenario")
-    game: Literal["pe", "tad"] = Field(description="pursuit-evasion, or target-attacker-defender")
+    known: ClassVar = {"pursuer": PURSUER_POLICIES, "evader": EVADER_POLICIES}
+
     pursuer: tuple[PursuerGroup, ...] = Field(min_length=1, description="a table [[pursuer]] for each group")
     evader: tuple[EvaderGroup, ...] = Field(min_length=1, description="a table [[evader]] for each group")
-    target: Target | None = Field(None, description='with game = "tad"')
     capture_m: float = Field(0.0, ge=0.0, le=100.0, description="distance that counts as captured")
     hysteresis: float = Field(0.0, ge=0.0, description="least improvement for a new pair; m in tad, s in pe")
     step_s: float = Field(0.05, gt=0.0, le=10.0, description="longest time for which velocities are held")
-    seed: int = Field(0, ge=0, description="seed of the scattered positions")
-    time_limit_s: float = Field(300.0, gt=0.0, description="longest duration of the game")
     flight: TeamFlightSection = TeamFlightSection()
     expect: TeamExpect = TeamExpect()
 
     @model_validator(mode="after")
-    def _check(self) -> Self:
+    def _check_speeds(self) -> Self:
         slowest, fastest = min(one.speed_m_s for one in self.pursuer), max(one.speed_m_s for one in self.evader)
         if slowest <= fastest:
-            raise ValueError(
-                f"speed ratio of the slowest pursuer to the fastest evader = {slowest:g} / {fastest:g}: must be above 1"
-            )
-        if (self.game == "tad") != (self.target is not None):
-            raise ValueError(
-                'target.position_m: needed with game = "tad", the place the evaders want to reach, and not '
-                'allowed with game = "pe"'
-            )
-        if any(one.position_m[2] < 0 for one in self.pursuer):
-            raise ValueError("pursuer.position_m: a height is negative; it must be zero or more")
-        for player, groups, known in (
-            ("pursuer", self.pursuer, PURSUER_POLICIES),
-            ("evader", self.evader, EVADER_POLICIES),
-        ):
-            for number, policy in enumerate(one.policy for one in groups):
-                if policy not in known:
-                    raise ValueError(f"{player}[{number}].policy = {policy!r}: allowed are {', '.join(known)}")
-                if policy == _NEEDS_TARGET and self.target is None:
-                    raise ValueError(f"{player}[{number}].policy = {policy!r}: needs target.position_m")
+            speeds = f"{slowest:g} / {fastest:g}"
+            raise ValueError(f"speed ratio of the slowest pursuer to the fastest evader = {speeds}: must be above 1")
         return self
 
 
@@ -294,22 +272,34 @@ def _kind_of(scenario: TeamScenario) -> Hashable:
 def _play_kind(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
     teams = [teams_of(scenario) for scenario in scenarios]
     played = played_teams(scenarios[0], teams)
-    return [_outcomes(*each, played, row) for row, each in enumerate(zip(scenarios, teams, strict=True))]
-
-
-def _outcomes(scenario: TeamScenario, teams: Teams, played: TeamRollout, row: int) -> list[TeamOutcome]:
-    first = played.first
-    ends = [_ENDS[End(int(end))] for end in played.end[row]]
+    fields = played.end, played.time_s, played.distance_m, played.captor
     rows = []
-    for j, end in enumerate(ends):
-        sure = bool(first.first[row, j] >= 0)
-        time, predicted = float(played.time_s[row, j]), float(first.value[row, j])
-        distance = float(played.distance_m[row, j])
-        achieved, regret = achieved_and_regret(scenario.game, end, time, distance, predicted)
+    for row, scenario in enumerate(scenarios):
+        ends = [(_ENDS[End(end)], *rest) for end, *rest in zip(*(field[row].tolist() for field in fields), strict=True)]
+        rows.append(outcomes_of(scenario, "maths", teams[row], Matching(*(field[row] for field in played.first)), ends))
+    return rows
+
+
+def outcomes_of(
+    scenario: TeamScenario, run: str, teams: Teams, first: Matching, ends: Sequence[Sequence[Any]]
+) -> list[TeamOutcome]:
+    """Return the rows of a game, one for each evader.
+
+    Args:
+        scenario: As played.
+        run: The kind of run.
+        teams: The players.
+        first: The matching at the start.
+        ends: Of each evader: the end, its time, s, the distance from the target, m, and the number of the captor.
+    """
+    captured, rows = sum(end == "captured" for end, *_ in ends), []
+    for j, (end, time_s, away_m, captor) in enumerate(ends):
+        sure, predicted = bool(first.first[j] >= 0), float(first.value[j])
+        achieved, regret = achieved_and_regret(scenario.game, end, time_s, away_m, predicted)
         rows.append(
             TeamOutcome(
                 scenario=scenario.title,
-                run="maths",
+                run=run,
                 game=scenario.game,
                 evader=j,
                 pursuer_policy="+".join(dict.fromkeys(teams.pursuer_policy)),
@@ -317,19 +307,19 @@ def _outcomes(scenario: TeamScenario, teams: Teams, played: TeamRollout, row: in
                 seed=scenario.seed,
                 pursuers=len(teams.pursuers_m),
                 evaders=len(teams.evaders_m),
-                guaranteed=int(first.guaranteed[row]),
-                captured=ends.count("captured"),
+                guaranteed=int(first.guaranteed),
+                captured=captured,
                 end=end,
                 winner=WINNERS.get(end, "none"),
-                predicted_winner=winner_name(int(first.winner[row, j])),
-                first=int(first.first[row, j]),
-                second=int(first.second[row, j]),
-                captor=int(played.captor[row, j]),
-                game_time_s=time,
-                capture_time_s=time if end == "captured" else math.nan,
-                evader_to_target_m=distance,
+                predicted_winner=winner_name(int(first.winner[j])),
+                first=int(first.first[j]),
+                second=int(first.second[j]),
+                captor=captor,
+                game_time_s=time_s,
+                capture_time_s=time_s if end == "captured" else math.nan,
+                evader_to_target_m=away_m,
                 predicted=predicted,
-                lower_bound=float(first.lower_bound[row, j]),
+                lower_bound=float(first.lower_bound[j]),
                 achieved=achieved,
                 regret=regret if sure else math.nan,
                 ratio=achieved / predicted if sure and predicted else math.nan,

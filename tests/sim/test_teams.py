@@ -55,7 +55,7 @@ def guidance(*arguments):
     [
         ({"pursuer": []}, "pursuer"),
         ({"pursuer": [{"position_m": [0, 0, 5], "speed_m_s": 1.0}]}, r"1 / 1: must be above 1"),
-        ({"pursuer": [{"position_m": [0, 0, -5], "speed_m_s": 9.0}]}, "a height is negative"),
+        ({"pursuer": [{"position_m": [0, 0, -5], "speed_m_s": 9.0}]}, r"position_m\.2 = -5: must be greater"),
         (
             {"pursuer": [{"position_m": [0, 0, 5], "speed_m_s": 9.0, "policy": "clever"}]},
             r"pursuer\[0\].policy = 'clever'",
@@ -64,7 +64,7 @@ def guidance(*arguments):
         ({"evader": [{"position_m": [0, 0], "speed_m_s": 1.0, "count": 0}]}, "count"),
         ({"evader": [{"position_m": [0, 0, 1], "speed_m_s": 1.0}]}, "position_m"),
         ({"evader": [{"position_m": [0, 0], "speed_m_s": 1.0, "speed": 1}]}, "did you mean"),
-        ({"target": None}, "needed with game"),
+        ({"target": None}, 'game = "tad" needs a target'),
         ({"game": "pe"}, "not allowed with game"),
         ({"standoff": {}}, "standoff: unknown key"),
     ],
