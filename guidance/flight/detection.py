@@ -26,6 +26,15 @@ _PREARM_CHECK = 1 << 28
 HEARTBEAT_LIMIT_S = 3.0
 TELEMETRY_LIMIT_S = 1.0
 
+_LARGEST_AGE_S: Final[Mapping[type, float]] = {
+    Heartbeat: HEARTBEAT_LIMIT_S,
+    LocalPosition: TELEMETRY_LIMIT_S,
+    Attitude: TELEMETRY_LIMIT_S,
+    LandedState: 2.0 * TELEMETRY_LIMIT_S,
+    Home: math.inf,
+}
+"""Messages needed for arming and engaging."""
+
 
 class Check(NamedTuple):
     """One condition: name, result, and the value found."""
@@ -47,19 +56,13 @@ def checks(
         battery_minimum: Least battery remaining, 0 to 1; unknown (NaN) passes, since not every vehicle measures it.
     """
     heartbeat = vehicle.last(Heartbeat)
-    return (
-        Check(
-            "autopilot",
-            heartbeat is not None and heartbeat.autopilot == profile.autopilot_id,
-            "not heard" if heartbeat is None else f"MAV_AUTOPILOT {heartbeat.autopilot}, want {profile.autopilot_id}",
-        ),
-        _fresh(vehicle, Heartbeat, now_s, HEARTBEAT_LIMIT_S),
-        _fresh(vehicle, LocalPosition, now_s, TELEMETRY_LIMIT_S),
-        _fresh(vehicle, Attitude, now_s, TELEMETRY_LIMIT_S),
-        _fresh(vehicle, LandedState, now_s, 2.0 * TELEMETRY_LIMIT_S),
-        _fresh(vehicle, Home, now_s, math.inf),
-        *_status(vehicle, profile, battery_minimum),
-    )
+    found = "not heard" if heartbeat is None else f"MAV_AUTOPILOT {heartbeat.autopilot}, want {profile.autopilot_id}"
+    rows = [Check("autopilot", heartbeat is not None and heartbeat.autopilot == profile.autopilot_id, found)]
+    for kind, limit_s in _LARGEST_AGE_S.items():
+        age_s = vehicle.age_s(kind, now_s)
+        found = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
+        rows.append(Check(kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
+    return (*rows, *_status(vehicle, profile, battery_minimum))
 
 
 def evader_refusal(tracking: Tracking, settings: FlightSettings, now_s: float) -> str:
@@ -76,28 +79,13 @@ def evader_refusal(tracking: Tracking, settings: FlightSettings, now_s: float) -
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
     """Return the missing messages of the vehicle, and for how long."""
-    ages_s = {
-        "HEARTBEAT": vehicle.age_s(Heartbeat, now_s),
-        "LOCAL_POSITION_NED": vehicle.age_s(LocalPosition, now_s),
-        "ATTITUDE": vehicle.age_s(Attitude, now_s),
-    }
-    limits_s = {"HEARTBEAT": HEARTBEAT_LIMIT_S, "LOCAL_POSITION_NED": TELEMETRY_LIMIT_S}
-    everything_s = min(ages_s.values())
+    beat_s, local_s = vehicle.age_s(Heartbeat, now_s), vehicle.age_s(LocalPosition, now_s)
+    everything_s = min(beat_s, local_s, vehicle.age_s(Attitude, now_s))
     if everything_s > 0.5 * TELEMETRY_LIMIT_S:  # a message that still came would be younger than that
         return f"no telemetry for {everything_s:.1f} s"
-    missing = [name for name, limit_s in limits_s.items() if ages_s[name] > limit_s]
-    return "; ".join(f"no {name} for {ages_s[name]:.1f} s" for name in missing) or "telemetry is back"
-
-
-def _fresh(
-    vehicle: VehicleState,
-    kind: type[Heartbeat | LocalPosition | Attitude | LandedState | Home],
-    now_s: float,
-    limit_s: float,
-) -> Check:
-    age_s = vehicle.age_s(kind, now_s)
-    heard = math.isfinite(age_s)
-    return Check(kind.__name__, heard and age_s <= limit_s, f"{age_s:.1f} s old" if heard else "not heard")
+    rows = (("HEARTBEAT", beat_s, HEARTBEAT_LIMIT_S), ("LOCAL_POSITION_NED", local_s, TELEMETRY_LIMIT_S))
+    late = (f"no {name} for {age_s:.1f} s" for name, age_s, limit_s in rows if age_s > limit_s)
+    return "; ".join(late) or "telemetry is back"
 
 
 def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: float) -> tuple[Check, Check]:
@@ -270,8 +258,9 @@ def _beyond(allowed_m: float, *limiters: Limiter) -> "Condition":
     """Return whether a wall of these kinds has been crossed by more than the allowed distance."""
 
     def crossed(now: Moment) -> bool:
-        beyond_m = now.heard.crossed_m(now.now_s)
-        return bool(beyond_m) and any(beyond_m.get(one, 0.0) > allowed_m for one in limiters)
+        view = now.heard.seen or now.heard.view(now.now_s)
+        walls = () if view is None else view.walls
+        return any(-(wall.gap_m + wall.margin_m) > allowed_m for wall in walls if wall.limiter in limiters)
 
     return crossed
 
@@ -281,13 +270,9 @@ def _operator_silent(now: Moment, longer_s: float = 0.0) -> bool:
     return timeout_s is not None and now.stage.operator_silence_s(now.now_s) > timeout_s + longer_s
 
 
-def _battery_low(now: Moment) -> bool:
-    status = now.heard.vehicle.last(SystemStatus)
-    return not now.stage.battery_was_low and battery_low(status, now.battery_needed)
-
-
-def battery_low(status: SystemStatus | None, needed: float) -> bool:
-    """Return whether the charge is below the needed share; an unknown charge is not low."""
+def is_low(vehicle: VehicleState, needed: float) -> bool:
+    """Return whether the battery's charge is below the needed share; an unknown charge is not low."""
+    status = vehicle.last(SystemStatus)
     return status is not None and status.battery_remaining < needed
 
 
@@ -302,13 +287,7 @@ def _invited(now: Moment) -> bool:
 
 
 def _chase_too_long(now: Moment) -> bool:
-    longest_s = now.settings.longest_chase_s
-    return longest_s is not None and now.now_s - now.stage.chase_began_s > longest_s
-
-
-def _armed(now: Moment) -> bool:
-    # One HEARTBEAT must show both, so that the climb is not taken for a pilot's mode change.
-    return now.heard.vehicle.armed and now.heard.mode in OUR_MODES[State.CLIMBING]
+    return now.now_s - now.stage.chase_began_s > (now.settings.longest_chase_s or math.inf)
 
 
 def _at_height(now: Moment) -> bool:
@@ -320,14 +299,11 @@ def _at_height(now: Moment) -> bool:
 
 
 def _at_start(now: Moment) -> bool:
-    if now.heard.start_ned_m is None:
-        return True
-    local = now.heard.vehicle.last(LocalPosition)
-    return (
-        local is not None
-        and math.dist(local.position_ned_m, now.heard.start_ned_m) < _AT_START_M
-        and math.hypot(*local.velocity_ned_m_s) < _AT_START_M_S
-    )
+    start_ned_m, local = now.heard.start_ned_m, now.heard.vehicle.last(LocalPosition)
+    if start_ned_m is None or local is None:
+        return start_ned_m is None
+    near = math.dist(local.position_ned_m, start_ned_m) < _AT_START_M
+    return near and math.hypot(*local.velocity_ned_m_s) < _AT_START_M_S
 
 
 def _clear(now: Moment) -> bool:
@@ -336,11 +312,6 @@ def _clear(now: Moment) -> bool:
     settled = now.now_s - now.heard.vehicle.reset_s >= settings.settle_s
     missing = _evader_lost(now) or _telemetry_lost(now) or now.heard.silent_mate(now.now_s)
     return waited and settled and not missing
-
-
-def _in_contact(now: Moment) -> bool:
-    waited = now.in_state_s >= now.settings.settle_s
-    return waited and not _telemetry_lost(now) and fit(now)
 
 
 Condition = Callable[[Moment], bool]
@@ -362,7 +333,7 @@ _CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
     (Event.RIVAL, lambda now: now.settings.hold_on_rival and bool(now.rival)),
     (Event.OPERATOR_LOST, _operator_silent),
     (Event.OPERATOR_GONE, lambda now: _operator_silent(now, now.settings.operator_return_s)),
-    (Event.BATTERY_LOW, _battery_low),
+    (Event.BATTERY_LOW, lambda now: not now.stage.battery_was_low and is_low(now.heard.vehicle, now.battery_needed)),
     # The inputs of the game.
     (Event.ESTIMATOR_RESET, lambda now: now.heard.vehicle.resets != now.stage.resets_seen),
     (Event.LOOP_LATE, lambda now: now.dt_s > LATE_LOOP_S),
@@ -381,12 +352,13 @@ _CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
     (Event.HEARD, lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S),
     (Event.FIT, fit),
     (Event.UNFIT, lambda now: not fit(now)),
-    (Event.ARMED, _armed),
+    # One HEARTBEAT must show both, so that the climb is not taken for a pilot's mode change.
+    (Event.ARMED, lambda now: now.heard.vehicle.armed and now.heard.mode in OUR_MODES[State.CLIMBING]),
     (Event.AT_HEIGHT, _at_height),
     (Event.AT_START, _at_start),
     (Event.GUIDED, lambda now: now.heard_since_entry and now.heard.mode is Mode.GUIDED),
     (Event.CLEAR, _clear),
-    (Event.CONTACT, _in_contact),
+    (Event.CONTACT, lambda now: now.in_state_s >= now.settings.settle_s and not _telemetry_lost(now) and fit(now)),
     (Event.TIMED_OUT, lambda now: now.in_state_s > now.settings.limits_s.get(now.stage.state, math.inf)),
     (Event.CHASE_TIMED_OUT, _chase_too_long),
 )

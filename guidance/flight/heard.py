@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Mode
-from guidance.control import Envelope, Limiter, Situation, Wall, measure_walls
+from guidance.control import Envelope, Situation, Wall, measure_walls
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.control.walls import Separation
 from guidance.estimation import EvaderEstimate
@@ -69,12 +69,11 @@ MOST_AIRCRAFT: Final = 32
 
 
 class View(NamedTuple):
-    """The evader, the situation and the walls of one cycle, and how far beyond a wall of each kind the vehicle is."""
+    """The evader, the situation and the walls of one cycle."""
 
     evader: EvaderEstimate | None
     situation: Situation
     walls: tuple[Wall, ...]
-    crossed_m: Mapping[Limiter, float]
 
 
 class Heard:
@@ -92,6 +91,7 @@ class Heard:
         position_ned_m: Position of the vehicle in the local frame.
         moved_ned_m: Movement of that frame in this cycle.
         cycle: Settings of the guidance cycle, with heights and fences about home.
+        seen: View of this cycle, once it is computed.
         start_ned_m: Stand-by position, if configured.
         role: In the team; None without one.
         mates: Last state of every other vehicle of the team, by name.
@@ -116,7 +116,7 @@ class Heard:
         self.position_ned_m: Vector | None = None
         self.moved_ned_m = NOWHERE
         self.cycle = settings.cycle
-        self._view: View | None = None
+        self.seen: View | None = None
         self.start_ned_m: Vector | None = None
         self.mates: dict[str, MateState] = {}
         self.aircraft: dict[str, MateState] = {}
@@ -138,7 +138,7 @@ class Heard:
             inputs: Inputs of the cycle.
             in_flight: Whether jumps of the evader are bounded by the distance it can have covered.
         """
-        self._view = None
+        self.seen = None
         if inputs.mates:
             self.mates.update((mate.name, mate) for mate in inputs.mates)
         self.switched = inputs.role is not None and inputs.role.evader != self.tracking.playing
@@ -170,8 +170,8 @@ class Heard:
         state = MateState(one.name, at_s, *place, velocity, speed_m_s, one.error_m, airborne=True)
         evaders = (self.tracking.evader(one.received_s, name) for name in self._settings.evaders)
         known = [evader.position_ned_m for evader in evaders if evader is not None]
-        known += [self._around(mate, at_s).position_ned_m for mate in self.mates.values()]
-        apart_m = [math.dist(self._around(state, at_s).position_ned_m, at) for at in known]
+        known += [self._around(mate, at_s, frame).position_ned_m for mate in self.mates.values()]
+        apart_m = [math.dist(self._around(state, at_s, frame).position_ned_m, at) for at in known]
         self.aircraft = {name: was for name, was in self.aircraft.items() if at_s - was.at_s <= FORGOTTEN_S}
         self.aircraft.pop(one.name, None)
         if min(apart_m, default=math.inf) > SAME_M + one.error_m and len(self.aircraft) < MOST_AIRCRAFT:
@@ -213,50 +213,44 @@ class Heard:
 
     def view(self, now_s: float) -> View | None:
         """Return the view of this cycle, computed once; None before the first position."""
-        if self._view is None and self.local is not None and self.position_ned_m is not None:
+        if self.seen is None and self.local is not None and self.position_ned_m is not None:
             evader, estimator = self.tracking.evader(now_s), self.vehicle.last(EstimatorStatus)
             here = Situation(
                 self.position_ned_m,
                 self.local.velocity_ned_m_s,
                 self.vehicle.yaw_rad,
-                None if evader is None else evader.position_ned_m,
-                None if evader is None else evader.velocity_ned_m_s,
-                self.vehicle.acceleration_ned_m_s2,
-                0.0 if estimator is None else estimator.height_sd_m,
+                acceleration_ned_m_s2=self.vehicle.acceleration_ned_m_s2,
+                height_sd_m=0.0 if estimator is None else estimator.height_sd_m,
             )
+            if evader is not None:
+                place, velocity = evader.position_ned_m, evader.velocity_ned_m_s
+                here = here._replace(evader_position_ned_m=place, evader_velocity_ned_m_s=velocity)
             others = self.mates | self.aircraft if self.aircraft else self.mates
-            mates = [self._around(mate, now_s) for mate in self._near(now_s, others)] if others else ()
-            walls = measure_walls(here, self.cycle.envelope, mates)
-            self._view = View(evader, here, walls, _crossed_m(walls))
-        return self._view
-
-    def crossed_m(self, now_s: float) -> Mapping[Limiter, float]:
-        """Return how far beyond walls the vehicle is, by their kind; empty if it is beyond none."""
-        view = self._view or self.view(now_s)
-        return {} if view is None else view.crossed_m
+            mates = [around for _, around in self._near(now_s, others)] if others else ()
+            self.seen = View(evader, here, measure_walls(here, self.cycle.envelope, mates))
+        return self.seen
 
     def silent_mate(self, now_s: float) -> str:
         """Return the name of a mate nearby that is silent for longer than `HOLD_S`; empty if there is none."""
         envelope, here = self.cycle.envelope, self.position_ned_m
         stop_m = envelope.speed_m_s * (envelope.reaction_s + envelope.speed_m_s / (2.0 * envelope.braking_m_s2))
-        for mate in self._near(now_s, self.mates):
-            around = self._around(mate, now_s)
+        for mate, around in self._near(now_s, self.mates):
             beside_m = math.inf if here is None else math.dist(here[:2], around.position_ned_m[:2]) - around.radius_m
             if now_s - mate.at_s > HOLD_S and beside_m < 2.0 * stop_m:
                 return mate.name
         return ""
 
-    def _near(self, now_s: float, others: Mapping[str, MateState]) -> list[MateState]:
-        """Return which of the others to stay away from."""
-        if self.tracking.local_frame is None:
-            return []
-        return [mate for mate in others.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S]
-
-    def _around(self, mate: MateState, now_s: float) -> Separation:
-        """Return the cylinder that contains a mate with its separation, wherever it went since its last state."""
-        frame, team = self.tracking.local_frame, self._settings.team or TeamSection()
+    def _near(self, now_s: float, others: Mapping[str, MateState]) -> list[tuple[MateState, Separation]]:
+        """Return which of the others to stay away from, and the cylinders around them."""
+        frame = self.tracking.local_frame
         if frame is None:
-            raise ValueError("a mate's place needs the local frame")
+            return []
+        flying = (mate for mate in others.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S)
+        return [(mate, self._around(mate, now_s, frame)) for mate in flying]
+
+    def _around(self, mate: MateState, now_s: float, frame: LocalFrame) -> Separation:
+        """Return the cylinder that contains a mate with its separation, wherever it went since its last state."""
+        team = self._settings.team or TeamSection()
         age_s = max(0.0, now_s - mate.at_s)
         known_s = min(age_s, SILENT_S)
         place = frame.ned_from_wgs84(mate.latitude_deg, mate.longitude_deg, Amsl(mate.altitude_amsl_m))
@@ -272,15 +266,6 @@ class Heard:
         return replace(envelope, home_ned_m=home_ned_m)
 
 
-def _crossed_m(walls: Sequence[Wall]) -> Mapping[Limiter, float]:
-    crossed: dict[Limiter, float] = {}
-    for wall in walls:
-        beyond_m = -(wall.gap_m + wall.margin_m)
-        if beyond_m > 0.0:
-            crossed[wall.limiter] = max(beyond_m, crossed.get(wall.limiter, 0.0))
-    return crossed
-
-
 class Echo:
     """Detects a second source of setpoints, by comparing the autopilot's reports with the setpoints we sent.
 
@@ -291,7 +276,7 @@ class Echo:
     """
 
     def __init__(self) -> None:
-        self._sent: deque[_Sent] = deque(maxlen=256)
+        self._sent: deque[tuple[float, Vector]] = deque(maxlen=256)
         self._strange_s: deque[float] = deque(maxlen=STRANGE_REPORTS)
         self._begun_s = math.inf
 
@@ -314,7 +299,7 @@ class Echo:
     def sent(self, now_s: float, setpoint: Setpoint) -> None:
         """Note a setpoint that we send."""
         self._begun_s = min(self._begun_s, now_s)
-        self._sent.append(_Sent(now_s, setpoint.velocity_ned_m_s))
+        self._sent.append((now_s, setpoint.velocity_ned_m_s))
 
     def hear(self, messages: Iterable[Message], *, guided: bool) -> None:
         """Compare the autopilot's reports with our setpoints; outside the guided mode they are not ours."""
@@ -335,17 +320,12 @@ class Echo:
         reported = message.velocity_ned_m_s
         if not all(map(math.isfinite, reported)):
             return True  # no velocity reported
-        for sent in reversed(self._sent):  # usually the latest one
-            if message.received_s - sent.now_s > REMEMBERED_S:
+        for sent_s, sent_ned_m_s in reversed(self._sent):  # usually the latest one
+            if message.received_s - sent_s > REMEMBERED_S:
                 return False
-            if _distance(reported, sent.velocity_ned_m_s) <= TOLERANCE_M_S:
+            if _distance(reported, sent_ned_m_s) <= TOLERANCE_M_S:
                 return True
         return False
-
-
-class _Sent(NamedTuple):
-    now_s: float
-    velocity_ned_m_s: Vector
 
 
 def _distance(reported: Vector, sent: Vector) -> float:

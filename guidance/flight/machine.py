@@ -10,17 +10,7 @@ from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Mode
 from guidance.flight import detection
-from guidance.flight.detection import (
-    TELEMETRY_LIMIT_S,
-    Check,
-    Moment,
-    NoCertificate,
-    Stage,
-    battery_low,
-    detail_of,
-    events,
-    fit,
-)
+from guidance.flight.detection import TELEMETRY_LIMIT_S, Check, Moment, NoCertificate, Stage
 from guidance.flight.heard import Heard
 from guidance.flight.sending import Asking, HoldHandover, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
@@ -37,7 +27,7 @@ from guidance.flight.table import (
     next_state,
 )
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.messages import LocalPosition, Role, Setpoint, SystemStatus
+from guidance.messages import LocalPosition, Role, Setpoint
 from guidance.vehicle import VehicleState
 
 INVITE_AFTER_S = 1.0
@@ -233,8 +223,8 @@ class Flight:
         before, self._rival = self._rival, now.rival
         if now.rival and not before and not self.settings.hold_on_rival:
             yield Happening(inputs.now_s, Event.RIVAL, self._stage.state, self._stage.state)
-        for event in events(now):
-            yield self._change(inputs.now_s, event, detail=detail_of(event, now))
+        for event in detection.events(now):
+            yield self._change(inputs.now_s, event, detail=detection.detail_of(event, now))
             return  # only the most severe event; the next cycle judges the new state
 
     def _meant(self, order: Event, now: Moment) -> Event | None:
@@ -253,7 +243,7 @@ class Flight:
     def _may_engage(self, now: Moment) -> bool:
         if self.leaving_mode or now.refusals or self.evader_refusal(now.now_s):
             return False
-        return self.checked or fit(now)
+        return self.checked or detection.fit(now)
 
     def _change(self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = "") -> Happening:
         stage, before, after = self._stage, self._stage.state, next_state(self._stage.state, event)
@@ -262,7 +252,7 @@ class Flight:
         if after is not before or ordered:
             self.cause = happening
             # A hold ordered while the battery is already low stands.
-            low = battery_low(self._heard.vehicle.last(SystemStatus), self.battery_needed)
+            low = detection.is_low(self._heard.vehicle, self.battery_needed)
             stage.battery_was_low = low and ordered and after is State.HOLDING
         if after is not before:
             stage.state, stage.since_s, stage.other_mode_seen = after, now_s, False

@@ -18,7 +18,7 @@ from guidance.cycle import CycleSettings
 from guidance.estimation import EvaderEstimate, Observer, moved, observe, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.track import ReportOutcome
-from guidance.frames import Amsl, GameFrame, LocalFrame, Projection, Vector
+from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference, total
 from guidance.messages import EvaderReport, GlobalPosition, Home, LocalPosition, Message, Origin
 from guidance.vehicle import VehicleState, local_frame
 
@@ -55,7 +55,9 @@ class Tracking:
             way_m_s=max(settings.declared_evader_speed_m_s, settings.ground_speed_m_s),
         )
         self._observers: dict[str, Observer] = {}
-        self._origin = OriginEstimate(profile.projection)
+        self._projection = profile.projection
+        self._told: tuple[Message | None, Message | None, LocalFrame | None] = (None, None, None)
+        self._jumped_ned_m = NOWHERE
         self._home: Home | None = None
         self.held_back_ned_m = NOWHERE
         self.home_ned_m: Vector | None = None
@@ -70,8 +72,7 @@ class Tracking:
             reports: New reports of the evader.
             in_flight: Whether a jump is bounded by the distance the evader can have covered; not on the ground.
         """
-        frame = self._origin.observe(vehicle)
-        self.held_back_ned_m = self._origin.held_back_ned_m
+        frame = self._accepted(vehicle)
         if frame is None:
             return
         if frame is not self.local_frame and frame != self.local_frame:
@@ -86,6 +87,38 @@ class Tracking:
             name = report.evader or ""
             settings = self._of(name, self._track if in_flight else self._free)
             self._observers[name] = observe(self._observers.get(name, _UNHEARD), report, frame, settings)
+
+    def _accepted(self, vehicle: VehicleState) -> LocalFrame | None:
+        """Return the frame about the accepted origin; None until the vehicle has reported one."""
+        home, origin, told = vehicle.latest.get(Home), vehicle.latest.get(Origin), self._told[2]
+        if (home, origin) != self._told[:2]:  # only a new report is computed
+            told = local_frame(vehicle, self._projection)
+            # Heights above home may change; the frame is the same.
+            told = None if told is None else replace(told, home=None)
+            self._told = home, origin, told
+        held = self.local_frame
+        if told is None:
+            return held
+        if vehicle.jumped_ned_m != self._jumped_ned_m:
+            jump = difference(total(self.held_back_ned_m, vehicle.jumped_ned_m), self._jumped_ned_m)
+            self._jumped_ned_m, self.held_back_ned_m = vehicle.jumped_ned_m, jump
+        if held is None or (told is not held and _is_harmless(held, told)):
+            held = told
+        if told != held or self.held_back_ned_m != NOWHERE:
+            return self._judged(held, told, vehicle)
+        return held
+
+    def _judged(self, held: LocalFrame, told: LocalFrame, vehicle: VehicleState) -> LocalFrame:
+        """Choose between the old origin, the reported one, and the one that explains the jump."""
+        place, local = vehicle.last(GlobalPosition), vehicle.last(LocalPosition)
+        if place is None or local is None or local.received_s - place.received_s > _JUDGE_AGE_S:
+            self.held_back_ned_m = NOWHERE
+            return told
+        if place.time_boot_s < vehicle.jumped_boot_s:
+            return held  # older than the jump
+        possible = (held, told, _jumped_origin(held, self.held_back_ned_m))
+        self.held_back_ned_m = NOWHERE
+        return min(possible, key=lambda frame: _apart_m(frame, place, local))
 
     def _of(self, name: str, settings: TrackSettings) -> TrackSettings:
         """Return the settings for an evader that declares another speed."""
@@ -119,65 +152,12 @@ class Tracking:
                 self._observers[name] = moved(observer, lambda place: before.ned_in(frame, place))
             if self.home_ned_m is not None:
                 self.home_ned_m = before.ned_in(frame, self.home_ned_m)
-        if before is None or self.game_frame is None or self._site is not None:
-            self.game_frame = GameFrame(self._game_origin(frame))
+        if self._site is not None:
+            self.game_frame = GameFrame(frame.ned_from_wgs84(*self._site))
+        elif before is None or self.game_frame is None:
+            self.game_frame = GameFrame(NOWHERE)
         else:
             self.game_frame = GameFrame(before.ned_in(frame, self.game_frame.origin_ned_m))
-
-    def _game_origin(self, frame: LocalFrame) -> Vector:
-        if self._site is None:
-            return (0.0, 0.0, 0.0)
-        latitude_deg, longitude_deg, altitude = self._site
-        return frame.ned_from_wgs84(latitude_deg, longitude_deg, altitude)
-
-
-class OriginEstimate:
-    """The accepted origin. `held_back_ned_m` is a jump of the position with an unknown cause."""
-
-    def __init__(self, projection: Projection) -> None:
-        self._projection = projection
-        self._frame: LocalFrame | None = None
-        self._telling: tuple[Message | None, Message | None] = (None, None)
-        self._told_frame: LocalFrame | None = None
-        self._jumped: Vector = (0.0, 0.0, 0.0)
-        self.held_back_ned_m: Vector = NOWHERE
-
-    def observe(self, vehicle: VehicleState) -> LocalFrame | None:
-        """Update with one cycle; return None until the vehicle has reported its origin."""
-        telling = vehicle.latest.get(Home), vehicle.latest.get(Origin)
-        if telling != self._telling:  # only a new report is computed
-            self._telling, told = telling, local_frame(vehicle, self._projection)
-            # Heights above home may change; the frame is the same.
-            self._told_frame = None if told is None else replace(told, home=None)
-        told = self._told_frame
-        if told is None:
-            return self._frame
-        if vehicle.jumped_ned_m != self._jumped:
-            self._note_jump(vehicle)
-        if told is self._frame and self.held_back_ned_m == NOWHERE:
-            return told
-        if self._frame is None or _is_harmless(self._frame, told):
-            self._frame = told
-        if told != self._frame or self.held_back_ned_m != NOWHERE:
-            self._frame = self._judged(self._frame, told, vehicle)
-        return self._frame
-
-    def _note_jump(self, vehicle: VehicleState) -> None:
-        rows = zip(self.held_back_ned_m, vehicle.jumped_ned_m, self._jumped, strict=True)
-        north, east, down = (held_back + now - was for held_back, now, was in rows)
-        self._jumped, self.held_back_ned_m = vehicle.jumped_ned_m, (north, east, down)
-
-    def _judged(self, held: LocalFrame, told: LocalFrame, vehicle: VehicleState) -> LocalFrame:
-        """Choose between the old origin, the reported one, and the one that explains the jump."""
-        place, local = vehicle.last(GlobalPosition), vehicle.last(LocalPosition)
-        if place is None or local is None or local.received_s - place.received_s > _JUDGE_AGE_S:
-            self.held_back_ned_m = NOWHERE
-            return told
-        if place.time_boot_s < vehicle.jumped_boot_s:
-            return held  # older than the jump
-        possible = (held, told, _jumped_origin(held, self.held_back_ned_m))
-        self.held_back_ned_m = NOWHERE
-        return min(possible, key=lambda frame: _apart_m(frame, place, local))
 
 
 def _is_harmless(held: LocalFrame, told: LocalFrame) -> bool:
