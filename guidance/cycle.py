@@ -18,7 +18,7 @@ from guidance.control.servo import AltitudeHold, NorthEast, hold_altitude, keep_
 from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
-from guidance.frames import Amsl, GameFrame, Vector, difference, game_from_ned, ned_from_game, total
+from guidance.frames import GameFrame, Place, Vector, difference, game_from_ned, ned_from_game, total
 from guidance.game import Ball, Extent, Game, Reason, SpeedSet, StandOff, guaranteed_age_s
 from guidance.game.extent import POINT
 from guidance.messages import Setpoint
@@ -62,7 +62,7 @@ class CycleSettings:
     acceleration: Acceleration
     target_game_m: Vector | None = None
     target_extent: Extent = POINT
-    site: tuple[float, float, Amsl] | None = None
+    site: Place | None = None
     evader_timeout_s: float = 1.5
     target_velocity_m_s: tuple[float, float] = (0.0, 0.0)
     speed_sigmas: float = 0.5

@@ -41,6 +41,8 @@ class Relative:
 
 
 Altitude = Amsl | Ellipsoid | Relative
+Place = tuple[float, float, Amsl]
+"""Latitude and longitude in degrees, and altitude."""
 
 
 class Projection(Protocol):
@@ -135,7 +137,7 @@ class LocalFrame:
         north_m, east_m = self.projection.to_metres(self, latitude_deg, longitude_deg)
         return (north_m, east_m, down_m)
 
-    def wgs84_from_ned(self, position_ned_m: Vector) -> tuple[float, float, Amsl]:
+    def wgs84_from_ned(self, position_ned_m: Vector) -> Place:
         """Latitude and longitude in degrees and the altitude of a position; the inverse of `ned_from_wgs84`."""
         north_m, east_m, down_m = position_ned_m
         latitude, longitude = self.projection.to_degrees(self, north_m, east_m)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
+from guidance import messages
 from guidance.autopilots import Mode
 from guidance.control import Envelope, Situation, Wall, measure_walls
 from guidance.control.polygon import Polygon, corners_about_home
@@ -18,17 +19,7 @@ from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference
 from guidance.game import StandOff
-from guidance.messages import (
-    Aircraft,
-    EstimatorStatus,
-    Heartbeat,
-    LocalPosition,
-    MateState,
-    Message,
-    PositionTarget,
-    Role,
-    Setpoint,
-)
+from guidance.messages import Heartbeat, LocalPosition, MateState, Message, PositionTarget, Role, Setpoint
 from guidance.vehicle import VehicleState, observe
 
 REMEMBERED_S: Final = 1.5
@@ -103,7 +94,6 @@ class Heard:
         self._settings = settings
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._game_frame: GameFrame | None = None
-        self._taken_up_ned_m = NOWHERE
         self._jumps = (NOWHERE, NOWHERE)
         self.vehicle = VehicleState()
         self.tracking = Tracking(settings.cycle, settings.autopilot, settings.evaders)
@@ -153,10 +143,10 @@ class Heard:
         self._place()
         if self._settings.team is not None:
             for message in inputs.messages:
-                if isinstance(message, Aircraft):
+                if isinstance(message, messages.Aircraft):
                     self._take_aircraft(message)
 
-    def _take_aircraft(self, one: Aircraft) -> None:
+    def _take_aircraft(self, one: messages.Aircraft) -> None:
         """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better."""
         frame, here, at_s = self.tracking.local_frame, self.position_ned_m, one.received_s - one.age_s
         if frame is None or here is None:
@@ -194,9 +184,7 @@ class Heard:
         self.moved_ned_m = NOWHERE
         jumps = self.vehicle.jumped_ned_m, held_back_ned_m
         if jumps != self._jumps:
-            self._jumps, taken_up_ned_m = jumps, difference(*jumps)
-            self.moved_ned_m = difference(taken_up_ned_m, self._taken_up_ned_m)
-            self._taken_up_ned_m = taken_up_ned_m
+            self.moved_ned_m, self._jumps = difference(difference(*jumps), difference(*self._jumps)), jumps
         home_ned_m, frame = tracking.home_ned_m, tracking.local_frame
         if home_ned_m is not None and frame is not None and (home_ned_m, frame) != self._home_in:
             self._home_in = home_ned_m, frame
@@ -214,17 +202,12 @@ class Heard:
     def view(self, now_s: float) -> View | None:
         """Return the view of this cycle, computed once; None before the first position."""
         if self.seen is None and self.local is not None and self.position_ned_m is not None:
-            evader, estimator = self.tracking.evader(now_s), self.vehicle.last(EstimatorStatus)
-            here = Situation(
-                self.position_ned_m,
-                self.local.velocity_ned_m_s,
-                self.vehicle.yaw_rad,
-                acceleration_ned_m_s2=self.vehicle.acceleration_ned_m_s2,
-                height_sd_m=0.0 if estimator is None else estimator.height_sd_m,
-            )
-            if evader is not None:
-                place, velocity = evader.position_ned_m, evader.velocity_ned_m_s
-                here = here._replace(evader_position_ned_m=place, evader_velocity_ned_m_s=velocity)
+            evader, vehicle = self.tracking.evader(now_s), self.vehicle
+            estimator = vehicle.last(messages.EstimatorStatus)
+            flown, yaw_rad, gained = self.local.velocity_ned_m_s, vehicle.yaw_rad, vehicle.acceleration_ned_m_s2
+            its: tuple[Vector | None, Vector | None] = (None, None) if evader is None else evader[:2]
+            height_sd_m = 0.0 if estimator is None else estimator.height_sd_m
+            here = Situation(self.position_ned_m, flown, yaw_rad, *its, gained, height_sd_m)
             others = self.mates | self.aircraft if self.aircraft else self.mates
             mates = [around for _, around in self._near(now_s, others)] if others else ()
             self.seen = View(evader, here, measure_walls(here, self.cycle.envelope, mates))

@@ -9,23 +9,12 @@ import math
 from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Mode
-from guidance.flight import detection
+from guidance.flight import detection, table
 from guidance.flight.detection import TELEMETRY_LIMIT_S, Check, Moment, NoCertificate, Stage
 from guidance.flight.heard import Heard
 from guidance.flight.sending import Asking, HoldHandover, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
-from guidance.flight.table import (
-    BEFORE_FLIGHT,
-    FINAL,
-    HANDING_OVER,
-    ORDERS,
-    OUR_MODES,
-    SETPOINT_STATES,
-    Event,
-    State,
-    is_done,
-    next_state,
-)
+from guidance.flight.table import BEFORE_FLIGHT, HANDING_OVER, OUR_MODES, SETPOINT_STATES, Event, State
 from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.messages import LocalPosition, Role, Setpoint
 from guidance.vehicle import VehicleState
@@ -132,7 +121,7 @@ class Flight:
         if self._fault_handover is not None:
             return False
         event = self._meant(order, self._moment(now_s, 0.0, refusals))
-        return event is not None and next_state(self.state, event) is not self.state
+        return event is not None and table.next_state(self.state, event) is not self.state
 
     def step(self, inputs: Inputs) -> Outputs:
         """Run one cycle. An exception hands the vehicle to the autopilot's hold and ends the flight.
@@ -141,8 +130,8 @@ class Flight:
             ValueError: If an order is unknown.
         """
         for order in (*inputs.orders, *inputs.mission):
-            if order not in ORDERS:
-                raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
+            if order not in table.ORDERS:
+                raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(table.ORDERS))}")
         try:
             if self._fault_handover is not None:
                 self._heard.vehicle_says(inputs.messages)  # for display
@@ -163,18 +152,13 @@ class Flight:
             inputs: Inputs of the failed cycle.
             error: The exception.
         """
-        before = self._stage.state
-        self._stage.state = next_state(before, Event.FAULT)
-        begun = self._fault_handover is None
-        if self._fault_handover is None:
-            ours = before in SETPOINT_STATES or (before is not self._stage.state and self._heard.mode is Mode.GUIDED)
-            self._fault_handover = HoldHandover(
-                self.settings.autopilot, error, flown=ours and self._stage.state is State.YIELDED
-            )
-        outputs = self._hand_over(inputs, self._fault_handover)
-        if not begun:
-            return outputs
-        fault, after = self._fault_handover.fault, self._stage.state
+        if self._fault_handover is not None:
+            return self._hand_over(inputs, self._fault_handover)
+        before, after = self._stage.state, table.next_state(self._stage.state, Event.FAULT)
+        ours = before in SETPOINT_STATES or (before is not after and self._heard.mode is Mode.GUIDED)
+        handover = HoldHandover(self.settings.autopilot, error, flown=ours and after is State.YIELDED)
+        self._stage.state, self._fault_handover, fault = after, handover, handover.fault
+        outputs = self._hand_over(inputs, handover)
         self.cause = Happening(inputs.now_s, Event.FAULT, before, after, detail=fault or "")
         return outputs._replace(happenings=(*outputs.happenings, self.cause), fault=fault, cause=self.cause)
 
@@ -187,30 +171,23 @@ class Flight:
 
     def _take_in(self, inputs: Inputs) -> float:
         """Update with the inputs; return the time since the last cycle."""
-        now_s, heard = inputs.now_s, self._heard
-        dt_s = 0.0 if self._last_s is None else now_s - self._last_s
+        now_s, heard, stage = inputs.now_s, self._heard, self._stage
         if self._last_s is None:
-            self._stage.since_s = now_s
-        self._last_s = now_s
-        if inputs.alive or inputs.orders or self._stage.operator_s == math.inf:
-            self._stage.operator_s = now_s
-        heard.take_in(inputs, in_flight=self._stage.state not in BEFORE_FLIGHT)
+            self._last_s = stage.since_s = now_s
+        dt_s, self._last_s = now_s - self._last_s, now_s
+        if inputs.alive or inputs.orders or stage.operator_s == math.inf:
+            stage.operator_s = now_s
+        heard.take_in(inputs, in_flight=stage.state not in BEFORE_FLIGHT)
         if heard.switched:
             self._playing.switch()
         if heard.moved_ned_m != NOWHERE:
             self._playing.move(heard.moved_ned_m)
-        if heard.beats:
-            self._note_modes()
-        return dt_s
-
-    def _note_modes(self) -> None:
-        """Note the modes in HEARTBEAT since the state was entered."""
-        for beat in self._heard.beats:
-            if beat.received_s > self._stage.since_s:
+        for beat in heard.beats:
+            if beat.received_s > stage.since_s:
                 mode = self.settings.autopilot.mode_of(beat.custom_mode)
-                self._stage.other_mode_seen |= mode is not Mode.GUIDED
-                if mode is not self._stage.mode_left:
-                    self._stage.mode_left = None
+                stage.other_mode_seen |= mode is not Mode.GUIDED
+                stage.mode_left = stage.mode_left if mode is stage.mode_left else None
+        return dt_s
 
     def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
         for by, order in _orders(inputs):
@@ -246,9 +223,9 @@ class Flight:
         return self.checked or detection.fit(now)
 
     def _change(self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = "") -> Happening:
-        stage, before, after = self._stage, self._stage.state, next_state(self._stage.state, event)
+        stage, before, after = self._stage, self._stage.state, table.next_state(self._stage.state, event)
         happening = Happening(now_s, event, before, after, by, detail)
-        ordered = by is Authority.OPERATOR and is_done(event, after)
+        ordered = by is Authority.OPERATOR and table.is_done(event, after)
         if after is not before or ordered:
             self.cause = happening
             # A hold ordered while the battery is already low stands.
@@ -259,19 +236,15 @@ class Flight:
             stage.resets_seen, stage.reboots_seen = self._heard.vehicle.resets, self._heard.vehicle.reboots
             if after is State.ENGAGED and before is not State.PAUSED:
                 stage.chase_began_s = now_s
-            self._note_handover(before, after)
+            self.checked |= before is State.READY and after is not State.CHECKING
+            self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | table.FINAL
+            known = before in BEFORE_FLIGHT or self._heard.mode in OUR_MODES[before]
+            stage.mode_left = self._heard.mode if known and after in HANDING_OVER else None
             self._playing.change(before, after)
             lost = after is State.YIELDED and event in {Event.TELEMETRY_LOST, Event.LOOP_STOPPED}
             if lost and before in SETPOINT_STATES and self.settings.autopilot.waits_in_guided:
                 self._asking.await_hold()
         return happening
-
-    def _note_handover(self, before: State, after: State) -> None:
-        self.checked |= before is State.READY and after is not State.CHECKING
-        self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | FINAL
-        mode = self._heard.mode
-        known = before in BEFORE_FLIGHT or mode in OUR_MODES[before]
-        self._stage.mode_left = mode if known and after in HANDING_OVER else None
 
     def _moment(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Moment:
         heard, stage, certified = self._heard, self._stage, self._playing.certificate or _NO_CERTIFICATE

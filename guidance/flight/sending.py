@@ -12,7 +12,7 @@ from guidance.flight.detection import Stage
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, SETPOINT_STATES, State
-from guidance.frames import Amsl, Vector, difference
+from guidance.frames import Place, Vector, total
 from guidance.messages import Heartbeat, Home, Message, Request, Setpoint
 from guidance.monitor import Alarm, MonitorMemory, watch
 from guidance.vehicle import VehicleState
@@ -53,11 +53,7 @@ _MODE_OF_STATE = {
 
 
 def requests_in(
-    state: State,
-    settings: FlightSettings,
-    vehicle: VehicleState,
-    mode: Mode | None,
-    start: tuple[float, float, Amsl] | None,
+    state: State, settings: FlightSettings, vehicle: VehicleState, mode: Mode | None, start: Place | None
 ) -> tuple[Request, ...]:
     """Return the requests of a state; none if their effect is already there.
 
@@ -141,8 +137,10 @@ class Asking:
             if heard.start_ned_m is not None and frame is not None:
                 place = frame.wgs84_from_ned(heard.start_ned_m)
             asked = requests_in(stage.state, self._settings, heard.vehicle, heard.mode, place)
-        if stage.state is State.ENTERING or (stage.state in SETPOINT_STATES and heard.echo.suspicious):
-            asked = (*asked, *self._beat(now_s))
+        uncertain = stage.state is State.ENTERING or (stage.state in SETPOINT_STATES and heard.echo.suspicious)
+        if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
+            self._beat_asked_s = now_s
+            asked = (*asked, self._settings.autopilot.request_message(HEARTBEAT))
         if self._handover is not None:
             fresh = [message for message in heard.messages if message.received_s > stage.since_s]
             asked = (*asked, *self._handover.requests(now_s, fresh))
@@ -161,13 +159,6 @@ class Asking:
         streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
         # The HEARTBEAT of the order's own cycle may be older than the order.
         return not (entering and in_state_s <= streamed_s + _SAME_S)
-
-    def _beat(self, now_s: float) -> tuple[Request, ...]:
-        """Request a HEARTBEAT at most every `BEAT_EVERY_S`."""
-        if now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
-            return ()
-        self._beat_asked_s = now_s
-        return (self._settings.autopilot.request_message(HEARTBEAT),)
 
 
 def _described(error: Exception) -> str:
@@ -217,11 +208,10 @@ class Playing:
 
         The vehicle is then held where it is, not sent to where it now believes that it was.
         """
-        north_m, east_m, down_m = by_ned_m
-        memory = self._memory
+        (north_m, east_m, down_m), memory = by_ned_m, self._memory
         drift, place, height = memory.follow.drift, memory.place, memory.height
         if drift.position_ned_m is not None:
-            drift = drift._replace(position_ned_m=difference(drift.position_ned_m, (-north_m, -east_m, -down_m)))
+            drift = drift._replace(position_ned_m=total(drift.position_ned_m, by_ned_m))
         self._memory = memory._replace(
             follow=memory.follow._replace(drift=drift),
             place=None if place is None else (place[0] + north_m, place[1] + east_m),
@@ -247,12 +237,9 @@ class Playing:
         if state is State.STANDING_BY:
             # Neutral stream: do not remember a height while the pilot flies.
             self._memory = CycleMemory(limits=self._memory.limits)
-        playing = state is State.ENGAGED or (
-            state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
-        )
-        played = play if playing and view.evader is not None else hover
-        guided = bool(heard.beats) and heard.mode is Mode.GUIDED
-        frame = heard.tracking.game_frame
+        shadowing = state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
+        played = play if (state is State.ENGAGED or shadowing) and view.evader is not None else hover
+        guided, frame = bool(heard.beats) and heard.mode is Mode.GUIDED, heard.tracking.game_frame
         inputs = CycleInputs(dt_s, view.situation, view.walls, view.evader, frame, guided)
         output = played(inputs, heard.cycle, self._memory)
         self._memory = output.memory
