@@ -7,14 +7,14 @@ import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final
 
 from guidance import messages
 from guidance.autopilots import Mode
-from guidance.control import Envelope, Situation, Wall, measure_walls
+from guidance.control import Envelope, Situation, measure_walls
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.control.walls import Separation
-from guidance.estimation import EvaderEstimate
+from guidance.cycle import CycleInputs
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference
@@ -59,14 +59,6 @@ SAME_M: Final = 10.0
 MOST_AIRCRAFT: Final = 32
 
 
-class View(NamedTuple):
-    """The evader, the situation and the walls of one cycle."""
-
-    evader: EvaderEstimate | None
-    situation: Situation
-    walls: tuple[Wall, ...]
-
-
 class Heard:
     """Everything received so far, as it stands in this cycle.
 
@@ -82,7 +74,8 @@ class Heard:
         position_ned_m: Position of the vehicle in the local frame.
         moved_ned_m: Movement of that frame in this cycle.
         cycle: Settings of the guidance cycle, with heights and fences about home.
-        seen: View of this cycle, once it is computed.
+        dt_s: Time since the last cycle.
+        seen: Inputs of the guidance in this cycle, once they are computed.
         start_ned_m: Stand-by position, if configured.
         role: In the team; None without one.
         mates: Last state of every other vehicle of the team, by name.
@@ -106,7 +99,8 @@ class Heard:
         self.position_ned_m: Vector | None = None
         self.moved_ned_m = NOWHERE
         self.cycle = settings.cycle
-        self.seen: View | None = None
+        self.dt_s = 0.0
+        self.seen: CycleInputs | None = None
         self.start_ned_m: Vector | None = None
         self.mates: dict[str, MateState] = {}
         self.aircraft: dict[str, MateState] = {}
@@ -121,14 +115,15 @@ class Heard:
         if self.beats:
             self.mode = self._settings.autopilot.mode_of(self.beats[-1].custom_mode)
 
-    def take_in(self, inputs: Inputs, *, in_flight: bool) -> None:
+    def take_in(self, inputs: Inputs, dt_s: float = 0.0, *, in_flight: bool) -> None:
         """Update everything with the inputs of one cycle.
 
         Args:
             inputs: Inputs of the cycle.
+            dt_s: Time since the last one.
             in_flight: Whether jumps of the evader are bounded by the distance it can have covered.
         """
-        self.seen = None
+        self.seen, self.dt_s = None, dt_s
         if inputs.mates:
             self.mates.update((mate.name, mate) for mate in inputs.mates)
         self.switched = inputs.role is not None and inputs.role.evader != self.tracking.playing
@@ -161,22 +156,20 @@ class Heard:
         evaders = (self.tracking.evader(one.received_s, name) for name in self._settings.evaders)
         known = [evader.position_ned_m for evader in evaders if evader is not None]
         known += [self._around(mate, at_s, frame).position_ned_m for mate in self.mates.values()]
-        apart_m = [math.dist(self._around(state, at_s, frame).position_ned_m, at) for at in known]
+        reported_ned_m = self._around(state, at_s, frame).position_ned_m
         self.aircraft = {name: was for name, was in self.aircraft.items() if at_s - was.at_s <= FORGOTTEN_S}
         self.aircraft.pop(one.name, None)
-        if min(apart_m, default=math.inf) > SAME_M + one.error_m and len(self.aircraft) < MOST_AIRCRAFT:
+        unknown = all(math.dist(reported_ned_m, at) > SAME_M + one.error_m for at in known)
+        if unknown and len(self.aircraft) < MOST_AIRCRAFT:
             self.aircraft[one.name] = state
 
     def _play(self, role: Role) -> None:
         """Take a new role: another evader, or another height above the game's disc."""
         self.role, self.tracking.playing = role, role.evader
-        before, disc = self._settings.cycle, self._settings.cycle.standoff
-        self.cycle = replace(
-            before,
-            declared_evader_speed_m_s=self._settings.evaders.get(role.evader, before.declared_evader_speed_m_s),
-            standoff=StandOff(disc.radius_m, disc.height_m + role.above_m),
-            envelope=self.cycle.envelope,
-        )
+        before, disc, envelope = self._settings.cycle, self._settings.cycle.standoff, self.cycle.envelope
+        speed_m_s = self._settings.evaders.get(role.evader, before.declared_evader_speed_m_s)
+        disc = StandOff(disc.radius_m, disc.height_m + role.above_m)
+        self.cycle = replace(before, declared_evader_speed_m_s=speed_m_s, standoff=disc, envelope=envelope)
 
     def _place(self) -> None:
         """Compute the positions of vehicle, fences and start in the present local frame."""
@@ -199,8 +192,8 @@ class Heard:
             if held_back_ned_m != NOWHERE:
                 self.position_ned_m = difference(self.position_ned_m, held_back_ned_m)
 
-    def view(self, now_s: float) -> View | None:
-        """Return the view of this cycle, computed once; None before the first position."""
+    def view(self, now_s: float) -> CycleInputs | None:
+        """Return the inputs of the guidance in this cycle, computed once; None before the first position."""
         if self.seen is None and self.local is not None and self.position_ned_m is not None:
             evader, vehicle = self.tracking.evader(now_s), self.vehicle
             estimator = vehicle.last(messages.EstimatorStatus)
@@ -210,7 +203,9 @@ class Heard:
             here = Situation(self.position_ned_m, flown, yaw_rad, *its, gained, height_sd_m)
             others = self.mates | self.aircraft if self.aircraft else self.mates
             mates = [around for _, around in self._near(now_s, others)] if others else ()
-            self.seen = View(evader, here, measure_walls(here, self.cycle.envelope, mates))
+            walls = measure_walls(here, self.cycle.envelope, mates)
+            guided, frame = bool(self.beats) and self.mode is Mode.GUIDED, self.tracking.game_frame
+            self.seen = CycleInputs(self.dt_s, here, walls, evader, frame, guided)
         return self.seen
 
     def silent_mate(self, now_s: float) -> str:
@@ -243,10 +238,10 @@ class Heard:
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """Return the envelope about home, which may differ from the origin of the local frame."""
-        envelope, corners_deg = self.cycle.envelope, self._settings.limits.fence_polygon_deg
+        fence, corners_deg = self.cycle.envelope.fence_polygon, self._settings.limits.fence_polygon_deg
         if corners_deg is not None:
-            envelope = replace(envelope, fence_polygon=Polygon(corners_about_home(corners_deg, home_ned_m, frame)))
-        return replace(envelope, home_ned_m=home_ned_m)
+            fence = Polygon(corners_about_home(corners_deg, home_ned_m, frame))
+        return replace(self.cycle.envelope, fence_polygon=fence, home_ned_m=home_ned_m)
 
 
 class Echo:

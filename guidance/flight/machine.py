@@ -16,7 +16,7 @@ from guidance.flight.sending import Asking, HoldHandover, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
 from guidance.flight.table import BEFORE_FLIGHT, HANDING_OVER, OUR_MODES, SETPOINT_STATES, Event, State
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.messages import LocalPosition, Role, Setpoint
+from guidance.messages import Role, Setpoint
 from guidance.vehicle import VehicleState
 
 INVITE_AFTER_S = 1.0
@@ -139,7 +139,7 @@ class Flight:
             dt_s = self._take_in(inputs)
             happenings = tuple(self._follow(inputs, dt_s))
             requests = self._asking.requests(self._stage, self._heard, inputs.now_s)
-            setpoint = self._setpoint(inputs.now_s, dt_s)
+            setpoint = self._setpoint(inputs.now_s)
         except Exception as error:  # guidance must not leave the vehicle without a command
             return self.give_up(inputs, error)
         certificate, alarm = self._playing.certificate, self._playing.alarm
@@ -177,7 +177,7 @@ class Flight:
         dt_s, self._last_s = now_s - self._last_s, now_s
         if inputs.alive or inputs.orders or stage.operator_s == math.inf:
             stage.operator_s = now_s
-        heard.take_in(inputs, in_flight=stage.state not in BEFORE_FLIGHT)
+        heard.take_in(inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
         if heard.switched:
             self._playing.switch()
         if heard.moved_ned_m != NOWHERE:
@@ -251,7 +251,7 @@ class Flight:
         rival, needed = heard.tracking.rival(now_s), self.battery_needed
         return Moment(now_s, dt_s, self.settings, heard, stage, certified, refusals, rival, needed)
 
-    def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
+    def _setpoint(self, now_s: float) -> Setpoint | None:
         """Return a setpoint: to command, to hover until the guided mode is left, or to invite a pilot.
 
         Never from an old position: an order given without contact does not end the flight at once.
@@ -261,9 +261,9 @@ class Flight:
         leaving = state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed
         due = state in SETPOINT_STATES or leaving or (inviting and now_s - self._stage.since_s > INVITE_AFTER_S)
         setpoint, self._playing.alarm = None, None
-        if due and heard.vehicle.age_s(LocalPosition, now_s) <= TELEMETRY_LIMIT_S:
+        if due and heard.local is not None and now_s - heard.local.received_s <= TELEMETRY_LIMIT_S:
             needed = math.nan if self.settings.reserve is None else self.battery_needed
-            setpoint = self._playing.setpoint(heard, state, now_s, dt_s, battery_needed=needed)
+            setpoint = self._playing.setpoint(heard, state, now_s, battery_needed=needed)
         if setpoint is None or inviting:
             heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode
         else:

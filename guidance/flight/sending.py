@@ -2,12 +2,11 @@
 
 import traceback
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from guidance.autopilots import Autopilot, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
-from guidance.cycle import CycleInputs, CycleMemory, hover, play
+from guidance.cycle import CycleMemory, hover, play
 from guidance.flight.detection import Stage
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
@@ -177,12 +176,6 @@ class Playing:
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
-        self._watch = partial(
-            watch,
-            with_target=settings.cycle.target_game_m is not None,
-            speed_m_s=settings.cycle.ground_speed_m_s,
-            slack_s=settings.guarantee_slack_s,
-        )
         self._memory = CycleMemory()
         self._monitor = MonitorMemory()
         self.certificate: Certificate | None = None
@@ -212,39 +205,38 @@ class Playing:
         drift, place, height = memory.follow.drift, memory.place, memory.height
         if drift.position_ned_m is not None:
             drift = drift._replace(position_ned_m=total(drift.position_ned_m, by_ned_m))
-        self._memory = memory._replace(
-            follow=memory.follow._replace(drift=drift),
-            place=None if place is None else (place[0] + north_m, place[1] + east_m),
-            height=None if height is None else height._replace(down_m=height.down_m + down_m),
-        )
+        place = None if place is None else (place[0] + north_m, place[1] + east_m)
+        height = None if height is None else height._replace(down_m=height.down_m + down_m)
+        self._memory = memory._replace(follow=memory.follow._replace(drift=drift), place=place, height=height)
 
-    def setpoint(self, heard: Heard, state: State, now_s: float, dt_s: float, *, battery_needed: float) -> Setpoint:
+    def setpoint(self, heard: Heard, state: State, now_s: float, *, battery_needed: float) -> Setpoint:
         """Make this cycle's setpoint.
 
         Args:
             heard: Everything received so far, with a vehicle position.
             state: State of the flight.
             now_s: Time.
-            dt_s: Time since the last cycle.
             battery_needed: Share of the charge needed to fly home from here; NaN if it is not computed.
 
         Raises:
             ValueError: If there is no position of the vehicle yet.
         """
-        settings, view = self._settings, heard.view(now_s)
-        if view is None:
+        settings, inputs = self._settings, heard.seen or heard.view(now_s)
+        if inputs is None:
             raise ValueError("a setpoint needs the vehicle's position")
         if state is State.STANDING_BY:
             # Neutral stream: do not remember a height while the pilot flies.
             self._memory = CycleMemory(limits=self._memory.limits)
         shadowing = state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
-        played = play if (state is State.ENGAGED or shadowing) and view.evader is not None else hover
-        guided, frame = bool(heard.beats) and heard.mode is Mode.GUIDED, heard.tracking.game_frame
-        inputs = CycleInputs(dt_s, view.situation, view.walls, view.evader, frame, guided)
+        played = play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
         output = played(inputs, heard.cycle, self._memory)
         self._memory = output.memory
         if output.certificate is not None:
             self.certificate = output.certificate._replace(battery_needed=battery_needed)
             if state is State.ENGAGED:
-                self._monitor, self.alarm = self._watch(self._monitor, now_s, self.certificate)
+                aimed, speed_m_s = settings.cycle.target_game_m is not None, settings.cycle.ground_speed_m_s
+                slack_s, certificate = settings.guarantee_slack_s, self.certificate
+                self._monitor, self.alarm = watch(
+                    self._monitor, now_s, certificate, with_target=aimed, speed_m_s=speed_m_s, slack_s=slack_s
+                )
         return output.setpoint

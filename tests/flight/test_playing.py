@@ -335,7 +335,7 @@ def test_no_state_that_commands_is_silent_and_no_other_speaks():
         flown.cycles(0.3)
         flown.flight._stage.state, flown.mode = state, Mode.HOLD
         flown.flight._stage.since_s = flown.now_s
-        speaks = flown.flight._setpoint(flown.now_s, CYCLE_S) is not None
+        speaks = flown.flight._setpoint(flown.now_s) is not None
         assert speaks is (state in SETPOINT_STATES | HANDING_OVER)  # HEARTBEAT still shows the guided mode
 
 

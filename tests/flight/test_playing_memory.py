@@ -83,7 +83,7 @@ def test_silence_clears_the_alarm_and_a_setpoint_needs_a_position():
     flown.mode = Mode.HOLD
     assert flown.cycle(beat=True).alarm is None
     with pytest.raises(ValueError, match="needs the vehicle's position"):
-        Playing(SETTINGS).setpoint(Heard(SETTINGS), State.ENGAGED, 0.0, CYCLE_S, battery_needed=math.nan)
+        Playing(SETTINGS).setpoint(Heard(SETTINGS), State.ENGAGED, 0.0, battery_needed=math.nan)
 
 
 def test_a_pilot_who_climbs_with_the_neutral_stream_is_not_pulled_back():
