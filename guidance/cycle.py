@@ -129,7 +129,9 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         raise ValueError("play needs an evader and a game frame; hover without them")
     P, flown_m_s = frame.position_from_ned(here.position_ned_m), game_from_ned(here.velocity_ned_m_s)
     E, seen_m_s = frame.position_from_ned(evader.position_ned_m), game_from_ned(evader.velocity_ned_m_s)
-    players = Players(P, flown_m_s, E, seen_m_s, _target_at(settings, memory.strategy.played_s))
+    T, (x_m_s, y_m_s), played_s = settings.target_game_m, settings.target_velocity_m_s, memory.strategy.played_s
+    T = None if T is None else (T[0] + x_m_s * played_s, T[1] + y_m_s * played_s, T[2])
+    players = Players(P, flown_m_s, E, seen_m_s, T)
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.standoff)
     try:
         game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
@@ -165,7 +167,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         active_limits=tuple(map(str, limited.active)),
         reason=int(Reason.TOO_OLD) if too_old else certificate.reason,
     )
-    played = StrategyMemory(np.array(asked), memory.strategy.played_s + dt_s)
+    played = StrategyMemory(np.array(asked), played_s + dt_s)
     kept = CycleMemory(
         followed.memory, limited.memory, None, yaw_rad, strategy=played, optimal_game_m_s=optimal, speed=speed
     )
@@ -226,12 +228,6 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
         FollowMemory(drift=drift), limited.memory, height, yaw_rad, place, paused, speed=memory.speed.paused()
     )
     return CycleOutput(limited.setpoint, None, kept)
-
-
-def _target_at(settings: CycleSettings, played_s: float) -> Vector | None:
-    """Return where the evader's target is after so long a play."""
-    place, (x_m_s, y_m_s) = settings.target_game_m, settings.target_velocity_m_s
-    return None if place is None else (place[0] + x_m_s * played_s, place[1] + y_m_s * played_s, place[2])
 
 
 def _pursue(strategy: Strategy, game: Game, players: Players, memory: StrategyMemory, dt_s: float) -> Vector:

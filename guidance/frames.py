@@ -183,15 +183,8 @@ def game_from_ned(vector_ned: Vector) -> Vector:
     return (east, north, -down)
 
 
-def ned_from_game(vector_game: Vector) -> Vector:
-    """Turn a free vector from the game frame into NED."""
-    x, y, z = vector_game
-    return (y, x, -z)
-
-
-def wrap_rad(angle_rad: float) -> float:
-    """The same angle in [-π, π]."""
-    return math.remainder(angle_rad, math.tau)
+ned_from_game = game_from_ned
+"""Turns a free vector from the game frame into NED."""
 
 
 def wrap_deg(angle_deg: float) -> float:

@@ -18,7 +18,7 @@ from guidance.frames import (
     Relative,
     game_from_ned,
     ned_from_game,
-    wrap_rad,
+    wrap_deg,
 )
 
 LATITUDES = st.floats(-80.0, 80.0)
@@ -154,6 +154,6 @@ def test_distances_survive_the_turn_into_the_game(one, other):
 @settings(deadline=None)
 @given(st.floats(-1e3, 1e3))
 def test_a_wrapped_angle_is_the_same_direction_within_half_a_turn(angle):
-    wrapped = wrap_rad(angle)
+    wrapped = math.radians(wrap_deg(math.degrees(angle)))
     assert abs(wrapped) <= math.pi
     assert (math.cos(wrapped), math.sin(wrapped)) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-9)

@@ -138,11 +138,8 @@ def constraints_of(
     speed, braking_m_s2 = math.hypot(*asked_ned_m_s), min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
     drift_m = math.hypot(*here.velocity_ned_m_s) * envelope.reaction_s + math.hypot(*surge_ned_m)
     reach_m = drift_m + speed * (envelope.reaction_s + speed / (2.0 * braking_m_s2))
-    return tuple(
-        _constraint(wall, asked_ned_m_s, here.velocity_ned_m_s, surge_ned_m, envelope)
-        for wall in walls
-        if wall.gap_m <= reach_m
-    )
+    near, flown = (wall for wall in walls if wall.gap_m <= reach_m), here.velocity_ned_m_s
+    return tuple(_constraint(wall, asked_ned_m_s, flown, surge_ned_m, envelope) for wall in near)
 
 
 def _constraint(wall: Wall, asked: Vector, flown: Vector, surge_ned_m: Vector, envelope: Envelope) -> Constraint:

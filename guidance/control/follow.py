@@ -297,11 +297,5 @@ def follow(
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
     served = serve(desired, flown, memory.servo, following.servo, dt_s=pace.dt_s, held_back=pace.held_back)
-    return Followed(
-        total(served.velocity_ned_m_s, drift.velocity_ned_m_s),
-        served.acceleration_ned_m_s2,
-        desired,
-        FollowMemory(served.memory, deficit_m, drift),
-        flown,
-        not braking,
-    )
+    sent, kept = total(served.velocity_ned_m_s, drift.velocity_ned_m_s), FollowMemory(served.memory, deficit_m, drift)
+    return Followed(sent, served.acceleration_ned_m_s2, desired, kept, flown, not braking)

@@ -44,12 +44,7 @@ def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vec
 
 
 def shape(
-    desired_m_s: Vector,
-    velocity_m_s: Vector,
-    acceleration_m_s2: Vector,
-    most: Agility,
-    dt_s: float,
-    settle_per_s: float,
+    desired_m_s: Vector, velocity_m_s: Vector, acceleration_m_s2: Vector, most: Agility, dt_s: float, gain_per_s: float
 ) -> tuple[Vector, Vector]:
     """Move a velocity towards the desired one for one step; return it and the acceleration of that step.
 
@@ -62,14 +57,14 @@ def shape(
         acceleration_m_s2: Of the last step.
         most: Largest acceleration and jerk.
         dt_s: Duration of the step.
-        settle_per_s: Largest gain from the missing velocity to the acceleration; infinite for none.
+        gain_per_s: Largest gain from the missing velocity to the acceleration; infinite for none.
     """
     north, east, down = difference(desired_m_s, velocity_m_s)
     size, height = math.hypot(north, east), abs(down)
     level = min(approach_speed(size, most.jerk_m_s3, dt_s), most.acceleration_m_s2)
     steep = min(approach_speed(height, most.jerk_m_s3, dt_s), most.vertical_acceleration_m_s2)
-    if settle_per_s < math.inf:
-        level, steep = min(level, settle_per_s * size), min(steep, settle_per_s * height)
+    if gain_per_s < math.inf:
+        level, steep = min(level, gain_per_s * size), min(steep, gain_per_s * height)
     share = level / size if size > 0.0 else 0.0
     wanted = (north * share, east * share, math.copysign(steep, down))
     a_north, a_east, a_down = slewed = slew(wanted, acceleration_m_s2, most.jerk_m_s3 * dt_s)
@@ -149,25 +144,22 @@ def serve(
         held_back: Whether a wall reduced the last command; the servo then learns nothing.
     """
     dt_s = min(max(dt_s, 0.0), _LONGEST_STEP_S)
-    before, delayed = memory.reference_ned_m_s, memory.expected_ned_m_s
-    if before is None:
-        before = delayed = flown_ned_m_s
-    gained_m_s2, settle_per_s = memory.acceleration_ned_m_s2, gains.settle_per_s
-    reference, acceleration = shape(desired_ned_m_s, before, gained_m_s2, gains, dt_s, settle_per_s)
+    before, delayed = memory.reference_ned_m_s or flown_ned_m_s, memory.expected_ned_m_s
+    if memory.reference_ned_m_s is None:
+        delayed = flown_ned_m_s
+    gained_m_s2 = memory.acceleration_ned_m_s2
+    reference, acceleration = shape(desired_ned_m_s, before, gained_m_s2, gains, dt_s, gains.settle_per_s)
     share = 1.0 - math.exp(-dt_s / gains.lag_s)
     north, east, down = (now + (new - now) * share for now, new in zip(delayed, reference, strict=True))
     expected = (north, east, down)
-    drag_per_s = gains.drag_per_s if memory.drag_per_s is None else memory.drag_per_s
-    trim = memory.trim_ned_m_s2
+    drag_per_s, trim = gains.drag_per_s if memory.drag_per_s is None else memory.drag_per_s, memory.trim_ned_m_s2
     if not held_back:
         error = difference(expected, flown_ned_m_s)
         drag_per_s, trim = _learned(drag_per_s, trim, expected, error, gains, dt_s)
-    feed_forward = (
-        acceleration[0] + drag_per_s * reference[0] + trim[0],
-        acceleration[1] + drag_per_s * reference[1] + trim[1],
-        acceleration[2],
-    )
-    return Served(reference, feed_forward, ServoMemory(reference, acceleration, expected, drag_per_s, trim))
+    a_north, a_east, a_down = acceleration
+    a_north, a_east = a_north + drag_per_s * reference[0] + trim[0], a_east + drag_per_s * reference[1] + trim[1]
+    memory = ServoMemory(reference, acceleration, expected, drag_per_s, trim)
+    return Served(reference, (a_north, a_east, a_down), memory)
 
 
 def _learned(

@@ -25,7 +25,7 @@ from guidance.control.braking_law import Constraint, braked, constraints_of, obe
 from guidance.control.limits import Bounds, Envelope, Limiter, clamp, usable
 from guidance.control.servo import shape, slew
 from guidance.control.walls import STILL, Situation, Wall, measure_walls
-from guidance.frames import Vector, difference, total, wrap_rad
+from guidance.frames import Vector, difference, total
 from guidance.messages import Setpoint
 
 _LONGEST_STEP_S: Final = 0.1
@@ -170,11 +170,11 @@ def _accelerate(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: 
 
 def _turn(wanted_rad: float, before_rad: float, envelope: Envelope, dt_s: float, active: list[Limiter]) -> float:
     """Turn towards the wanted heading, the shorter way, within the turn rate."""
-    largest, turn = envelope.yaw_rate_rad_s * dt_s, wrap_rad(wanted_rad - before_rad)
+    largest, turn = envelope.yaw_rate_rad_s * dt_s, math.remainder(wanted_rad - before_rad, math.tau)
     allowed = min(largest, max(-largest, turn))
     if abs(allowed - turn) > NOTED:
         active.append(Limiter.YAW)
-    return wrap_rad(before_rad + allowed)
+    return math.remainder(before_rad + allowed, math.tau)
 
 
 def _at_walls(holding: tuple[Constraint, ...], taken_m_s: float, envelope: Envelope) -> tuple[Constraint, ...]:

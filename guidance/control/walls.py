@@ -77,10 +77,8 @@ def measure_walls(here: Situation, envelope: Envelope, mates: Sequence[Separatio
     for mate in mates:
         walls += _separation(here, mate, climbs_back=above_floor_m < 0.0)
     if envelope.fence_polygon is not None:
-        walls += [
-            Wall(Limiter.FENCE_POLYGON, (*outward, 0.0), gap_m - margin_m, margin_m)
-            for outward, gap_m in _edges(envelope.fence_polygon, point)
-        ]
+        edges = _edges(envelope.fence_polygon, point)
+        walls += [Wall(Limiter.FENCE_POLYGON, (*normal, 0.0), gap_m - margin_m, margin_m) for normal, gap_m in edges]
     walls.append(Wall(Limiter.FLOOR, (0.0, 0.0, 1.0), above_floor_m, spare_m))
     walls.append(Wall(Limiter.CEILING, (0.0, 0.0, -1.0), envelope.ceiling_m - height_m))
     if envelope.fence_radius_m is not None:
@@ -133,10 +131,8 @@ def _separation(here: Situation, mate: Separation, *, climbs_back: bool) -> list
     to_north, to_east = (north / away_m, east / away_m) if away_m > 0.0 else (0.0, 0.0)
     gap_m, normals = _outside(away_m - mate.radius_m, abs(down) - mate.height_m)
     towards = 0.0 if climbs_back and down < 0.0 else math.copysign(1.0, down)
-    return [
-        Wall(Limiter.SEPARATION, (level * to_north, level * to_east, steep * towards), 0.5 * gap_m)
-        for level, steep in normals
-    ]
+    inward = ((level * to_north, level * to_east, steep * towards) for level, steep in normals)
+    return [Wall(Limiter.SEPARATION, normal, 0.5 * gap_m) for normal in inward]
 
 
 def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:

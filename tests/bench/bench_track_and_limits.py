@@ -13,8 +13,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from guidance.control import Envelope, Polygon, Situation, limit
+from guidance.control import Envelope, Polygon, Situation
 from guidance.control.limits import StandOffLimit
+from guidance.control.setpoint_limiter import limit
 from guidance.estimation import Observer, predict
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update

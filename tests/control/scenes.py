@@ -1,6 +1,7 @@
 """An envelope wide open but for what a test closes, a multicopter's, and a command that has been flown all along."""
 
-from guidance.control import Envelope, LimitMemory, Situation, limit
+from guidance.control import Envelope, Situation
+from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.messages import Setpoint
 
 DT_S = 0.02

@@ -10,19 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
-from guidance.control import (
-    Envelope,
-    Limiter,
-    Polygon,
-    Situation,
-    Wall,
-    held_back,
-    limit,
-    measure_walls,
-    setpoint_limiter,
-)
-from guidance.control.braking_law import approach_speed, braked
+from guidance.control import Envelope, Limiter, Polygon, Situation, Wall, measure_walls, setpoint_limiter
+from guidance.control.braking_law import approach_speed, braked, held_back
 from guidance.control.servo import ServoMemory, serve
+from guidance.control.setpoint_limiter import limit
 from guidance.messages import Setpoint
 from sitl_mock import dynamics
 from tests.control.scenes import DT_S, OPEN, settled

@@ -2,7 +2,7 @@
 
 import pytest
 
-from guidance.control import SpeedMemory, observe_speed
+from guidance.control.capability import SpeedMemory, observe_speed
 
 DT_S = 0.02
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.control import Envelope, Limiter, Polygon, Situation, held_back, measure_walls
-from guidance.control.braking_law import RETURN_M_S, RETURN_PER_S
+from guidance.control import Envelope, Limiter, Polygon, Situation, measure_walls
+from guidance.control.braking_law import RETURN_M_S, RETURN_PER_S, held_back
 
 PLAIN = {
     "floor_m": 3.0,

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from guidance.control import AltitudeHold, hold_altitude
-from guidance.control.servo import keep_station
+from guidance.control.servo import AltitudeHold, hold_altitude, keep_station
 from tests.control.scenes import DT_S, OPEN
 
 

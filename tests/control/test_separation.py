@@ -6,7 +6,8 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds, limit, measure_walls
+from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds, measure_walls
+from guidance.control.setpoint_limiter import limit
 from guidance.control.walls import Separation
 from guidance.game import StandOff
 from guidance.messages import Setpoint

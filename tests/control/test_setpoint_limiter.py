@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.control import Limiter, LimitMemory, Situation, limit
+from guidance.control import Limiter, Situation
 from guidance.control.braking_law import approach_speed
 from guidance.control.limits import Agility
 from guidance.control.servo import shape
-from guidance.control.setpoint_limiter import NOTED, start
+from guidance.control.setpoint_limiter import NOTED, LimitMemory, limit, start
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S, HOVER, OPEN, settled
 from tests.harness.examples import drawn

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from guidance.control import AltitudeHold, Limiter, LimitMemory, Polygon, Situation, hold_altitude, limit
+from guidance.control import Limiter, Polygon, Situation
 from guidance.control.limits import StandOffLimit
-from guidance.control.setpoint_limiter import NOTED
+from guidance.control.servo import AltitudeHold, hold_altitude
+from guidance.control.setpoint_limiter import NOTED, LimitMemory, limit
 from guidance.messages import Setpoint
 from tests.control.scenes import MULTICOPTER
 from tests.harness.examples import drawn

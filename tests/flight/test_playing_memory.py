@@ -5,8 +5,8 @@ import math
 import pytest
 
 from guidance.autopilots import Mode
-from guidance.control import AltitudeHold
 from guidance.control.follow import Drift, FollowMemory
+from guidance.control.servo import AltitudeHold
 from guidance.cycle import CycleMemory
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.heard import Heard
