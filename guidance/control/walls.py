@@ -98,25 +98,14 @@ def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
     zone, evader = envelope.stand_off, here.evader_position_ned_m
     if zone is None or evader is None:
         return []
-    north, east, down = difference(evader, here.position_ned_m)
-    away_m = math.hypot(north, east)
-    to_north, to_east = (north / away_m, east / away_m) if away_m > 0.0 else (0.0, 0.0)
-    beside_m, above_m = away_m - zone.radius_m, down - zone.height_m
-    gap_m, normals = _outside(beside_m, above_m)
+    offset_m = difference(evader, here.position_ned_m)
+    above_m = offset_m[2] - zone.height_m
+    gap_m, (to_north, to_east), normals = _cylinder(offset_m, zone.radius_m, above_m, 1.0)
     flight = here.evader_velocity_ned_m_s or STILL
     fleeing = max(0.0, flight[0] * to_north + flight[1] * to_east) if usable(*flight) else 0.0
     fleeing *= min(1.0, max(0.0, above_m) / COVER_M)
     moving = (fleeing * to_north, fleeing * to_east, 0.0)
-    inward = ((level * to_north, level * to_east, steep) for level, steep in normals)
-    return [Wall(Limiter.STAND_OFF, normal, gap_m, velocity_ned_m_s=moving, approached=True) for normal in inward]
-
-
-def _outside(beside_m: float, above_m: float) -> tuple[float, list[tuple[float, float]]]:
-    """Return the distance to a cylinder, and the level and steep parts of the normals to it; inside there are two."""
-    if beside_m <= 0.0 and above_m <= 0.0:
-        return max(beside_m, above_m), [(1.0, 0.0), (0.0, 1.0)]
-    gap_m = math.hypot(max(0.0, beside_m), max(0.0, above_m))
-    return gap_m, [(max(0.0, beside_m) / gap_m, max(0.0, above_m) / gap_m)]
+    return [Wall(Limiter.STAND_OFF, normal, gap_m, velocity_ned_m_s=moving, approached=True) for normal in normals]
 
 
 def _separation(here: Situation, mate: Separation, *, climbs_back: bool) -> list[Wall]:
@@ -126,13 +115,32 @@ def _separation(here: Situation, mate: Separation, *, climbs_back: bool) -> list
     shrinks from both sides, the faster of two equal vehicles reaches its bound first. A vehicle below the floor
     `climbs_back` also towards a mate above.
     """
-    north, east, down = difference(mate.position_ned_m, here.position_ned_m)
-    away_m = math.hypot(north, east)
-    to_north, to_east = (north / away_m, east / away_m) if away_m > 0.0 else (0.0, 0.0)
-    gap_m, normals = _outside(away_m - mate.radius_m, abs(down) - mate.height_m)
-    towards = 0.0 if climbs_back and down < 0.0 else math.copysign(1.0, down)
-    inward = ((level * to_north, level * to_east, steep * towards) for level, steep in normals)
-    return [Wall(Limiter.SEPARATION, normal, 0.5 * gap_m) for normal in inward]
+    offset_m = difference(mate.position_ned_m, here.position_ned_m)
+    towards = 0.0 if climbs_back and offset_m[2] < 0.0 else math.copysign(1.0, offset_m[2])
+    gap_m, _, normals = _cylinder(offset_m, mate.radius_m, abs(offset_m[2]) - mate.height_m, towards)
+    return [Wall(Limiter.SEPARATION, normal, 0.5 * gap_m) for normal in normals]
+
+
+def _cylinder(
+    offset_ned_m: Vector, radius_m: float, above_m: float, downward: float
+) -> tuple[float, Point, list[Vector]]:
+    """Return the distance to an upright cylinder, the direction to its axis, and the normals to it; inside, two.
+
+    Args:
+        offset_ned_m: From the vehicle to a point of the axis.
+        radius_m: Of the cylinder.
+        above_m: Height above its top, or depth below its bottom.
+        downward: 1 above, -1 below, 0 if height does not count.
+    """
+    away_m = math.hypot(*offset_ned_m[:2])
+    to_north, to_east = (offset_ned_m[0] / away_m, offset_ned_m[1] / away_m) if away_m > 0.0 else (0.0, 0.0)
+    beside_m = away_m - radius_m
+    gap_m, parts = max(beside_m, above_m), [(1.0, 0.0), (0.0, 1.0)]
+    if gap_m > 0.0:
+        gap_m = math.hypot(max(0.0, beside_m), max(0.0, above_m))
+        parts = [(max(0.0, beside_m) / gap_m, max(0.0, above_m) / gap_m)]
+    normals = [(level * to_north, level * to_east, steep * downward) for level, steep in parts]
+    return gap_m, (to_north, to_east), normals
 
 
 def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:
