@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,6 +17,7 @@ from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.session.control_socket import ENDPOINT
 
+Port = partial(typer.Option, min=0, max=65535)
 STOP_LIMIT_S: Final = 5.0
 TILES: Final = "GUIDANCE_TILES"
 """Environment variable with the default of --tiles, also for the pages beside a flight."""
@@ -31,8 +33,8 @@ def view(
     name: Name = None,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
-    port: Annotated[int, typer.Option(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
-    web_port: Annotated[int, typer.Option(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
+    port: Annotated[int, Port(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
+    web_port: Annotated[int, Port(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
     with_parent: WithParent = False,
 ) -> None:
     """Show a flight in Rerun: both vehicles, stand-off disc, isochron, meeting point, fence, plots and events.
@@ -77,7 +79,7 @@ def view(
 
 def panel(
     endpoint: Annotated[list[str] | None, typer.Option(help="Of daemons; repeatable.", show_default=ENDPOINT)] = None,
-    port: Annotated[int, typer.Option(help="TCP port of the page; 0 picks a free one.")] = 8088,
+    port: Annotated[int, Port(help="TCP port of the page; 0 picks a free one.")] = 8088,
     host: Annotated[str, typer.Option(help="Its address; others than loopback need TLS and a password.")] = "127.0.0.1",
     look: Annotated[bool, typer.Option("--look", help="Show only; no orders.")] = False,
     records: Annotated[Path, typer.Option(help="Folder of finished flights, for replay.")] = Path("flights"),

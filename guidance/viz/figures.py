@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.text import Text
 
 from guidance.errors import ConfigError
 from guidance.files import private_file, writing
@@ -56,19 +56,12 @@ _MARGIN_M: Final = 8.0
 MOST_POINTS: Final = 3000
 """Largest number of points of a curve."""
 
-
-class _Figure(Figure):
-    """A figure without formula syntax: a dollar sign in a title stays a dollar sign."""
-
-    def draw(self, renderer: Any) -> None:  # noqa: ANN401
-        for text in self.findobj(Text):
-            text.set_parse_math(False)
-        super().draw(renderer)
+mpl.rcParams["text.parse_math"] = False  # a dollar sign in a title stays a dollar sign
 
 
 def figure_of(width: float, height: float) -> Figure:
     """Return an empty figure, inches."""
-    figure = _Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

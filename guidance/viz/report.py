@@ -6,11 +6,11 @@ The pictures show tracks, the game and its guarantee, velocities, ages and laten
 import base64
 import contextlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from importlib import resources
 from io import BytesIO
-from itertools import pairwise, starmap
+from itertools import pairwise
 from pathlib import Path
 from string import Template
 from typing import Any, Final
@@ -52,8 +52,8 @@ Style = dict[str, Any]
 Line = tuple[str, Array, Array, Style, str | None]
 """A line over time: label of its axis, times, values, style, name."""
 
-Pictures = Mapping[str, Callable[[Any], Figure]]
-"""Functions that draw a story, by the section of `report.html` with their heading and caption."""
+Drawn = Iterable[tuple[str, Figure]]
+"""Pictures by name, drawn one after the other."""
 
 _THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
 _SHADES = ("0.96", "0.86", "0.91", "0.82")
@@ -80,27 +80,21 @@ def draw_flight(record: Path, path: Path, settings_of: SettingsOf, title: str) -
 
 def chase_of(story: Story) -> Chase:
     """Return the shapes of a recorded flight."""
-    settings, home_m, reached = story.settings.cycle, story.flight.home_m, story.captured
-    begin = len(story.cycles) if story.engaged is None else story.engaged.number
+    settings, home_m, engaged, captured = story.settings.cycle, story.flight.home_m, story.engaged, story.captured
+    begin = len(story.cycles) if engaged is None else engaged.number
     end = begin + len(story.game)
     pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
-    first, last = (
-        None if one is None or one.certificate.no_game else one.certificate for one in (story.engaged, reached)
-    )
-    return Chase(
-        (pursuer[:begin], pursuer[end:]),
-        pursuer[begin:end],
-        evader[begin:end],
-        settings.standoff,
-        reached_m=None if reached is None else reached.certificate.evader_game_m,
-        isochron=None if first is None else isochron_at(settings, first),
-        isochron_later=None if last is None else isochron_at(settings, last),
-        meeting_m=None if first is None else (*first.meeting_point_game_m[:2], 0.0),
-        target_m=settings.target_game_m,
-        target_extent=settings.target_extent,
-        fence=() if home_m is None else fence_edges(story.flight.envelope, home_m),
-        fence_height_m=0.0 if home_m is None else home_m[2],
-    )
+    chase = Chase((pursuer[:begin], pursuer[end:]), pursuer[begin:end], evader[begin:end], settings.standoff)
+    chase = chase._replace(target_m=settings.target_game_m, target_extent=settings.target_extent)
+    if home_m is not None:
+        chase = chase._replace(fence=fence_edges(story.flight.envelope, home_m), fence_height_m=home_m[2])
+    if engaged is not None and not engaged.certificate.no_game:
+        meeting_m = (*engaged.certificate.meeting_point_game_m[:2], 0.0)
+        chase = chase._replace(isochron=isochron_at(settings, engaged.certificate), meeting_m=meeting_m)
+    if captured is not None:
+        later = None if captured.certificate.no_game else isochron_at(settings, captured.certificate)
+        chase = chase._replace(reached_m=captured.certificate.evader_game_m, isochron_later=later)
+    return chase
 
 
 def game(story: Story) -> Figure:
@@ -320,7 +314,7 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
     return figure, draw
 
 
-PICTURES: Final[Pictures] = {"tracks": tracks, "game": game, "velocities": velocities, "ages": ages, "events": events}
+PICTURES: Final = {"tracks": tracks, "game": game, "velocities": velocities, "ages": ages, "events": events}
 
 
 def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: bool = False) -> list[Path]:
@@ -337,7 +331,8 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
         OutputError: If the folder cannot be written, or contains the report of another record.
     """
     story = story_of(path, settings_of)
-    written = write_page(folder, [(path, story)], story, PICTURES, opening(story), summary(story))
+    drawn = ((name, draw(story)) for name, draw in PICTURES.items())
+    written = write_page(folder, [story], drawn, opening(story), summary(story))
     if animate:
         written.append(folder / "flight.webp")
         with writing(folder):
@@ -353,55 +348,46 @@ def write_team_report(records: Mapping[str, Path], folder: Path, settings_of: Se
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     team = team_story(records, settings_of)
-    named = [(path, team.flights[name]) for name, path in records.items()]
-    return write_page(folder, named, team, {"plan": plan}, team_opening(team), team_summary(team))
+    drawn = [("plan", plan(team))]
+    return write_page(folder, list(team.flights.values()), drawn, team_opening(team), team_summary(team))
 
 
-def write_page(
-    folder: Path,
-    records: Sequence[tuple[Path, Story]],
-    subject: object,
-    pictures: Pictures,
-    opening: str,
-    rows: Rows,
-) -> list[Path]:
+def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Rows) -> list[Path]:
     """Write a page and its pictures; return the files, the page first.
 
     Args:
         folder: Made if it does not exist.
-        records: What the page is about; an earlier report of the same records is replaced.
-        subject: What the pictures draw.
-        pictures: By section; the page keeps only those.
-        opening: The first paragraph.
+        flights: What the page is about; an earlier report of the same records is replaced.
+        drawn: The pictures, by their section of `report.html`; the page keeps only those sections.
+        words: The first paragraph.
         rows: Of the table.
 
     Raises:
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
-    page, mark = folder / "report.html", "\n".join(starmap(_mark, records))
+    page, mark = folder / "report.html", "\n".join(map(_mark, flights))
     with writing(folder):
         if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
             raise OutputError(f"{page}: is the report of another record; give --out another folder")
         private_folder(folder)
         written, images = [page], {}
-        for name, draw in pictures.items():
-            figure = draw(subject)
+        for name, figure in drawn:
             written.append(folder / f"{name}.png")
             figure.savefig(private_file(written[-1]), dpi=130)
             figure.set_layout_engine(None)  # keep this layout for the SVG
             images[name] = f"data:image/svg+xml;base64,{base64.b64encode(svg_of(figure)).decode('ascii')}"
         table = [f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows]
         template = resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8")
-        kept = _SECTION.sub(lambda found: found[0] if found[1] in pictures else "", template)
-        texts = {"title": escape(records[0][1].title), "opening": escape(opening), "rows": "\n".join(table)}
+        kept = _SECTION.sub(lambda found: found[0] if found[1] in images else "", template)
+        texts = {"title": escape(flights[0].title), "opening": escape(words), "rows": "\n".join(table)}
         private_file(page).write_text(Template(kept).substitute(texts, **images, mark=mark), encoding="utf-8")
     return written
 
 
-def _mark(path: Path, story: Story) -> str:
+def _mark(story: Story) -> str:
     """Return the element of a page that names its record."""
     survey = story.survey
-    what = f"{path.name}, {sum(survey.messages.values())} messages, {survey.duration_s:.3f} s"
+    what = f"{story.path.name}, {sum(survey.messages.values())} messages, {survey.duration_s:.3f} s"
     return f'<meta name="record" content="{escape(what)}">'
 
 

@@ -41,6 +41,7 @@ class Story(NamedTuple):
     """A flight, cycle by cycle.
 
     Attributes:
+        path: Of the record.
         title: Of the flight.
         survey: Of the record.
         settings: At the start.
@@ -52,6 +53,7 @@ class Story(NamedTuple):
         evaders: Track of each evader by name: time and place in the game frame.
     """
 
+    path: Path
     title: str
     survey: Survey
     settings: FlightSettings
@@ -106,7 +108,7 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
     """
     metadata, survey = metadata_of(path), Survey()
     flight = Aggregator(settings_of, metadata, str(path))
-    story = Story(title_of(metadata), survey, flight.settings, flight, [], [], [], [], {})
+    story = Story(path, title_of(metadata), survey, flight.settings, flight, [], [], [], [], {})
     for item in scan(path, survey):
         entry = flight.take(item)
         if isinstance(entry, EventEntry):

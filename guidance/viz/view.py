@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -23,12 +23,10 @@ from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, writing
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, metadata_of, scan, title_of
+from guidance.log.broadcast import LiveFlight
 from guidance.log.reader import Idle
 from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted, target_edge
 from guidance.viz.serving import recording_server, recording_uri, web_page
-
-if TYPE_CHECKING:
-    from guidance.log.broadcast import LiveFlight
 
 APPLICATION: Final = "guidance"
 REDRAWN_EVERY_S: Final = 0.1
@@ -302,7 +300,7 @@ class RecordFile(NamedTuple):
 
 
 def view(
-    sources: "Mapping[str, RecordFile | LiveFlight]",
+    sources: Mapping[str, RecordFile | LiveFlight],
     destination: Destination,
     settings_of: SettingsOf,
     say: Callable[[str], None],
@@ -354,7 +352,7 @@ def view(
         return sum(painter.cycles for painter in painters)
 
 
-def _paint(ended: threading.Event, painter: Painter, source: "RecordFile | LiveFlight") -> None:
+def _paint(ended: threading.Event, painter: Painter, source: RecordFile | LiveFlight) -> None:
     """Draw one flight until it ends, or until the view does."""
 
     def idle() -> bool:
@@ -371,9 +369,6 @@ def _paint(ended: threading.Event, painter: Painter, source: "RecordFile | LiveF
 
 
 def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:
-    for option, given in (("--port", place.port), ("--web-port", place.web_port)):
-        if not 0 <= given <= 65535:
-            raise ConfigError(f"{option} {given}: allowed is 0 (pick a free one) to 65535")
     port, sink = closing.enter_context(recording_server(place.port))
     say(f"look at  {closing.enter_context(web_page(place.web_port, port))}")
     say(f"or with  rerun --connect {recording_uri(port)}")

@@ -359,7 +359,6 @@ async def test_idle_connections_are_capped_and_keep_no_page_out(opened, monkeypa
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (["--port", "70000"], 2, "--port 70000: allowed is 0 (pick a free one) to 65535"),
         (["--host", "192.0.2.1"], 2, "--host 192.0.2.1: anyone who reaches the page can command the vehicle."),
         (["--tiles", "tiles.example"], 2, "--tiles tiles.example: must be a folder, or like https://"),
         (["--port", "IN_USE"], 3, "choose another, or port 0 for a free one"),

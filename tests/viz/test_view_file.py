@@ -234,7 +234,6 @@ def test_without_rerun_the_extra_is_named(record, monkeypatch, tmp_path):
     [
         ([], "give either the FILE"),
         (["RECORD", "--live"], "give either the FILE"),
-        (["RECORD", "--port", "70000"], "--port 70000: allowed is 0"),
         (["RECORD", "--save", "RECORD/x.rrd"], "cannot be written"),
         (["nothing.mcap"], "nothing.mcap: cannot be read"),
     ],
@@ -243,6 +242,13 @@ def test_what_cannot_be_shown_is_refused_by_name(record, words, what):
     run = CliRunner().invoke(app, ["view", *(word.replace("RECORD", str(record)) for word in words)])
     assert isinstance(run.exception, OutputError if "--save" in words else ConfigError)
     assert what in str(run.exception)
+
+
+@pytest.mark.parametrize("option", ["--port", "--web-port"])
+def test_a_port_out_of_range_is_refused_by_name(record, option):
+    run = CliRunner().invoke(app, ["view", str(record), option, "70000"])
+    assert run.exit_code == 2
+    assert f"'{option}': Input should be less than or equal to 65535" in run.output
 
 
 def test_looking_at_a_flight_imports_no_matplotlib():

@@ -10,7 +10,6 @@ Orders and the WebSocket must also come from a page of this origin.
 import asyncio
 import hmac
 import ipaddress
-import math
 import re
 import secrets
 import socket
@@ -72,9 +71,9 @@ class Access:
         self.cookie = f"guidance-panel-{port}"
         self.session = secrets.token_urlsafe(24)
         self.tls = None if remote is None else remote.tls
+        self._password = "" if remote is None else remote.password
         self.scheme = "http" if remote is None else "https"
         self.needs_password = remote is not None
-        self._password = "" if remote is None else remote.password
         self._hosts = frozenset(f"{name}:{port}" for name in _LOOPBACK_NAMES)
 
     def use_token(self, token: str) -> bool:
@@ -229,11 +228,6 @@ def listen(host: str, port: int) -> socket.socket:
         ) from error
 
 
-class _Connection(NamedTuple):
-    connecting: asyncio.Task[None]  # includes the TLS handshake
-    deadline_s: float  # of a request with the cookie; infinite after one
-
-
 class Listener:
     """Passes accepted connections to a web server, which does not bound their number and the time of a request's head.
 
@@ -247,10 +241,9 @@ class Listener:
     """
 
     def __init__(self, server: web.Server, clock: Clock, tls: ssl.SSLContext | None) -> None:
-        self._server = server
-        self._clock = clock
-        self._tls = tls
-        self._open: dict[web.RequestHandler, _Connection] = {}  # oldest first
+        self._server, self._clock, self._tls = server, clock, tls
+        self._open: dict[web.RequestHandler, asyncio.Task[None]] = {}  # with the task that makes the TLS handshake
+        self._strangers_s: dict[web.RequestHandler, float] = {}  # deadlines of those without the cookie, oldest first
 
     async def run(self, listening: socket.socket) -> None:
         """Accept connections until cancelled."""
@@ -267,29 +260,25 @@ class Listener:
 
     def admit(self, handler: web.RequestHandler) -> None:
         """Remove the deadline of a connection that showed the cookie."""
-        if handler in self._open:
-            self._open[handler] = self._open[handler]._replace(deadline_s=math.inf)
+        self._strangers_s.pop(handler, None)
 
     def close_late(self) -> None:
         """Close the connections that missed the deadline, and forget those that ended."""
         now_s, connected = self._clock.now_s(), set(self._server.connections)
-        for handler, (connecting, deadline_s) in list(self._open.items()):
-            if deadline_s <= now_s:
-                self._close(handler)
-            elif connecting.done() and handler not in connected:
-                del self._open[handler]
+        self._open = {one: making for one, making in self._open.items() if one in connected or not making.done()}
+        self._strangers_s = {one: until_s for one, until_s in self._strangers_s.items() if one in self._open}
+        for handler in [one for one, until_s in self._strangers_s.items() if until_s <= now_s]:
+            self._close(handler)
 
     def _add(self, accepted: socket.socket) -> None:
         if len(self._open) >= MAX_CONNECTIONS:
-            strangers = (handler for handler, one in self._open.items() if one.deadline_s < math.inf)
-            oldest = next(strangers, None)
-            if oldest is None:
+            if not self._strangers_s:
                 accepted.close()
                 return
-            self._close(oldest)
+            self._close(next(iter(self._strangers_s)))
         handler = self._server()
-        connecting = asyncio.create_task(self._connect(handler, accepted))
-        self._open[handler] = _Connection(connecting, self._clock.now_s() + LOGIN_DEADLINE_S)
+        self._open[handler] = asyncio.create_task(self._connect(handler, accepted))
+        self._strangers_s[handler] = self._clock.now_s() + LOGIN_DEADLINE_S
 
     async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
         loop = asyncio.get_running_loop()
@@ -300,5 +289,6 @@ class Listener:
             accepted.close()
 
     def _close(self, handler: web.RequestHandler) -> None:
-        self._open.pop(handler).connecting.cancel()
+        del self._strangers_s[handler]
+        self._open.pop(handler).cancel()
         handler.force_close()

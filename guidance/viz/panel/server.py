@@ -16,7 +16,7 @@ from urllib.parse import parse_qs
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from guidance.clock import Clock, MonotonicClock
-from guidance.errors import ConfigError, LinkError
+from guidance.errors import LinkError
 from guidance.links.zenoh_access import read_credentials
 from guidance.log import SettingsOf
 from guidance.viz.panel.access import DEFAULT_TILES, Access, Listener, PasswordThrottle, listen, map_of, remote_access
@@ -71,8 +71,6 @@ def serve_panel(options: PanelOptions, settings_of: SettingsOf, say: Callable[[s
         ConfigError: If an option is not allowed.
         LinkError: If the port is in use.
     """
-    if not 0 <= options.port <= 65535:
-        raise ConfigError(f"--port {options.port}: allowed is 0 (pick a free one) to 65535")
     map_of(options.tiles)
     credentials = read_credentials(options.zenoh)
     security = remote_access(options.host, options.certificate, options.key, options.password_file)
@@ -133,9 +131,8 @@ class PanelServer:
         assert runner.server is not None
         self._listener = Listener(runner.server, self._clock, self._access.tls)
         tasks = [asyncio.create_task(one) for one in (self._listener.run(listening), self._send_changes())]
-        host = self._options.host
-        named = f"[{host}]" if ":" in host else host
-        self._address = f"{self._access.scheme}://{named}:{listening.getsockname()[1]}/"
+        host = f"[{self._options.host}]" if ":" in self._options.host else self._options.host
+        self._address = f"{self._access.scheme}://{host}:{listening.getsockname()[1]}/"
         self._print_address()
         try:
             yield
@@ -228,9 +225,8 @@ class PanelServer:
         return self._door(403, "That was not the password.")
 
     def _let_in(self) -> web.Response:
-        access = self._access
+        access, secure = self._access, self._access.needs_password
         answer = web.Response(status=303, headers={"Location": access.path})
-        secure = access.scheme == "https"
         # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
         answer.set_cookie(access.cookie, access.session, path=access.path, httponly=True, samesite="Lax", secure=secure)
         return answer
@@ -252,13 +248,14 @@ class PanelServer:
         self._send()
         queue: asyncio.Queue[str] = asyncio.Queue(MAX_QUEUED)
         queue.put_nowait(self._hub.message(whole=True))
-        self._pages[page] = queue, asyncio.create_task(_send_queued(page, queue))
+        sending = asyncio.create_task(_send_queued(page, queue))
+        self._pages[page] = queue, sending
         try:
             async for message in page:
                 if message.type is WSMsgType.TEXT and not self._options.look:
                     self._hub.note_operator(str(message.data))  # the key of the daemon that the page shows
         finally:
-            _, sending = self._pages.pop(page)
+            self._pages.pop(page, None)
             sending.cancel()
         return page
 
@@ -293,8 +290,9 @@ class PanelServer:
             self._hub.mark_sent()
             return
         changes = self._hub.message()
-        for queue, sending in self._pages.values():
+        for page, (queue, sending) in list(self._pages.items()):
             if queue.full():
+                del self._pages[page]
                 sending.cancel()
             else:
                 queue.put_nowait(changes)

@@ -75,6 +75,7 @@ _STATES: Final[Mapping[State, Level]] = {
 
 _REACH: Final[Mapping[str, Level]] = {"yes": Level.OK, "uncertain": Level.CAUTION}
 
+_VELOCITIES: Final = ("flown", "commanded", "desired")
 HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
     "now_s": ("now_s",),
     **{f"pursuer_{axis}": ("pursuer_m", number) for number, axis in enumerate("xyz")},
@@ -84,7 +85,7 @@ HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
     "value": ("game", "value"),
     "time_needed_s": ("game", "time_needed_s"),
     "assured_m": ("game", "assured_m"),
-    **{f"{name}_m_s": ("speed_m_s", name) for name in ("flown", "commanded", "desired")},
+    **{f"{name}_m_s": ("speed_m_s", name) for name in _VELOCITIES},
     **{f"{name}_age_s": ("age_s", name) for name in ("position", "evader")},
 }
 """Columns of the charts, and where each is in a snapshot. The page makes further rows by the same table."""
@@ -155,7 +156,6 @@ class SnapshotFold:
 
     def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
         self._flight = Aggregator(settings_of, metadata, source)
-        self._title = title_of(metadata)
         self._begin()
 
     def _begin(self) -> None:
@@ -199,23 +199,19 @@ class SnapshotFold:
             self._set_scene()
 
     def _set_scene(self) -> None:
-        settings, envelope, place = self._flight.settings, self._flight.envelope, self._flight.vehicle.last(Home)
-        cycle, home = settings.cycle, self._flight.home_m
-        target, standoff = cycle.target_game_m, cycle.standoff
-        self._home_m = home
+        cycle, envelope, place = self._flight.settings.cycle, self._flight.envelope, self._flight.vehicle.last(Home)
+        target, standoff, self._home_m = cycle.target_game_m, cycle.standoff, self._flight.home_m
+        edges = [] if self._home_m is None else fence_edges(envelope, self._home_m)
         self.scene: Plain = {
-            "title": self._title,
             "unit": "s" if target is None else "m",
-            "autopilot": settings.autopilot.name,
-            "home_m": rounded(home),
+            "home_m": rounded(self._home_m),
             "home_deg": None if place is None else [place.latitude_deg, place.longitude_deg],
-            "fence_m": [] if home is None else [np.round(one, 1).tolist() for one in fence_edges(envelope, home)],
+            "fence_m": [np.round(edge, 1).tolist() for edge in edges],
             "floor_m": envelope.floor_m,
             "ceiling_m": envelope.ceiling_m,
             "target_m": rounded(target),
             "target_edge_m": [] if target is None else np.round(target_edge(target, cycle.target_extent), 1).tolist(),
             "standoff_m": {"radius": standoff.radius_m, "height": standoff.height_m},
-            "evader_timeout_s": cycle.evader_timeout_s,
         }
 
     def snapshot(self) -> Plain | None:
@@ -223,29 +219,25 @@ class SnapshotFold:
         row, cycle = self.last, self._flight.cycle
         if row is None or self._shown is not None:
             return self._shown
-        certificate, alarm = row.certificate, self._alarm
-        airborne = self._flight.vehicle.armed and not self._flight.vehicle.on_ground
+        certificate, alarm, vehicle = row.certificate, self._alarm, self._flight.vehicle
         snapshot: Plain = {
             **self._vehicle(),
             **self._gaps(),
             "now_s": round(row.now_s, 3),
             "state": str(row.state),
-            "state_words": state_words(row.state, airborne=airborne),
+            "state_words": state_words(row.state, airborne=vehicle.armed and not vehicle.on_ground),
             "streaming": row.setpoint is not None,
             "against": self._flight.playing or "",
             "source": self._source,
             "pursuer_m": rounded(cycle.pursuer_m),
             "evader_m": rounded(cycle.evader_m),
-            "speed_m_s": {
-                name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in ("flown", "commanded", "desired")
-            },
+            "speed_m_s": {name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in _VELOCITIES},
             "game": None if certificate is None else game_of(certificate),
             "alarm": alarm if alarm is not None and row.now_s - alarm["since_s"] <= ALARM_SHOWN_S else None,
             "age_s": {
-                "heartbeat": self._flight.vehicle.age_s(Heartbeat, row.now_s),
+                "heartbeat": vehicle.age_s(Heartbeat, row.now_s),
                 "position": known_age(cycle.telemetry_age_s),
                 "evader": known_age(cycle.evader_age_s),
-                "late": cycle.late_s,
                 "round_trip": self._round_trip_s,
             },
         }
@@ -293,7 +285,6 @@ def game_of(certificate: Certificate) -> Plain:
     return {
         "value": certificate.value,
         "time_needed_s": certificate.time_needed_s,
-        "no_game": certificate.no_game,
         "margin_s": certificate.vehicle_margin_s,
         "reachable_m_s": certificate.reachable_speed_m_s,
         "assured_m": certificate.assured_distance_m,
