@@ -31,7 +31,10 @@ FASTEST_HZ: Final = 50.0
 TIMEOUT_S: Final = 1.5
 """A flight waits for the evader, as lost, if the last report is older."""
 
-DROPOUT_STREAM, POSITION_STREAM, VELOCITY_STREAM = 11, 12, 14
+DROPOUT_STREAM: Final = 11
+_STREAMS: Final = {0: 12, 1: 13, 3: 14, 4: 15}
+"""Streams of the noise of x and y, of position and velocity, by their places in a report."""
+
 _SURE: Final = 2.0
 """An evader counts as faster than declared if it seems so by this many standard deviations."""
 
@@ -93,44 +96,28 @@ def listen(
         evader_m: Position of the evader, (n, 3), m.
         velocity_m_s: Velocity of the evader, (n, 3).
     """
-    period_s = 1.0 / _rate_hz(sensor)
-    near_s = now_s + 1e-9
-    due = heard.measurements * period_s <= near_s
-    if due.any():
-        rows = np.flatnonzero(due)
-        number = heard.measurements[rows]
-        seed = noise.seed[rows]
-        at = heard.on_the_way[rows, number % heard.on_the_way.shape[1]]
-        for axis in range(2):
-            at[:, axis] = evader_m[rows, axis] + _in(noise.position_m, rows) * normal(
-                seed, POSITION_STREAM + axis, number
-            )
-            draw = normal(seed, VELOCITY_STREAM + axis, number)
-            at[:, 3 + axis] = velocity_m_s[rows, axis] + _in(noise.velocity_m_s, rows) * draw
-        at[:, 2], at[:, 5] = evader_m[rows, 2], velocity_m_s[rows, 2]
-        heard.on_the_way[rows, number % heard.on_the_way.shape[1]] = at
+    period_s, near_s, ring = 1.0 / _rate_hz(sensor), now_s + 1e-9, heard.on_the_way
+    rows = np.flatnonzero(heard.measurements * period_s <= near_s)
+    if rows.size:
+        number, report = heard.measurements[rows], np.concatenate([evader_m[rows], velocity_m_s[rows]], axis=1)
+        for place, stream in _STREAMS.items():
+            spread = noise.position_m if place < 3 else noise.velocity_m_s
+            report[:, place] += _in(spread, rows) * normal(noise.seed[rows], stream, number)
+        ring[rows, number % ring.shape[1]] = report
         heard.measurements[rows] += 1
-    while (
-        arrived := (heard.arrivals < heard.measurements) & (heard.arrivals * period_s + sensor.latency_s <= near_s)
-    ).any():
-        heard = _arrive(sensor, noise, heard, arrived, now_s, period_s)
-    return heard
-
-
-def _arrive(
-    sensor: Sensor, noise: Noise, heard: Received, arrived: NDArray[np.bool_], now_s: Array, period_s: float
-) -> Received:
-    rows = np.flatnonzero(arrived)
-    number = heard.arrivals[rows]
-    comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= _in(noise.dropout, rows)
-    for begin_s, end_s in sensor.outages_s:
-        comes &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
-    heard.arrivals[rows] += 1
-    rows, number = rows[comes], number[comes]
-    report = heard.on_the_way[rows, number % heard.on_the_way.shape[1]]
-    heard.position_m[rows], heard.velocity_m_s[rows] = report[:, :3], report[:, 3:]
-    heard.measured_s[rows] = number * period_s
-    return heard
+    while True:
+        here = (heard.arrivals < heard.measurements) & (heard.arrivals * period_s + sensor.latency_s <= near_s)
+        rows = np.flatnonzero(here)
+        if not rows.size:
+            return heard
+        number = heard.arrivals[rows]
+        comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= _in(noise.dropout, rows)
+        for begin_s, end_s in sensor.outages_s:
+            comes &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
+        heard.arrivals[rows] += 1
+        rows, number = rows[comes], number[comes]
+        heard.position_m[rows], heard.velocity_m_s[rows] = np.split(ring[rows, number % ring.shape[1]], 2, axis=1)
+        heard.measured_s[rows] = number * period_s
 
 
 class Known(NamedTuple):
@@ -182,14 +169,9 @@ class SensedEvader:
     """
 
     def __init__(self, source: EvaderSource, sensor: Sensor, seed: int, clock: Callable[[], float]) -> None:
-        self._source = source
-        self._sensor = sensor
-        self._seed = seed
-        self._clock = clock
-        self._engaged_s = math.inf
-        self._last = -1
-        self._on_the_way: deque[EvaderReport] = deque()
-        self._withheld = self._lost = 0
+        self._source, self._sensor, self._seed, self._clock = source, sensor, seed, clock
+        self._engaged_s, self._on_the_way = math.inf, deque[EvaderReport]()
+        self._last, self._withheld, self._lost = -1, 0, 0
 
     def engage(self, now_s: float) -> None:
         """Start the sensor; later calls have no effect. A perfect one never starts."""
@@ -217,18 +199,16 @@ class SensedEvader:
         self._source.close()
 
     def _measure(self, report: EvaderReport) -> None:
-        number = self._number(report)
-        if number == self._last:
-            self._withheld += 1
-            return
-        self._last = number
-        arrival_s = report.received_s + self._sensor.latency_s
+        number, arrival_s = self._number(report), report.received_s + self._sensor.latency_s
         since_s = arrival_s - self._engaged_s
         silent = any(begin <= since_s < end for begin, end in self._sensor.outages_s)
-        if silent or float(uniform(self._seed, DROPOUT_STREAM, number)) < self._sensor.dropout:
+        if number == self._last:
+            self._withheld += 1
+        elif silent or float(uniform(self._seed, DROPOUT_STREAM, number)) < self._sensor.dropout:
             self._lost += 1
-            return
-        self._on_the_way.append(self._late(self._inexact(report, number), arrival_s))
+        else:
+            self._on_the_way.append(self._late(self._inexact(report, number), arrival_s))
+        self._last = number
 
     def _number(self, report: EvaderReport) -> int:
         """Return the number of the sensor's period; without a rate, of the report."""
@@ -246,15 +226,12 @@ class SensedEvader:
         return report._replace(received_s=arrival_s, timesync=answer)
 
     def _inexact(self, report: EvaderReport, number: int) -> EvaderReport:
-        sensor = self._sensor
-        if sensor.position_noise_m == sensor.velocity_noise_m_s == 0.0:
+        position_m, velocity_m_s = self._sensor.position_noise_m, self._sensor.velocity_noise_m_s
+        if position_m == velocity_m_s == 0.0:
             return report
-
-        def draw(stream: int) -> float:
-            return float(normal(self._seed, stream, number))
-
-        east_m, north_m = (sensor.position_noise_m * draw(POSITION_STREAM + axis) for axis in (0, 1))
-        east_m_s, north_m_s = (sensor.velocity_noise_m_s * draw(VELOCITY_STREAM + axis) for axis in (0, 1))
+        draws = (float(normal(self._seed, stream, number)) for stream in _STREAMS.values())
+        spreads = (position_m, position_m, velocity_m_s, velocity_m_s)
+        east_m, north_m, east_m_s, north_m_s = (spread * draw for spread, draw in zip(spreads, draws, strict=True))
         about = LocalFrame(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
         latitude_deg, longitude_deg, _ = about.wgs84_from_ned((north_m, east_m, 0.0))
         north, east, down = report.velocity_ned_m_s
@@ -262,8 +239,8 @@ class SensedEvader:
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             velocity_ned_m_s=(north + north_m_s, east + east_m_s, down),
-            position_sd_m=_grown(report.position_sd_m, _DEFAULT_SPREAD.position_sd_m, sensor.position_noise_m),
-            velocity_sd_m_s=_grown(report.velocity_sd_m_s, _DEFAULT_SPREAD.velocity_sd_m_s, sensor.velocity_noise_m_s),
+            position_sd_m=_grown(report.position_sd_m, _DEFAULT_SPREAD.position_sd_m, position_m),
+            velocity_sd_m_s=_grown(report.velocity_sd_m_s, _DEFAULT_SPREAD.velocity_sd_m_s, velocity_m_s),
         )
 
 
