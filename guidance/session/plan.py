@@ -83,13 +83,13 @@ def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = Fal
     strategy, start_game_m, target_game_m = Strategy(game.policy, gain=game.navigation_gain), None, None
     target_extent, site = POINT if target is None else target.extent, None
     if scenario is not None:
-        from guidance.sim import players  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
+        from guidance.sim import batch  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
         x, y, z = scenario.pursuer.position_m
-        start_game_m, target_game_m = (x, y, z - scenario.evader.height_m), players.target_game_m(scenario)
-        target_extent = players.target_extent(scenario)
-        strategy = players.pursuer_strategy(scenario, np.array(start_game_m), speed_set, scenario.seed)
-        site = players.site(scenario) if mocked or "site" in scenario.model_fields_set else None
+        start_game_m, target_game_m = (x, y, z - scenario.evader.height_m), batch.target_game_m(scenario)
+        target_extent = batch.target_extent(scenario)
+        strategy = batch.strategy_of(scenario, "pursuer", np.array(start_game_m), speed_set, scenario.seed)
+        site = batch.site(scenario) if mocked or "site" in scenario.model_fields_set else None
     elif target is not None:
         target_game_m = (0.0, 0.0, 0.0)  # the game frame's zero is the target; only height differences matter
         site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)

@@ -1,23 +1,29 @@
-"""Scenarios of one kind as arrays, one row per scenario.
+"""The game and the strategies of a scenario, and scenarios of one kind as arrays, one row per scenario.
 
 A number that is equal in all rows stays a single float: faster, and the results have the same bits.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any, NamedTuple, TypeVar
+from dataclasses import replace
+from operator import attrgetter
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
+from guidance.frames import Amsl, Vector
+from guidance.game import Ball, Cylinder, Extent, Game, SpeedSet, StandOff
 from guidance.game.arrays import Real
 from guidance.game.records import rows_of
-from guidance.sim.players import evader_strategy, pursuer_strategy, target_extent
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import EVADER, PURSUER, Player, Scenario
 from guidance.sim.sensor import PERFECT, Noise
-from guidance.strategies import Strategy
+from guidance.strategies import Strategy, random_turns, recorded, waypoints
 
 Array = NDArray[np.float64]
+
+_STREAMS: Final = {PURSUER: 1, EVADER: 2}
+"""Random streams of the players. They differ, so both players turn independently with one seed."""
+
 G = TypeVar("G")
 R = TypeVar("R")
 
@@ -59,25 +65,31 @@ class Batch(NamedTuple):
         return self.kind.evader.believed_speed_m_s == self.kind.evader.speed_m_s
 
 
+_ALIKE: Final = attrgetter(
+    "game",
+    "pursuer.speed_set",
+    "pursuer.navigation_gain",
+    "sensor.rate_hz",
+    "sensor.latency_s",
+    "sensor.outages_s",
+    *(
+        f"{player}.{key}"
+        for player in (PURSUER, EVADER)
+        for key in ("policy", "waypoints_m", "track", "turn_every_s", "turn_most_deg")
+    ),
+)
+
+
 def kind_of(scenario: Scenario) -> Hashable:
     """Return what two scenarios must share to be played in one batch."""
-    pursuer, evader, sensor = scenario.pursuer, scenario.evader, scenario.sensor
+    evader, turns = scenario.evader, "random_turns" in (scenario.pursuer.policy, scenario.evader.policy)
     return (
-        scenario.game,
+        *_ALIKE(scenario),
         target_extent(scenario),
-        pursuer.speed_set,
         any(scenario.wind.velocity_m_s),
-        scenario.time_limit_s if "random_turns" in (pursuer.policy, evader.policy) else None,
-        scenario.evader.believed_speed_m_s == scenario.evader.speed_m_s,
-        sensor != PERFECT,
-        sensor.rate_hz,
-        sensor.latency_s,
-        sensor.outages_s,
-        pursuer.navigation_gain,
-        *(
-            (player.policy, player.waypoints_m, player.track, player.turn_every_s, player.turn_most_deg)
-            for player in (pursuer, evader)
-        ),
+        scenario.time_limit_s if turns else None,
+        evader.believed_speed_m_s == evader.speed_m_s,
+        scenario.sensor != PERFECT,
     )
 
 
@@ -105,48 +117,90 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
     """Stack scenarios of one kind."""
     kind = scenarios[0]
 
-    def column(part: Callable[[Scenario], float]) -> Real:
-        values = [part(each) for each in scenarios]
+    def column(key: str, axis: int | None = None) -> Real:
+        values = [value if axis is None else value[axis] for value in map(attrgetter(key), scenarios)]
         same = values.count(values[0]) == len(values)
         return float(values[0]) if same else np.array(values, dtype=np.float64)
 
-    P, E = starts(scenarios)
-    speed = column(lambda each: each.pursuer.speed_m_s)
-    climb, descent = column(lambda each: each.pursuer.climb_m_s), column(lambda each: each.pursuer.descent_m_s)
-    ball = kind.pursuer.speed_set == "ball"
-    speeds: SpeedSet = Ball(speed) if ball else Cylinder(speed, climb, descent)
-    ground = column(lambda each: each.evader.height_m)
-    seed = np.array([each.seed for each in scenarios], dtype=np.int64)
-    evader_speed = column(lambda each: each.evader.speed_m_s)
+    (P, E), ground = starts(scenarios), column("evader.height_m")
+    speeds: SpeedSet = Ball(column("pursuer.speed_m_s"))
+    if kind.pursuer.speed_set == "cylinder":
+        speeds = Cylinder(*map(column, ("pursuer.speed_m_s", "pursuer.climb_m_s", "pursuer.descent_m_s")))
+    seed, evader_speed = np.array([each.seed for each in scenarios], dtype=np.int64), column("evader.speed_m_s")
     targets = [(*each.target.position_m, 0.0) for each in scenarios if each.target is not None]
+    noises = map(column, ("sensor.position_noise_m", "sensor.velocity_noise_m_s", "sensor.dropout"))
     return Batch(
         kind=kind,
         game=Game(
             speeds,
             evader_speed,
-            capture_radius_m=column(lambda each: each.standoff.tolerance_m),
-            standoff=StandOff(
-                column(lambda each: each.standoff.radius_m), column(lambda each: each.standoff.height_m) - ground
-            ),
-            wind_m_s=(column(lambda each: each.wind.velocity_m_s[0]), column(lambda each: each.wind.velocity_m_s[1])),
+            capture_radius_m=column("standoff.tolerance_m"),
+            standoff=StandOff(column("standoff.radius_m"), column("standoff.height_m") - ground),
+            wind_m_s=(column("wind.velocity_m_s", 0), column("wind.velocity_m_s", 1)),
             target_extent=target_extent(kind),
         ),
-        believed_m_s=column(lambda each: each.evader.believed_speed_m_s),
+        believed_m_s=column("evader.believed_speed_m_s"),
         target_m=np.array(targets) if targets else None,
-        lowest_m=column(lambda each: each.limits.floor_m) - ground,
-        highest_m=column(lambda each: each.limits.ceiling_m) - ground,
-        fence_m=column(lambda each: each.limits.fence_radius_m),
+        lowest_m=column("limits.floor_m") - ground,
+        highest_m=column("limits.ceiling_m") - ground,
+        fence_m=column("limits.fence_radius_m"),
         home_m=np.array([each.home_m for each in scenarios]),
-        limit_s=column(lambda each: each.time_limit_s),
-        noise=Noise(
-            seed,
-            column(lambda each: each.sensor.position_noise_m),
-            column(lambda each: each.sensor.velocity_noise_m_s),
-            column(lambda each: each.sensor.dropout),
-        ),
-        pursuer=pursuer_strategy(kind, P, speeds, seed),
-        evader=evader_strategy(kind, E, evader_speed, seed),
+        limit_s=column("time_limit_s"),
+        noise=Noise(seed, *noises),
+        pursuer=strategy_of(kind, PURSUER, P, speeds, seed),
+        evader=strategy_of(kind, EVADER, E, Ball(evader_speed), seed),
     )
+
+
+def game(scenario: Scenario) -> Game:
+    """Return the game with the evader's true speed, as the evader plays it in flight: in still air, to the disc."""
+    return replace(stack([scenario]).game, capture_radius_m=0.0, wind_m_s=(0.0, 0.0))
+
+
+def target_game_m(scenario: Scenario) -> Vector | None:
+    """Return the evader's target in the game frame, None in the PE game."""
+    return None if scenario.target is None else (*scenario.target.position_m, 0.0)
+
+
+def target_extent(scenario: Scenario) -> Extent:
+    """Return the target's shape, a point in the PE game."""
+    return Extent() if scenario.target is None else scenario.target.extent
+
+
+def site(scenario: Scenario) -> tuple[float, float, Amsl]:
+    """Return the origin of the game frame, on the evader's plane."""
+    where = scenario.site
+    return where.latitude_deg, where.longitude_deg, Amsl(where.altitude_amsl_m + scenario.evader.height_m)
+
+
+def strategy_of(scenario: Scenario, name: str, start_m: Array, speeds: SpeedSet, seed: ArrayLike) -> Strategy:
+    """Return the strategy of a player.
+
+    Args:
+        scenario: Policy, course and gain.
+        name: "pursuer" or "evader".
+        start_m: Starts, (..., 3), m.
+        speeds: Speed set with numbers of shape (...), m/s.
+        seed: Shape (...), one for each row.
+    """
+    player: Player = getattr(scenario, name)
+    course = None
+    match player.policy:
+        case "waypoints":
+            course = waypoints(start_m, np.array([(*point, 0.0)[:3] for point in player.waypoints_m]), speeds)
+        case "random_turns":
+            course = random_turns(
+                start_m,
+                speeds.horizontal_m_s,
+                seed,
+                stream=_STREAMS[name],
+                every_s=player.turn_every_s,
+                max_turn_rad=np.deg2rad(player.turn_most_deg),
+                duration_s=scenario.time_limit_s,
+            )
+        case "recorded":
+            course = recorded(start_m, player.track)
+    return Strategy(player.policy, course, scenario.pursuer.navigation_gain)
 
 
 def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - a batch or a part

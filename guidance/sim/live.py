@@ -14,8 +14,8 @@ from guidance.links.opening import open_link, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.wires import CapturedFrame, TappedWire, share
 from guidance.links.zenoh_wire import ZenohWire, open_session
+from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import check_faults, faults_after, fleet, script, system_ids
-from guidance.sim.players import EvaderPilot
 from guidance.sim.scenario import Flown, Scenario, pursuits_of
 from sitl_mock.child import RunningFleet, running
 from sitl_mock.errors import ConfigError as MockConfigError

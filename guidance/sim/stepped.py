@@ -11,8 +11,8 @@ from guidance.links.carriers import GlobalPositionInt
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import CapturedFrame, raw_keys
+from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import faulted_fleet, faults_after, system_ids
-from guidance.sim.players import EvaderPilot
 from guidance.sim.scenario import EVADER, Flown, Scenario, pursuits_of
 from sitl_mock.faults import Faulted
 

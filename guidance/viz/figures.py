@@ -27,9 +27,8 @@ from guidance.game.extent import POINT
 from guidance.game.team import Matching, TeamRollout
 from guidance.game.team.regions import regions_of, survived
 from guidance.log.scene import Array, circle, isochron, lifted, target_edge
-from guidance.sim.batch import Batch, stack, starts
+from guidance.sim.batch import Batch, stack, starts, target_game_m
 from guidance.sim.maths import game_of, moments, opening
-from guidance.sim.players import standoff, target_extent, target_game_m
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import Teams, TeamScenario, played_teams, teams_of
 
@@ -286,12 +285,12 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
         (),
         pursuer,
         evader,
-        standoff(scenario),
+        batch.game.standoff,
         reached_m=(*_vector(evader[-1])[:2], 0.0),
         isochron=isochron(game_of(batch, batch.believed_m_s), P, E),
         meeting_m=(*_vector(meeting_m)[:2], 0.0) if np.isfinite(meeting_m).all() else None,
         target_m=target_game_m(scenario),
-        target_extent=target_extent(scenario),
+        target_extent=batch.game.target_extent,
         fence=(circle((*scenario.home_m, 0.0), scenario.limits.fence_radius_m, 361),),
         courses=_courses(batch, 2.0 * played_s),
     )

@@ -14,7 +14,7 @@ from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
 from guidance.log.scene import isochron
 from guidance.session.flight_files import flight_folder
 from guidance.session.result import ending_words, outcome_of_flight
-from guidance.sim.players import game
+from guidance.sim.batch import game
 from guidance.sim.scenario_file import load_scenario
 from tests.harness.flights import NEAR, flown
 

@@ -7,8 +7,9 @@ import pytest
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
 from guidance.session.plan import plan_of
+from guidance.sim.batch import game, site
+from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.outcome import evader_to_target_m
-from guidance.sim.players import EvaderPilot, game, site
 from guidance.sim.scenario import Scenario, Target
 from guidance.sim.scenario_file import has_teams, load_document, load_scenario
 

@@ -1,0 +1,101 @@
+"""The pilot of the mocked evader, a ground vehicle that this process commands over MAVLink."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from guidance.autopilots import ROVER, Mode
+from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
+from guidance.frames import GameFrame, Vector, ned_from_game
+from guidance.game import Ball
+from guidance.links.port import VehicleLink
+from guidance.messages import Heartbeat, Home, LocalPosition, Message, Origin, Setpoint
+from guidance.sim.batch import game, site, strategy_of, target_game_m
+from guidance.sim.scenario import EVADER, Scenario
+from guidance.strategies import StrategyMemory, evade
+from guidance.vehicle import VehicleState, local_frame, observe
+
+REPEAT_S = 1.0
+
+
+class EvaderPilot:
+    """Prepares the evader's vehicle, waits for the game, and plays it.
+
+    Args:
+        link: To the vehicle.
+        scenario: Its game, its strategy and its place.
+
+    Attributes:
+        ready: Whether it is armed, in GUIDED, and its position is known.
+    """
+
+    def __init__(self, link: VehicleLink, scenario: Scenario) -> None:
+        self._link = link
+        self._game, self._target_game_m, self._site = game(scenario), target_game_m(scenario), site(scenario)
+        start_m, speeds = np.array((*scenario.evader.position_m, 0.0)), Ball(scenario.evader.speed_m_s)
+        self._strategy = strategy_of(scenario, EVADER, start_m, speeds, scenario.seed)
+        self._began_s: float | None = None
+        self._requested_s = self._stood_s = float("-inf")
+        self.vehicle = VehicleState()
+        self.messages: Sequence[Message] = ()
+        self.ready = False
+        self._position_m: Vector | None = None
+        self._frame: GameFrame | None = None
+        self._frame_sources: tuple[Home | None, Origin | None] = (None, None)
+
+    def position_game_m(self) -> Vector | None:
+        """Its position in the game frame from its own telemetry, None until known."""
+        return self._position_m
+
+    def _located(self) -> Vector | None:
+        sources = (self.vehicle.last(Home), self.vehicle.last(Origin))
+        if sources != self._frame_sources:
+            self._frame_sources = sources
+            frame = local_frame(self.vehicle, ROVER.projection)
+            self._frame = None if frame is None else GameFrame(frame.ned_from_wgs84(*self._site))
+        local = self.vehicle.last(LocalPosition)
+        return None if self._frame is None or local is None else self._frame.position_from_ned(local.position_ned_m)
+
+    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
+        """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
+        self.messages = self._link.receive()
+        self.vehicle = observe(self.vehicle, self.messages)
+        position = self._position_m = self._located()
+        beat = self.vehicle.last(Heartbeat)
+        guided = beat is not None and beat.armed and beat.custom_mode == ROVER.custom_modes[Mode.GUIDED]
+        self.ready = guided and position is not None
+        if not guided or position is None:
+            self._make_ready(now_s)
+        elif playing and pursuers_game_m:
+            self._began_s = now_s if self._began_s is None else self._began_s
+            nearest = min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position))
+            self._link.send_setpoint(Setpoint(self._velocity_ned_m_s(nearest, position, now_s - self._began_s)))
+            self._stood_s = float("-inf")
+        elif now_s - self._stood_s >= REPEAT_S:
+            self._stood_s = now_s
+            self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
+
+    def stop(self) -> None:
+        """Disarm the vehicle."""
+        self._link.request(ROVER.disarm())
+
+    def _make_ready(self, now_s: float) -> None:
+        if now_s - self._requested_s < REPEAT_S:
+            return
+        self._requested_s = now_s
+        for request in (
+            *ROVER.stream_requests(),
+            ROVER.request_message(HOME_POSITION),
+            ROVER.request_message(GPS_GLOBAL_ORIGIN),
+            ROVER.set_mode(Mode.GUIDED),
+            ROVER.arm(),
+        ):
+            self._link.request(request)
+
+    def _velocity_ned_m_s(self, pursuer_game_m: Vector, evader_game_m: Vector, played_s: float) -> Vector:
+        target = self._target_game_m
+        P, E = np.array(pursuer_game_m), np.array((*evader_game_m[:2], 0.0))
+        T, memory = None if target is None else np.array(target), StrategyMemory(None, played_s)
+        x, y, _ = (float(part) for part in evade(self._strategy, self._game, P, E, T, memory))
+        return ned_from_game((x, y, 0.0))
