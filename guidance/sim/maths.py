@@ -5,8 +5,10 @@ as long as the least time until an end or a change. Elsewhere velocities are hel
 flight. No step passes the end of a game, and a game has the same bits alone and in a batch.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,7 +24,7 @@ from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
 from guidance.sim.batch import Array, Batch, by_kind, keep, kind_of, stack, starts
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
-from guidance.sim.sensor import PERFECT, TIMEOUT_S, Known, Received, begin, known, listen, next_event_s
+from guidance.sim.sensor import PERFECT, TIMEOUT_S, Received, begin, known, listen, next_event_s
 from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
 from guidance.strategies.catalogue import PROPORTIONAL
 from guidance.strategies.navigation import turning
@@ -49,6 +51,7 @@ _LONG_LOST_S = LIMITS_S[State.PAUSED]
 RUNNING, CAPTURED, ARRIVED, TIME_UP, FAILED = range(5)
 ENDS = ("running", "captured", "arrived", "time_up", "failed")
 LIMITS = ("fence", "floor", "ceiling")
+_EVENTS = (Event.EVADER_LOST, Event.NO_GAME, Event.CAPTURED, Event.ESCAPED)
 
 
 class Moment(NamedTuple):
@@ -121,10 +124,8 @@ def opening(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Soluti
 
 def begun(scenarios: Sequence[Scenario]) -> Moment:
     """Return the moment of engagement of scenarios of one kind."""
-    P, E = starts(scenarios)
-    count = len(scenarios)
-    zeros = np.zeros(count)
-    no = np.zeros(count, dtype=bool)
+    (P, E), count = starts(scenarios), len(scenarios)
+    zeros, no = np.zeros(count), np.zeros(count, dtype=bool)
     sensor, navigates = scenarios[0].sensor, scenarios[0].pursuer.policy == PROPORTIONAL
     return Moment(
         row=np.arange(count),
@@ -182,32 +183,21 @@ def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
 
 def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     """Ask both players for velocities and move both by one step; finished games stay where they are."""
-    heard = moment.heard
-    P, E = moment.pursuer_m, moment.evader_m
+    P, E, heard, waiting = moment.pursuer_m, moment.evader_m, moment.heard, np.zeros(len(moment.row), dtype=bool)
     if heard is None:
         v, w = _velocities(batch, moment, P, E)
-        waiting = np.zeros(len(P), dtype=bool)
     else:
         heard = listen(batch.kind.sensor, batch.noise, heard, moment.now_s, E, moment.run_m_s)
-        seen = known(batch.noise, heard, batch.believed_m_s, moment.now_s)
-        v, w = _sensed_velocities(batch, moment, seen)
-        waiting = seen.age_s > TIMEOUT_S
+        v, w, age_s = _sensed_velocities(batch, moment, heard)
+        waiting = age_s > TIMEOUT_S
     no_game = ~np.isfinite(v[:, 0])
     v[no_game | waiting] = 0.0
     captured_s = _captured_s(batch, moment, v - w)
+    ends_s = batch.limit_s - moment.now_s, captured_s, ahead.arrival_s, ahead.turn_s
     h = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead, (v, w), captured_s))
-    for limit in (
-        batch.limit_s - moment.now_s,
-        captured_s,
-        ahead.arrival_s,
-        ahead.turn_s,
-        *_changes_s(batch, moment, heard),
-    ):
-        h = np.minimum(h, limit)
-    h = np.where(moment.end == RUNNING, h, 0.0)
+    h = np.where(moment.end == RUNNING, reduce(np.minimum, (*ends_s, *_changes_s(batch, moment, heard)), h), 0.0)
     slope = first = _slope(batch, moment, P, E, (v, w))
-    long = h > CYCLE_S
-    if long.any():
+    if (long := h > CYCLE_S).any():
         mean = _mean_slope(batch, moment, h, first)
         slope = tuple(np.where(long[:, None], over, held) for over, held in zip(mean, first, strict=True))
     P, met = _held_back(batch, P + h[:, None] * slope[0])
@@ -263,10 +253,8 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
     P, E, game = moment.pursuer_m, moment.evader_m, batch.game
     x, y, z = P[:, 0] - E[:, 0], P[:, 1] - E[:, 1], P[:, 2] - game.standoff.height_m
     level = np.sqrt(x**2 + y**2)
-    outside, rate = (
-        level - game.standoff.radius_m,
-        (x * closing_m_s[:, 0] + y * closing_m_s[:, 1]) / np.where(level > 0.0, level, 1.0),
-    )
+    outside = level - game.standoff.radius_m
+    rate = (x * closing_m_s[:, 0] + y * closing_m_s[:, 1]) / np.where(level > 0.0, level, 1.0)
     if isinstance(game.pursuer, Ball):
         reach = np.maximum(outside, 0.0)
         far = np.sqrt(reach**2 + z**2)
@@ -329,12 +317,13 @@ def _velocities(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope |
     return pursue(batch.pursuer, game, P, E, T, w, memory, dt_s=moment.step_s), w
 
 
-def _sensed_velocities(batch: Batch, moment: Moment, seen: Known) -> tuple[Array, Array]:
-    """Return both players' velocities, (n, 3), where the pursuer depends on a sensor."""
-    T, memory = batch.target_m, StrategyMemory(moment.flown_m_s, moment.now_s)
-    game = game_of(batch, seen.speed_bound_m_s, np.minimum(seen.age_s, TIMEOUT_S))
-    v = pursue(batch.pursuer, game, moment.pursuer_m, seen.position_m, T, seen.velocity_m_s, memory, dt_s=moment.step_s)
-    return v, evade(batch.evader, batch.game, moment.pursuer_m, moment.evader_m, T, memory)
+def _sensed_velocities(batch: Batch, moment: Moment, heard: Received) -> tuple[Array, Array, Array]:
+    """Return both players' velocities, (n, 3), and the age, (n,), of what the pursuer knows from its sensor."""
+    P, T, memory = moment.pursuer_m, batch.target_m, StrategyMemory(moment.flown_m_s, moment.now_s)
+    seen_m, bound_m_s, age_s = known(batch.noise, heard, batch.believed_m_s, moment.now_s)
+    game = game_of(batch, bound_m_s, np.minimum(age_s, TIMEOUT_S))
+    v = pursue(batch.pursuer, game, P, seen_m, T, heard.velocity_m_s, memory, dt_s=moment.step_s)
+    return v, evade(batch.evader, batch.game, P, moment.evader_m, T, memory), age_s
 
 
 def _changes_s(batch: Batch, moment: Moment, heard: Received | None) -> Iterator[Array]:
@@ -365,27 +354,22 @@ def _from_home(batch: Batch, P: Array) -> tuple[Array, Array, Array]:
 
 def _outcome(scenario: Scenario, first: Any, row: int, ended: Any, place: int) -> Outcome:  # noqa: ANN401
     """Return the outcome of one game: a row of the opening's lists, and a place in those of an ended moment."""
-    end, no_game, lasted_s = ENDS[ended.end[place]], ended.no_game[place], ended.now_s[place]
-    events = {
-        Event.EVADER_LOST: ended.lost[place],
-        Event.NO_GAME: no_game,
-        Event.CAPTURED: end == "captured",
-        Event.ESCAPED: end == "arrived",
-    }
+    end, no_game, P, E = ENDS[ended.end[place]], ended.no_game[place], ended.pursuer_m[place], ended.evader_m[place]
+    happened = (ended.lost[place], no_game, end == "captured", end == "arrived")
     return outcome_of(
         scenario,
         "maths",
         end=end,
-        game_time_s=lasted_s,
-        distance_to_disc_m=distance_to_disc_m(scenario, ended.pursuer_m[place], ended.evader_m[place]),
-        evader_to_target_m=evader_to_target_m(scenario, ended.evader_m[place]),
+        game_time_s=ended.now_s[place],
+        distance_to_disc_m=distance_to_disc_m(scenario, P, E),
+        evader_to_target_m=evader_to_target_m(scenario, E),
         predicted=first.value[row],
         predicted_winner=winner_name(first.winner[row]),
         time_needed_s=first.meeting_time_s[row],
         min_standoff_m=ended.standoff_m[place],
         min_altitude_m=ended.altitude_m[place] + scenario.evader.height_m,
-        duration_s=lasted_s,
-        limits=tuple(name for name, met in zip(LIMITS, ended.met[place], strict=True) if met),
-        events=tuple(str(event) for event, happened in events.items() if happened),
+        duration_s=ended.now_s[place],
+        limits=tuple(itertools.compress(LIMITS, ended.met[place])),
+        events=tuple(map(str, itertools.compress(_EVENTS, happened))),
         reason="" if end != "failed" else str(Event.NO_GAME if no_game else Event.EVADER_LOST),
     )

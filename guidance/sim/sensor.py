@@ -120,17 +120,8 @@ def listen(
         heard.measured_s[rows] = number * period_s
 
 
-class Known(NamedTuple):
-    """The pursuer's estimate of the evader: position, velocity, speed bound, and age of the last report."""
-
-    position_m: Array
-    velocity_m_s: Array
-    speed_bound_m_s: Real
-    age_s: Array
-
-
-def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> Known:
-    """Extrapolate the last report to the present.
+def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> tuple[Array, Real, Array]:
+    """Extrapolate the last report to the present: return the evader's position, speed bound, and the report's age.
 
     Args:
         noise: Standard deviations, (n,).
@@ -142,7 +133,7 @@ def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> Kn
     position_m = heard.position_m + age_s[:, None] * heard.velocity_m_s
     seen_m_s = np.sqrt(heard.velocity_m_s[:, 0] ** 2 + heard.velocity_m_s[:, 1] ** 2)
     bound = np.maximum(declared_m_s, seen_m_s - _SURE * noise.velocity_m_s)
-    return Known(position_m, heard.velocity_m_s, bound, age_s)
+    return position_m, bound, age_s
 
 
 def _in(value: Real, rows: NDArray[np.intp]) -> Real:
