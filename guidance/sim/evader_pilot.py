@@ -10,7 +10,7 @@ from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.frames import GameFrame, Vector, ned_from_game
 from guidance.game import Ball
 from guidance.links.port import VehicleLink
-from guidance.messages import Heartbeat, Home, LocalPosition, Message, Origin, Setpoint
+from guidance.messages import Heartbeat, Home, LocalPosition, Origin, Setpoint
 from guidance.sim.batch import game, site, strategy_of, target_game_m
 from guidance.sim.scenario import EVADER, Scenario
 from guidance.strategies import StrategyMemory, evade
@@ -37,9 +37,7 @@ class EvaderPilot:
         self._strategy = strategy_of(scenario, EVADER, start_m, speeds, scenario.seed)
         self._began_s: float | None = None
         self._requested_s = self._stood_s = float("-inf")
-        self.vehicle = VehicleState()
-        self.messages: Sequence[Message] = ()
-        self.ready = False
+        self.vehicle, self.ready = VehicleState(), False
         self._position_m: Vector | None = None
         self._frame: GameFrame | None = None
         self._frame_sources: tuple[Home | None, Origin | None] = (None, None)
@@ -59,8 +57,7 @@ class EvaderPilot:
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
-        self.messages = self._link.receive()
-        self.vehicle = observe(self.vehicle, self.messages)
+        self.vehicle = observe(self.vehicle, self._link.receive())
         position = self._position_m = self._located()
         beat = self.vehicle.last(Heartbeat)
         guided = beat is not None and beat.armed and beat.custom_mode == ROVER.custom_modes[Mode.GUIDED]

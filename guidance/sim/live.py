@@ -41,8 +41,7 @@ class LiveWorld:
 
     def __init__(self, flown: Flown, clock: Clock, *, link: str, port: int, over: str = ZENOH) -> None:
         self._clock, self._pursuits, self._ids = clock, pursuits_of(flown), system_ids(flown)
-        self._taps: list[TappedWire] = []
-        self._closing = contextlib.ExitStack()
+        self._taps, self._closing = list[TappedWire](), contextlib.ExitStack()
         self.links: dict[str, VehicleLink] = {}
         self.evaders: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
         self.players: dict[str, EvaderPilot] = {}
@@ -95,11 +94,9 @@ class LiveWorld:
         return [ZenohWire(now_s, open_session(vehicle.zenoh or ""), name) for _ in range(readers)]
 
     def _open_link(self, kind: str, bare: Wire, name: str) -> VehicleLink:
-        now_s = self._clock.now_s
-        wire = TappedWire(bare, now_s, name)
-        self._taps.append(wire)
-        who = f"the mock's {name}"
-        link = open_link(wire, kind, system_id=self._ids[name], clock=now_s, who=who, timeout_s=5.0)
+        now_s, who = self._clock.now_s, f"the mock's {name}"
+        self._taps.append(TappedWire(bare, now_s, name))
+        link = open_link(self._taps[-1], kind, system_id=self._ids[name], clock=now_s, who=who, timeout_s=5.0)
         self._closing.callback(link.close)
         return link
 
@@ -114,16 +111,12 @@ class LiveWorld:
 
 def _mock(closing: contextlib.ExitStack, flown: Flown, over: str, port: int) -> RunningFleet:
     """Start the mock; the stack ends it. Its Zenoh session is there over UDP too: faults are injected by it."""
-    tables = fleet(flown)
-    started = running(
-        tables.pop("vehicle"),
-        over=(UDP, ZENOH) if over == UDP else (ZENOH,),
-        faults=script(flown),
-        port=port,
-        **tables,
-    )
+    tables, faults = fleet(flown), script(flown)
+    vehicles = tables.pop("vehicle")
     try:
-        return closing.enter_context(started)
+        return closing.enter_context(
+            running(vehicles, over=(UDP, ZENOH) if over == UDP else (ZENOH,), faults=faults, port=port, **tables)
+        )
     except MockConfigError as error:
         raise ConfigError(f"the mock autopilot did not start: {error}") from error
     except TransportError as error:
@@ -132,12 +125,7 @@ def _mock(closing: contextlib.ExitStack, flown: Flown, over: str, port: int) -> 
 
 
 def _inject(endpoint: str, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
-    session = open_session(endpoint)
-    try:
-        for name, keys in faults:
-            for _ in session.get(
-                f"{name}/faults", payload=json.dumps({"do": "inject", **keys}), timeout=_ANSWER_LIMIT_S
-            ):
-                pass  # they were checked before the start
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
+    with open_session(endpoint) as session:
+        for name, keys in faults:  # they were checked before the start
+            order = json.dumps({"do": "inject", **keys})
+            list(session.get(f"{name}/faults", payload=order, timeout=_ANSWER_LIMIT_S))

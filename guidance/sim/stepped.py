@@ -34,10 +34,8 @@ class SteppedWire:
     stream: Final = False
 
     def __init__(self, send: Callable[[bytes], None]) -> None:
-        self._send = send
-        self._arrived: list[tuple[float, bytes]] = []
-        self._sent = 0
-        self._closed = False
+        self._send, self._arrived = send, list[tuple[float, bytes]]()
+        self._sent, self._closed = 0, False
 
     def arrive(self, packets: Sequence[tuple[float, bytes]]) -> None:
         """Take frames of the vehicle, with their time."""
@@ -75,13 +73,9 @@ class SteppedMock:
     """One vehicle. `wire` commands and hears it; who only listens may be given a wire of their own."""
 
     def __init__(self, name: str, vehicle: Faulted, clock: Clock) -> None:
-        self._vehicle = vehicle
-        self._clock = clock
-        self._to, self._from = raw_keys(name)
-        self._sent: list[bytes] = []
-        self._captured: list[CapturedFrame] = []
-        self._wires: list[SteppedWire] = []
-        self._ends: list[Wire] = []
+        self._vehicle, self._clock, (self._to, self._from) = vehicle, clock, raw_keys(name)
+        self._sent, self._captured = list[bytes](), list[CapturedFrame]()
+        self._wires, self._ends = list[SteppedWire](), list[Wire]()
         self.wire = self.listener()
 
     def listener(self) -> SteppedWire:
@@ -142,10 +136,9 @@ class SteppedWorld:
         self.vehicles = {name: faulted.vehicle for name, faulted in self.faulted.items()}
         self._mocks = {name: SteppedMock(name, faulted, clock) for name, faulted in self.faulted.items()}
         chased = {evader: scenario for scenario, _, evader in reversed(self._pursuits)}
+        unread = {name: _REPORTS if name in chased else frozenset() for name in self._mocks}
         self._own = {
-            name: PymavlinkLink(
-                mock.wire, clock.now_s, system_id=ids[name], unread=_REPORTS if name in chased else frozenset()
-            )
+            name: PymavlinkLink(mock.wire, clock.now_s, system_id=ids[name], unread=unread[name])
             for name, mock in self._mocks.items()
         }
         self.links: dict[str, VehicleLink] = {one.vehicle: self._own[one.vehicle] for one in self._pursuits}
@@ -177,12 +170,11 @@ class SteppedWorld:
         """Close the wires."""
         for link in self._own.values():
             link.close()
-        for sources in self.evaders.values():
-            for source in sources.values():
-                source.close()
+        for source in (source for heard in self.evaders.values() for source in heard.values()):
+            source.close()
 
 
-class EvaderHere:
+class EvaderHere(EvaderPilot):
     """The evader of a flight whose vehicle is not ours, stepped from the run's own loop.
 
     It is the rover of mocked flights, and reports over UDP as a real evader would: what the service hears are its
@@ -195,25 +187,17 @@ class EvaderHere:
     """
 
     def __init__(self, scenario: Scenario, clock: Clock, radio: Wire) -> None:
-        self._scenario = scenario
-        self._faulted = faulted_fleet(scenario)[EVADER]
+        self._scenario, self._radio, self._faulted = scenario, radio, faulted_fleet(scenario)[EVADER]
         self._mock = SteppedMock(EVADER, self._faulted, clock)
         self._mock.join(radio)
-        self._radio = radio
-        self._link = PymavlinkLink(self._mock.wire, clock.now_s, system_id=system_ids(scenario)[EVADER])
-        self._pilot = EvaderPilot(self._link, scenario)
-        self.position_game_m, self.stop = self._pilot.position_game_m, self._pilot.stop
-
-    @property
-    def ready(self) -> bool:
-        """Armed, guided, and its place on Earth known."""
-        return self._pilot.ready
+        self._own = PymavlinkLink(self._mock.wire, clock.now_s, system_id=system_ids(scenario)[EVADER])
+        super().__init__(self._own, scenario)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Step the rover and its pilot."""
         self._mock.advance(now_s)
         self._mock.drain()  # the rover's own link is not recorded
-        self._pilot.step(now_s, pursuers_game_m, playing=playing)
+        super().step(now_s, pursuers_game_m, playing=playing)
 
     def engage(self) -> None:
         """Put the evader's faults in place that count from engagement."""
@@ -223,5 +207,5 @@ class EvaderHere:
 
     def close(self) -> None:
         """Let go of the wires."""
-        self._link.close()
+        self._own.close()
         self._radio.close()
