@@ -8,7 +8,7 @@ In the picture of a game of teams, the points that an evader reaches before a pu
 the intersection of two discs. The evader ends at the point of it that is closest to the target.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -23,7 +23,6 @@ from guidance.errors import ConfigError
 from guidance.files import private_file, writing
 from guidance.frames import Vector
 from guidance.game import Ball, End, Extent, Game, StandOff
-from guidance.game.extent import POINT
 from guidance.game.team import Matching, TeamRollout
 from guidance.game.team.regions import regions_of, survived
 from guidance.log.scene import Array, circle, isochron, lifted, target_edge
@@ -32,8 +31,10 @@ from guidance.sim.maths import game_of, moments, opening
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import Teams, TeamScenario, played_teams, teams_of
 
-PURSUER: Final = {"color": "#b3261e", "linewidth": 1.8}
-EVADER: Final = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
+Style = dict[str, Any]
+
+PURSUER: Final[Style] = {"color": "#b3261e", "linewidth": 1.8}
+EVADER: Final[Style] = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
 BEFORE: Final = {"color": "0.6", "linewidth": 0.9}
 COURSE: Final = {"color": "0.5", "linewidth": 0.8, "marker": ".", "markersize": 4}
 FENCE: Final = {"color": "0.1", "linewidth": 1.2, "linestyle": (0, (8, 3, 1, 3))}
@@ -105,11 +106,6 @@ def thinned(values: Array) -> Array:
     return np.asarray(values[kept])
 
 
-def draw_place(axes: Any, place_m: Vector, style: dict[str, Any], dimensions: int, label: str) -> None:  # noqa: ANN401
-    """Mark a place in a style such as `MEETING` or `TARGET`."""
-    axes.plot(*([part] for part in place_m[:dimensions]), **style, label=label)
-
-
 def label_space(axes: Any) -> None:  # noqa: ANN401
     """Label 3D axes and give them equal scales."""
     axes.set(xlabel="x east, m", zlabel="z up, m")
@@ -143,50 +139,69 @@ def legend_beside(axes: Any) -> None:  # noqa: ANN401
     axes.legend(loc="upper left", bbox_to_anchor=(1.005, 1.0), borderaxespad=0.0, frameon=False, fontsize=9)
 
 
-class Chase(NamedTuple):
-    """The drawn elements of a flight, game frame, m; missing ones are None or empty.
+class Shape(NamedTuple):
+    """Something to draw in space and from above.
 
     Attributes:
-        before: The pursuer's stretches outside the game, (n, 3) each.
-        pursuer: Its track in the game, (n, 3).
-        evader: The evader's in the game, (n, 3).
-        standoff: The terminal disc.
-        reached_m: Where the evader was when the disc was reached.
-        isochron: Where an evader that runs straight is caught, at engagement, (n, 2).
-        isochron_later: The same at capture.
-        meeting_m: The meeting point foreseen at engagement.
-        target_m: T of a TAD game.
-        target_extent: Its shape.
-        fence: Its edges, (n, 2) each.
-        fence_height_m: Height of the fence in space.
-        courses: Places of the courses that players follow, by name, (n, 3) each; drawn from above only.
+        places_m: Its places in the game frame, (n, 3).
+        style: Of its line or marker.
+        name: In the legend; empty for none.
+        is_framed: Whether the view is wide enough for it.
+        dimensions: Where it is drawn: 3 in space, 2 from above.
     """
 
-    before: Sequence[Array]
-    pursuer: Array
-    evader: Array
-    standoff: StandOff
-    reached_m: Vector | None = None
-    isochron: Array | None = None
-    isochron_later: Array | None = None
-    meeting_m: Vector | None = None
-    target_m: Vector | None = None
-    target_extent: Extent = POINT
+    places_m: Array
+    style: Style
+    name: str
+    is_framed: bool = True
+    dimensions: Sequence[int] = (2, 3)
+
+
+class Chase(NamedTuple):
+    """The picture of a flight: its shapes, and the fence's edges, (n, 2) each, at their height in space, m."""
+
+    shapes: Sequence[Shape]
     fence: Sequence[Array] = ()
     fence_height_m: float = 0.0
-    courses: Mapping[str, Array] = {}
 
     @property
     def box(self) -> tuple[Array, Array]:
-        """The corners of everything but courses and fence, with a margin."""
-        points = [*self.before, self.pursuer, self.evader]
-        if self.isochron is not None:
-            points.append(lifted(self.isochron, 0.0))
-        if self.target_m is not None:
-            points.append(np.array([self.target_m]))
-        known = np.concatenate(points)
-        known = known[np.isfinite(known).all(axis=-1)] if np.isfinite(known).any() else np.zeros((1, 3))
+        """The corners of all framed shapes, with a margin."""
+        places = np.concatenate([shape.places_m for shape in self.shapes if shape.is_framed])
+        known = places[np.isfinite(places).all(axis=-1)] if np.isfinite(places).any() else np.zeros((1, 3))
         return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
+
+
+def players_of(pursuer: Array, evader: Array) -> Iterator[Shape]:
+    """Yield the tracks of both players in the game, (n, 3), m, and their ends."""
+    for name, track, style, marks in (("pursuer", pursuer, PURSUER, "os"), ("evader", evader, EVADER, "^v")):
+        mark = {"color": style["color"], "linestyle": "none"}
+        yield Shape(track, style, name)
+        if len(track):
+            yield Shape(track[:1], mark | {"marker": marks[0]}, f"{name} at engagement")
+            yield Shape(track[-1:], mark | {"marker": marks[1], "mfc": "white"}, f"{name} at the end")
+
+
+def promise_of(curve: Array, meeting_m: Sequence[float] | None, *, with_target: bool) -> Iterator[Shape]:
+    """Yield the isochron at engagement, (n, 2), and the meeting point foreseen, m: what the game promises."""
+    yield Shape(lifted(curve, 0.0), ISOCHRON, "isochron at engagement")
+    if meeting_m is not None:
+        place_m = np.array([[*meeting_m[:2], 0.0]])
+        yield Shape(place_m, MEETING, f"{'g*' if with_target else 'q*'}, meeting point foreseen", is_framed=False)
+
+
+def disc_of(reached_m: Sequence[float], standoff: StandOff) -> Shape:
+    """Return the stand-off disc about the place of the evader at capture."""
+    rim = circle((reached_m[0], reached_m[1], 0.0), standoff.radius_m, 73)
+    return Shape(lifted(rim, standoff.height_m), STANDOFF, "stand-off disc at capture", is_framed=False)
+
+
+def target_of(place_m: Vector | None, extent: Extent) -> Iterator[Shape]:
+    """Yield the target of a TAD game and the edge of its shape."""
+    if place_m is not None:
+        yield Shape(np.array([place_m]), TARGET, "T, target")
+        edge = lifted(target_edge(place_m, extent), place_m[2])
+        yield Shape(edge, {"color": TARGET["color"]}, "", is_framed=False)
 
 
 def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int = 4) -> Figure:
@@ -199,7 +214,7 @@ def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int =
     views = ((space, 3), (plan, 2), *((axes, 2) for axes in whole))
     low, high = chase.box
     for axes, dimensions in views:
-        draw_chase(axes, chase, dimensions)
+        draw(axes, chase.shapes, dimensions)
         if axes is space or (whole and axes is plan):
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     label_plan(plan, adjustable="box" if whole else "datalim")
@@ -213,38 +228,11 @@ def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int =
     return figure
 
 
-def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN401 - 2D or 3D axes
-    """Draw tracks, isochrons, stand-off disc, meeting point and target."""
-    for part in chase.before:
-        axes.plot(*thinned(part)[:, :dimensions].T, **BEFORE, label="pursuer before and after")
-    for name, places in chase.courses.items() if dimensions == 2 else ():
-        axes.plot(*places[:, :2].T, **COURSE, label=f"course of {name}")
-    _draw_run(axes, chase.pursuer, dimensions, "pursuer", PURSUER, "os")
-    _draw_run(axes, chase.evader, dimensions, "evader", EVADER, "^v")
-    for curve, style, when in (
-        (chase.isochron, ISOCHRON, "engagement"),
-        (chase.isochron_later, ISOCHRON_LATER, "capture"),
-    ):
-        if curve is not None:
-            axes.plot(*lifted(curve, 0.0)[:, :dimensions].T, **style, label=f"isochron at {when}")
-    if chase.meeting_m is not None:
-        name = "q*" if chase.target_m is None else "g*"
-        draw_place(axes, chase.meeting_m, MEETING, dimensions, f"{name}, meeting point foreseen")
-    if chase.reached_m is not None:
-        disc = lifted(circle(chase.reached_m, chase.standoff.radius_m, 73), chase.standoff.height_m)
-        axes.plot(*disc[:, :dimensions].T, **STANDOFF, label="stand-off disc at capture")
-    if chase.target_m is not None:
-        draw_place(axes, chase.target_m, TARGET, dimensions, "T, target")
-        edge = target_edge(chase.target_m, chase.target_extent)
-        axes.plot(*lifted(edge, chase.target_m[2])[:, :dimensions].T, color=TARGET["color"])
-
-
-def _draw_run(axes: Any, track: Array, dimensions: int, name: str, style: dict[str, Any], marks: str) -> None:  # noqa: ANN401
-    run = thinned(track)[:, :dimensions]
-    axes.plot(*run.T, **style, label=name)
-    if len(run):
-        axes.plot(*run[:1].T, marks[0], color=style["color"], label=f"{name} at engagement")
-        axes.plot(*run[-1:].T, marks[1], mfc="white", color=style["color"], label=f"{name} at the end")
+def draw(axes: Any, shapes: Iterable[Shape], dimensions: int) -> None:  # noqa: ANN401 - 2D or 3D axes
+    """Draw shapes, in space or from above."""
+    for shape in shapes:
+        if dimensions in shape.dimensions:
+            axes.plot(*thinned(shape.places_m)[:, :dimensions].T, **shape.style, label=shape.name)
 
 
 def draw_fence(axes: Any, edges: Sequence[Array], height_m: float, dimensions: int, *, whole: bool = False) -> None:  # noqa: ANN401
@@ -281,20 +269,17 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     P, E = (_vector(start[0]) for start in starts([scenario]))
     played_s, pursuer, evader = played(scenario)
     batch, meeting_m = stack([scenario]), opening([scenario]).meeting_point_m[0]
-    chase = Chase(
-        (),
-        pursuer,
-        evader,
-        batch.game.standoff,
-        reached_m=(*_vector(evader[-1])[:2], 0.0),
-        isochron=isochron(game_of(batch, batch.believed_m_s), P, E),
-        meeting_m=(*_vector(meeting_m)[:2], 0.0) if np.isfinite(meeting_m).all() else None,
-        target_m=target_game_m(scenario),
-        target_extent=batch.game.target_extent,
-        fence=(circle((*scenario.home_m, 0.0), scenario.limits.fence_radius_m, 361),),
-        courses=_courses(batch, 2.0 * played_s),
-    )
-    figure = chase_figure(chase)
+    curve, target_m = isochron(game_of(batch, batch.believed_m_s), P, E), target_game_m(scenario)
+    foreseen_m = meeting_m if np.isfinite(meeting_m).all() else None
+    shapes = [
+        *_courses(batch, 2.0 * played_s),
+        *players_of(pursuer, evader),
+        *promise_of(curve, foreseen_m, with_target=target_m is not None),
+        disc_of(evader[-1], batch.game.standoff),
+        *target_of(target_m, batch.game.target_extent),
+    ]
+    fence = circle((*scenario.home_m, 0.0), scenario.limits.fence_radius_m, 361)
+    figure = chase_figure(Chase(shapes, [fence]))
     figure.suptitle(scenario.title)
     save(figure, path)
 
@@ -323,14 +308,12 @@ def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Ar
     return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
 
 
-def _courses(batch: Batch, until_s: float) -> dict[str, Array]:
-    """Return the places of the players' courses, and no more of them than the game needs: some go on for minutes."""
-    courses = {"P": batch.pursuer.course, "E": batch.evader.course}
-    return {
-        name: course.places_m[0][np.concatenate([[True], course.times_s[0, :-1] <= until_s])]
-        for name, course in courses.items()
-        if course is not None
-    }
+def _courses(batch: Batch, until_s: float) -> Iterator[Shape]:
+    """Yield the places of the players' courses, and no more of them than the game needs: some go on for minutes."""
+    for name, course in (("P", batch.pursuer.course), ("E", batch.evader.course)):
+        if course is not None:
+            places_m = course.places_m[0][np.concatenate([[True], course.times_s[0, :-1] <= until_s])]
+            yield Shape(places_m, COURSE, f"course of {name}", is_framed=False, dimensions=(2,))
 
 
 def _vector(place: Array) -> Vector:

@@ -23,20 +23,11 @@ from PIL import Image
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, writing
 from guidance.log import SettingsOf
-from guidance.log.scene import Array, circle, fence_edges, isochron_at
+from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted
 from guidance.viz import figures
-from guidance.viz.figures import EVADER, MARK, PURSUER, STANDOFF, TARGET, Chase, legend_beside, thinned
-from guidance.viz.story import (
-    Rows,
-    Story,
-    TeamStory,
-    opening,
-    story_of,
-    summary,
-    team_opening,
-    team_story,
-    team_summary,
-)
+from guidance.viz import story as stories
+from guidance.viz.figures import EVADER, MARK, PURSUER, STANDOFF, TARGET, Chase, Shape, Style, legend_beside, thinned
+from guidance.viz.story import Rows, Story, TeamStory
 
 FRAMES: Final = 90
 FRAME_MS: Final = 80
@@ -48,7 +39,6 @@ _TAIL_S: Final = 2.0
 
 _MOST_EVENTS = 60
 _SECTION: Final = re.compile(r'<section id="(\w+)">.*?</section>\n', re.DOTALL)
-Style = dict[str, Any]
 Line = tuple[str, Array, Array, Style, str | None]
 """A line over time: label of its axis, times, values, style, name."""
 
@@ -71,7 +61,7 @@ def draw_flight(record: Path, path: Path, settings_of: SettingsOf, title: str) -
         ConfigError: If the record cannot be read.
         OutputError: If the file cannot be written.
     """
-    figure = figures.chase_figure(chase_of(story_of(record, settings_of)))
+    figure = figures.chase_figure(chase_of(stories.story_of(record, settings_of)))
     figure.suptitle(title)
     with contextlib.suppress(OSError):  # `save` says what cannot be written
         private_file(path)
@@ -84,17 +74,18 @@ def chase_of(story: Story) -> Chase:
     begin = len(story.cycles) if engaged is None else engaged.number
     end = begin + len(story.game)
     pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
-    chase = Chase((pursuer[:begin], pursuer[end:]), pursuer[begin:end], evader[begin:end], settings.standoff)
-    chase = chase._replace(target_m=settings.target_game_m, target_extent=settings.target_extent)
-    if home_m is not None:
-        chase = chase._replace(fence=fence_edges(story.flight.envelope, home_m), fence_height_m=home_m[2])
+    shapes = [Shape(part, figures.BEFORE, "pursuer before and after") for part in (pursuer[:begin], pursuer[end:])]
+    shapes += figures.players_of(pursuer[begin:end], evader[begin:end])
     if engaged is not None and not engaged.certificate.no_game:
-        meeting_m = (*engaged.certificate.meeting_point_game_m[:2], 0.0)
-        chase = chase._replace(isochron=isochron_at(settings, engaged.certificate), meeting_m=meeting_m)
+        curve, meeting_m = isochron_at(settings, engaged.certificate), engaged.certificate.meeting_point_game_m
+        shapes += figures.promise_of(curve, meeting_m, with_target=story.with_target)
+    if captured is not None and not captured.certificate.no_game:
+        curve = lifted(isochron_at(settings, captured.certificate), 0.0)
+        shapes.append(Shape(curve, figures.ISOCHRON_LATER, "isochron at capture", is_framed=False))
     if captured is not None:
-        later = None if captured.certificate.no_game else isochron_at(settings, captured.certificate)
-        chase = chase._replace(reached_m=captured.certificate.evader_game_m, isochron_later=later)
-    return chase
+        shapes.append(figures.disc_of(captured.certificate.evader_game_m, settings.standoff))
+    shapes += figures.target_of(settings.target_game_m, settings.target_extent)
+    return Chase(shapes) if home_m is None else Chase(shapes, fence_edges(story.flight.envelope, home_m), home_m[2])
 
 
 def game(story: Story) -> Figure:
@@ -231,8 +222,7 @@ def plan(team: TeamStory) -> Figure:
             axes.annotate(name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"])
     for capture in team.captures.values():
         axes.plot(*circle(capture.place_m, cycle.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture")
-    if cycle.target_game_m is not None:
-        figures.draw_place(axes, cycle.target_game_m, TARGET, 2, "target")
+    figures.draw(axes, figures.target_of(cycle.target_game_m, cycle.target_extent), 2)
     figures.label_plan(axes)
     axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
@@ -284,12 +274,8 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
     chase, standoff = chase_of(story), story.settings.cycle.standoff
     height = np.column_stack([np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]])
     far_m, high_m = np.maximum(1.0, np.nan_to_num(height).max(axis=0))
-    if chase.isochron is not None:
-        plan.plot(*chase.isochron.T, **figures.ISOCHRON, label="isochron at engagement")
-    if chase.meeting_m is not None:
-        figures.draw_place(plan, chase.meeting_m, figures.MEETING, 2, "meeting point foreseen")
-    if chase.target_m is not None:
-        figures.draw_place(plan, chase.target_m, TARGET, 2, "target")
+    still = figures.ISOCHRON, figures.MEETING, TARGET
+    figures.draw(plan, (shape for shape in chase.shapes if shape.style in still), 2)
     low, high = chase.box
     figures.label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
@@ -330,9 +316,9 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
         ConfigError: If the record cannot be read.
         OutputError: If the folder cannot be written, or contains the report of another record.
     """
-    story = story_of(path, settings_of)
+    story = stories.story_of(path, settings_of)
     drawn = ((name, draw(story)) for name, draw in PICTURES.items())
-    written = write_page(folder, [story], drawn, opening(story), summary(story))
+    written = write_page(folder, [story], drawn, stories.opening(story), stories.summary(story))
     if animate:
         written.append(folder / "flight.webp")
         with writing(folder):
@@ -347,9 +333,11 @@ def write_team_report(records: Mapping[str, Path], folder: Path, settings_of: Se
         ConfigError: If a record cannot be read, or is not of a team.
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
-    team = team_story(records, settings_of)
+    team = stories.team_story(records, settings_of)
     drawn = [("plan", plan(team))]
-    return write_page(folder, list(team.flights.values()), drawn, team_opening(team), team_summary(team))
+    return write_page(
+        folder, list(team.flights.values()), drawn, stories.team_opening(team), stories.team_summary(team)
+    )
 
 
 def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Rows) -> list[Path]:
