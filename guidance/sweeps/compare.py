@@ -17,7 +17,7 @@ from scipy import stats
 from guidance.errors import ConfigError
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
-from guidance.sweeps.folder import PAIR, POINT, SEED, Folder, read_folder
+from guidance.sweeps.folder import END, PAIR, POINT, SEED, Folder, read_folder
 from guidance.sweeps.plan import ROW, Plan
 
 Array = NDArray[np.float64]
@@ -142,10 +142,9 @@ def _swept(plan: Plan) -> dict[str, Any]:
 
 
 def _read(folder: Folder) -> pa.Table:
-    table = folder.table([ROW, "end", *COLUMNS])
-    end = pc.cast(table["end"], pa.string())
-    captured = pc.if_else(pc.equal(end, "invalid"), math.nan, pc.cast(pc.equal(end, CAPTURED), pa.float64()))
-    return table.set_column(table.column_names.index("end"), "end", end).append_column(CAPTURED, captured)
+    table = folder.table([ROW, END, *COLUMNS])
+    captured = pc.cast(pc.equal(table[END], CAPTURED), pa.float64())
+    return table.append_column(CAPTURED, pc.if_else(pc.equal(table[END], "invalid"), math.nan, captured))
 
 
 def _group(name_a: str, name_b: str, a: pa.Table, b: pa.Table, *, paired: bool) -> dict[str, Any]:
@@ -163,10 +162,10 @@ def _largest(a: pa.Table, b: pa.Table, column: str, count: int) -> list[dict[str
     """Return paired rows with different ends, then those with the largest differences."""
     apart = b[column].to_numpy() - a[column].to_numpy()
     size = np.nan_to_num(np.abs(apart))
-    same = np.array(a["end"].to_pylist()) == np.array(b["end"].to_pylist())
+    same = np.array(a[END].to_pylist()) == np.array(b[END].to_pylist())
     order = np.lexsort((-size, same))[:count]
     return [
-        {"row_a": one[ROW], "row_b": other[ROW], "end_a": one["end"], "end_b": other["end"], "column": column}
+        {"row_a": one[ROW], "row_b": other[ROW], "end_a": one[END], "end_b": other[END], "column": column}
         | {"a": one[column], "b": other[column], "difference": other[column] - one[column]}
         for place in order[~same[order] | (size[order] > 0.0)].tolist()
         for one, other in [(a.slice(place, 1).to_pylist()[0], b.slice(place, 1).to_pylist()[0])]

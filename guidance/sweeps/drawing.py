@@ -40,8 +40,8 @@ class Key(NamedTuple):
     """
 
     column: str
-    labels: tuple[str, ...]
-    centres: tuple[float, ...]
+    labels: Sequence[str]
+    centres: Sequence[float]
     places: NDArray[np.int64]
     grid: bool
 
@@ -145,7 +145,7 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
                 curve(panel, key, one["by_key"][key.column], styles[one["pursuer"]])
         name = "share captured" if curve is _capture_curve else f"regret, {report['unit']}: median, 5 % to 95 %"
         panel.set(xlabel=key_label(key.column), ylabel=name, title=f"evader: {evader}")
-        if key.centres == tuple(range(len(key.labels))):
+        if [*key.centres] == [*range(len(key.labels))]:
             panel.set_xticks(key.centres, key.labels)
     _legend(figure, axes)
     return figure

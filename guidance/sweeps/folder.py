@@ -29,6 +29,7 @@ MANIFEST: Final = "sweep.json"
 ROWS: Final = "rows"
 """Folder of the Parquet files only, so that other tools can read it as one table."""
 
+END: Final = "end"
 PAIR, POINT, SEED = "pair", "point", "case_seed"
 """Columns that `Folder.table` adds: number of the pair of policies, of the grid point, and the seed."""
 
@@ -115,8 +116,10 @@ class Folder:
         return [self.part(chunk) for chunk in range(self.chunks) if self.part(chunk).is_file()]
 
     def table(self, columns: Sequence[str]) -> pa.Table:
-        """Read columns of all rows, with `PAIR`, `POINT` and `SEED`; texts are dictionary encoded."""
-        texts = [name for name in columns if pa.types.is_string(self.plan.schema.field(name).type)]
+        """Read columns of all rows, with `PAIR`, `POINT` and `SEED`; texts but the end are dictionary encoded."""
+        texts = [
+            one.name for one in self.plan.schema if pa.types.is_string(one.type) and one.name in {*columns} - {END}
+        ]
         table = parquet.read_table(self.parts, columns=list(columns), read_dictionary=texts).unify_dictionaries()
         for name, values in zip((PAIR, POINT, SEED), self.plan.places(table[ROW].to_numpy()), strict=True):
             table = table.append_column(name, pa.array(values))

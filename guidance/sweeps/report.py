@@ -5,9 +5,10 @@ import json
 import math
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -22,7 +23,7 @@ from guidance.screen import console, sheet
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.compare import CAPTURED, Interval, mean, share
 from guidance.sweeps.drawing import Key, draw_all, key_label
-from guidance.sweeps.folder import PAIR, POINT, Folder, read_folder, write_whole
+from guidance.sweeps.folder import END, PAIR, POINT, Folder, read_folder, write_whole
 from guidance.sweeps.plan import ROW, Plan
 from guidance.sweeps.rows import scenario_of
 
@@ -33,18 +34,11 @@ _ROUNDING: Final = 5e-5
 """Smaller regrets are rounding errors."""
 _NO_INTERVAL: Final = Interval(math.nan, math.nan, math.nan)
 _COLUMNS: Final = ("end", "predicted_winner", "regret", "evader_to_target_m", "game_time_s", "reason")
-_VALUES: Final = ("predicted_capture_time_s", "predicted_evader_to_target_m")
-_DISC: Final = "distance_to_disc_m"
-
-
-class Worst(NamedTuple):
-    """A row with a bad result: its scenario file, its number, pair of policies, end, and regret (NaN if none)."""
-
-    path: Path
-    row: int
-    pair: int
-    end: str
-    regret: float
+_EITHER: Final = {
+    "predicted": ("predicted_capture_time_s", "predicted_evader_to_target_m"),
+    "away_m": ("evader_to_target_m", "distance_to_disc_m"),
+}
+"""Columns of which a game of two players fills one."""
 
 
 def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
@@ -66,35 +60,30 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     keys = [key for axis in plan.axes for key in _keys(plan, axis, table)]
     with writing(f"--out {out}"):
         private_folder(out)
-        cases = list(_write_worst(folder, table, out, worst))
+        cases = list(_written_worst(folder, table, out, worst))
         report = summed_up(plan, table, keys, cases)
         text = json.dumps(report, indent=1) + "\n"
         write_whole(out / "report.json", text.encode())
-        regrets = [_finite(table.filter(pc.equal(table[PAIR], number))["regret"]) for number in range(len(plan.pairs))]
+        regret, pair = table["regret"].to_numpy(), table[PAIR].to_numpy()
+        regrets = [np.sort(regret[np.isfinite(regret) & (pair == number)]) for number in range(len(plan.pairs))]
         pictures = draw_all(report, keys, regrets, out)
     if as_json:
         sys.stdout.write(text)
     else:
         _show(console(), report, keys)
-    return [out / "report.json", *pictures, *(case.path for case in cases)]
+    return [out / "report.json", *pictures, *(out / case["file"] for case in cases)]
 
 
 def _read(folder: Folder) -> pa.Table:
-    swept = [column for axis in folder.plan.axes for column in axis.columns()]
-    teams = bool(folder.plan.teams)
-    table = folder.table([ROW, *swept, *_COLUMNS, *(("predicted",) if teams else (*_VALUES, _DISC))])
-    if not teams:  # PE and TAD fill different columns; the others are NaN
-        distance_m = _known(table["evader_to_target_m"], table[_DISC])
-        table = table.drop_columns(["evader_to_target_m"]).append_column("evader_to_target_m", distance_m)
-        table = table.append_column("predicted", _known(*(table[name] for name in _VALUES)))
-    end = pc.cast(table["end"], pa.string())
-    for name, counted in (("game", pc.not_equal(end, "invalid")), (CAPTURED, pc.equal(end, CAPTURED))):
+    swept, teams = [column for axis in folder.plan.axes for column in axis.columns()], folder.plan.teams
+    table = folder.table(
+        [ROW, *swept, *_COLUMNS, *(("predicted",) if teams else (*_EITHER["predicted"], "distance_to_disc_m"))]
+    )
+    for name, (first, second) in () if teams else _EITHER.items():
+        table = table.append_column(name, pc.if_else(pc.is_nan(table[first]), table[second], table[first]))
+    for name, counted in (("game", pc.not_equal(table[END], "invalid")), (CAPTURED, pc.equal(table[END], CAPTURED))):
         table = table.append_column(name, pc.cast(counted, pa.int64()))
     return table
-
-
-def _known(first: pa.ChunkedArray, second: pa.ChunkedArray) -> pa.ChunkedArray:
-    return pc.if_else(pc.is_nan(first), second, first)
 
 
 def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
@@ -102,41 +91,36 @@ def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
     if axis.random is None and len(axis.values) > 1:
         after = math.prod(len(other.values) or 1 for other in plan.axes[plan.axes.index(axis) + 1 :])
         places = table[POINT].to_numpy() // after % len(axis.values)
-        numbers = all(isinstance(value, (int, float)) for value in axis.values)
         labels = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values]
-        yield _key(axis.key, labels, axis.values if numbers else range(len(labels)), places, grid=True)
+        numbers = axis.values if all(isinstance(value, (int, float)) for value in axis.values) else range(len(labels))
+        yield Key(axis.key, labels, numbers, places, grid=True)
     for column in axis.columns() if axis.random is not None else ():
         if not pa.types.is_floating(table[column].type):
-            cells = [str(value) for value in table[column].to_pylist()]
-            texts, places = np.unique(cells, return_inverse=True)
-            yield _key(column, texts.tolist(), range(len(texts)), places, grid=False)
+            texts, places = np.unique([str(value) for value in table[column].to_pylist()], return_inverse=True)
+            yield Key(column, texts.tolist(), range(len(texts)), places, grid=False)
             continue
         numbers = table[column].to_numpy()
         edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
         labels = [f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(edges.tolist())]
         places = np.searchsorted(edges[1:-1], numbers, side="right")
-        yield _key(column, labels, 0.5 * (edges[1:] + edges[:-1]), places, grid=False)
+        yield Key(column, labels, (0.5 * (edges[1:] + edges[:-1])).tolist(), places, grid=False)
 
 
-def _key(column: str, labels: Sequence[str], centres: Iterable[float], places: NDArray[np.int64], *, grid: bool) -> Key:
-    return Key(column, tuple(labels), tuple(map(float, centres)), places, grid)
-
-
-def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], cases: Sequence[Worst]) -> dict[str, Any]:
+def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], worst: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the report as plain values; None if unknown.
 
     Args:
         plan: Of the sweep.
         table: Its rows.
         keys: Groups of the rows.
-        cases: Rows with the worst results.
+        worst: Rows with the worst results.
     """
     for key in keys:
         table = table.append_column(_place(key), pa.array(key.places))
     grid = [key for key in keys if key.grid]
     by_key = {key.column: _groups(plan, table, [key]) for key in keys}
     by_point = _groups(plan, table, grid) if len(grid) == 2 else {}
-    whole = _groups(plan, table, [])
+    whole, ends, pairs = _groups(plan, table, []), np.array(table[END].to_pylist()), table[PAIR].to_numpy()
     report: dict[str, Any] = plain(
         {
             "title": plan.sweep.title or plan.scenario["title"],
@@ -149,18 +133,14 @@ def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], cases: Sequence[
             "unit": "s" if plan.scenario["game"] == "pe" else "m",
             "intervals": "95 %, of random draws only: Wilson's for probabilities, Student's t for means",
             "policies": [
-                {"pursuer": pair.pursuer, "evader": pair.evader, "ends": _ends(table, number), **whole[number][0]}
+                {**pair._asdict(), "ends": Counter(ends[pairs == number].tolist()), **whole[number][0]}
                 | {"by_key": {column: found[number] for column, found in by_key.items()}}
                 | {"by_point": by_point.get(number, [])}
                 for number, pair in enumerate(plan.pairs)
                 if number in whole
             ],
             "invalid": _reasons(table),
-            "worst": [
-                {"file": case.path.name, "row": case.row, "end": case.end, "regret": case.regret}
-                | plan.pairs[case.pair]._asdict()
-                for case in cases
-            ],
+            "worst": worst,
         }
     )
     return report
@@ -206,14 +186,9 @@ def _summary(row: Mapping[str, Any], regrets: NDArray[np.float64], *, intervals:
     }
 
 
-def _ends(table: pa.Table, pair: int) -> dict[str, int]:
-    counts = pc.value_counts(pc.cast(table.filter(pc.equal(table[PAIR], pair))["end"], pa.string())).to_pylist()
-    return {one["values"]: one["counts"] for one in counts}
-
-
 def _reasons(table: pa.Table) -> list[dict[str, Any]]:
     """Return why rows are invalid or failed, with an example of each reason; its numbers differ from row to row."""
-    wrong = table.filter(pc.is_in(pc.cast(table["end"], pa.string()), pa.array(["invalid", "failed"])))
+    wrong = table.filter(pc.is_in(table[END], pa.array(["invalid", "failed"])))
     found: dict[str, dict[str, Any]] = {}
     for row, reason in zip(wrong[ROW].to_pylist(), wrong["reason"].to_pylist(), strict=True):
         kind = re.sub(r"-?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
@@ -221,34 +196,33 @@ def _reasons(table: pa.Table) -> list[dict[str, Any]]:
     return sorted(found.values(), key=lambda one: -int(one["rows"]))
 
 
-def _finite(column: pa.ChunkedArray) -> NDArray[np.float64]:
-    numbers = column.to_numpy()
-    return np.sort(numbers[np.isfinite(numbers)])
-
-
-def _write_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> Iterator[Worst]:
+def _written_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> Iterator[dict[str, Any]]:
     """Write the worst rows of every pair of policies as `worst-001.toml`, `worst-002.toml` …, the worst first.
 
     A game that the pursuer should have won and lost is worse than any regret; the evader's distance from its
     target (TAD) or the pursuer's from the disc (PE) orders it.
     """
-    end, regret = np.array(table["end"].to_pylist()), table["regret"].to_numpy()
+    plan, end, regret = folder.plan, np.array(table[END].to_pylist()), table["regret"].to_numpy()
     foretold = np.array(table["predicted_winner"].to_pylist()) == "pursuer"
     lost = foretold & ~np.isin(end, [CAPTURED, "invalid"])
-    badness = np.nan_to_num(np.where(lost, table["evader_to_target_m"].to_numpy(), regret))
-    row, pair = table[ROW].to_numpy(), table[PAIR].to_numpy()
+    away_m = table["evader_to_target_m" if plan.teams else "away_m"].to_numpy()
+    row, pair, badness = table[ROW].to_numpy(), table[PAIR].to_numpy(), np.nan_to_num(np.where(lost, away_m, regret))
     order = np.lexsort((row, -badness, ~lost))
     order = order[(lost | np.isfinite(regret))[order]]
-    best = np.concatenate([order[pair[order] == number][:count] for number in range(len(folder.plan.pairs))])
-    for number, place in enumerate(sorted(best.astype(int).tolist(), key=order.tolist().index), 1):
-        scenario = scenario_of(folder.plan, int(row[place]))
-        path, names = out / f"worst-{number:03d}.toml", folder.plan.pairs[pair[place]]
+    best = np.sort(np.concatenate([np.flatnonzero(pair[order] == number)[:count] for number in range(len(plan.pairs))]))
+    for number, place in enumerate(order[best.astype(int)].tolist(), 1):
+        scenario, path, names = (
+            scenario_of(plan, int(row[place])),
+            out / f"worst-{number:03d}.toml",
+            plan.pairs[pair[place]],
+        )
         played = f"{names.pursuer} against {names.evader}: {end[place]}"
-        about = f"Row {row[place]} of the sweep {folder.plan.digest[:12]}, {played}."
+        about = f"Row {row[place]} of the sweep {plan.digest[:12]}, {played}."
         if not isinstance(scenario, str):
             document = {**scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True), "description": about}
             write_whole(path, tomli_w.dumps(document).encode())
-            yield Worst(path, int(row[place]), int(pair[place]), str(end[place]), float(regret[place]))
+            result = {"row": int(row[place]), "end": str(end[place]), "regret": float(regret[place])}
+            yield {"file": path.name, **result, **names._asdict()}
 
 
 def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
@@ -291,10 +265,10 @@ def _by_key(
             yield f": {name} by {keys}", second.labels, rows
         return
     names = list(_SHOWN)[:3]
-    for key in grid:
-        groups = policies["by_key"][key.column]
-        rows = [(one["at"][key.column], _share(one["capture"]), *_regret(one, names)) for one in groups]
-        yield f", by {key_label(key.column)}", ("captured", "mean regret", *names), rows
+    for column in (key.column for key in grid):
+        groups = policies["by_key"][column]
+        rows = [(one["at"][column], _share(one["capture"]), *_regret(one, names)) for one in groups]
+        yield f", by {key_label(column)}", ("captured", "mean regret", *names), rows
 
 
 def _regret(one: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:
