@@ -6,7 +6,7 @@ A row depends on the plan and the row's number only.
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -38,10 +38,10 @@ _TYPES: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), floa
 
 
 class Pair(NamedTuple):
-    """Policies of both players; None is the scenario's own."""
+    """Policies of both players."""
 
-    pursuer: str | None
-    evader: str | None
+    pursuer: str
+    evader: str
 
 
 class Policies(Section):
@@ -52,10 +52,11 @@ class Policies(Section):
     )
     evader: EvaderPolicy | tuple[EvaderPolicy, ...] | None = Field(None, description="likewise")
 
-    def pairs(self) -> Iterator[Pair]:
-        """Yield every pursuer's policy with every evader's."""
-        one, other = (names if isinstance(names, tuple) else (names,) for names in (self.pursuer, self.evader))
-        return itertools.starmap(Pair, itertools.product(one, other))
+    def pairs(self) -> Iterator[tuple[str | None, ...]]:
+        """Yield every pursuer's policy with every evader's; None is the scenario's own."""
+        return itertools.product(
+            *(names if isinstance(names, tuple) else (names,) for names in (self.pursuer, self.evader))
+        )
 
 
 class Seeds(Section):
@@ -114,17 +115,17 @@ class Sweep(Section):
         )
 
     @property
-    def pairs(self) -> tuple[Pair, ...]:
-        """The pairs of policies."""
-        return tuple(pair for given in self.policies for pair in given.pairs()) or (Pair(None, None),)
+    def pairs(self) -> Sequence[tuple[str | None, ...]]:
+        """The pairs of policies; None is the scenario's own."""
+        return [pair for given in self.policies for pair in given.pairs()] or [(None, None)]
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.rows is not None and self.seeds is not None:
             raise ValueError("rows, seeds: give only one; rows = seeds × grid points × pairs of policies")
         if len(set(self.pairs)) < len(self.pairs):
-            twice = next(pair for pair in self.pairs if self.pairs.count(pair) > 1)
-            raise ValueError(f"policies: {twice.pursuer} against {twice.evader} is given twice")
+            pursuer, evader = next(pair for pair in self.pairs if self.pairs.count(pair) > 1)
+            raise ValueError(f"policies: {pursuer} against {evader} is given twice")
         if self.seeds is not None and len(set(self.seeds.values)) < len(self.seeds.values):
             raise ValueError(f"seeds = {list(self.seeds.values)}: a seed is given twice")
         return self
@@ -136,14 +137,12 @@ class Cases(NamedTuple):
     Attributes:
         row: Numbers of the rows, (n,).
         pair: Numbers of the pairs of policies, (n,).
-        point: Numbers of the grid points, (n,).
         seed: (n,).
         values: Of every axis, n each.
     """
 
     row: Rows
     pair: Rows
-    point: Rows
     seed: Rows
     values: tuple[list[Any], ...]
 
@@ -180,8 +179,8 @@ class Plan:
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
         """The pairs of policies, with the names of the scenario's own."""
-        own = {player: policy_in(self.scenario[player]) for player in ("pursuer", "evader")}
-        return tuple(Pair(pair.pursuer or own["pursuer"], pair.evader or own["evader"]) for pair in self.sweep.pairs)
+        own_p, own_e = policy_in(self.scenario["pursuer"]), policy_in(self.scenario["evader"])
+        return tuple(Pair(pursuer or own_p, evader or own_e) for pursuer, evader in self.sweep.pairs)
 
     @cached_property
     def points(self) -> int:
@@ -217,7 +216,7 @@ class Plan:
             else:
                 size //= len(axis.values)
                 values.append([axis.values[place] for place in (point // size % len(axis.values)).tolist()])
-        return Cases(row, pair, point, seed, tuple(values))
+        return Cases(row, pair, seed, tuple(values))
 
     @cached_property
     def schema(self) -> pa.Schema:

@@ -17,12 +17,10 @@ from pydantic import ValidationError
 from guidance.clock import VirtualClock
 from guidance.config import Section, explain, parse
 from guidance.errors import ConfigError, GuidanceError
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
 from guidance.sim.maths import play
 from guidance.sim.outcome import Outcome, outcome_of
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.teams import TeamOutcome, TeamScenario, play_teams
-from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.plan import Cases, Pair, Plan, policy_in
 
@@ -30,52 +28,49 @@ _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 _SAMPLE: Final = 1000
 
 
-class Scenarios:
-    """Builds the scenarios of a plan's rows.
+def bases_of(plan: Plan, source: str = "") -> list[dict[str, Any]]:
+    """Return the document of each pair of policies, in which sections without a swept key are validated already.
 
-    Sections without a swept key are validated once and shared. The other sections, and all checks between sections, are
-    validated for every row.
+    Raises:
+        ConfigError: If one is wrong; `source` names the sweep.
     """
+    swept, bases = {str(axis.path[0]) for axis in plan.axes}, []
+    for pair in plan.pairs:
+        document = _with_policies(plan.scenario, pair)
+        checked = parse(plan.model, document, source=f"{source}: policies {pair.pursuer} and {pair.evader}")
+        bases.append({name: document[name] if name in swept else part for name, part in checked})
+    return bases
 
-    def __init__(self, plan: Plan) -> None:
-        self._model, self._axes = plan.model, plan.axes
-        swept = {str(axis.path[0]) for axis in plan.axes}
-        self._bases: list[dict[str, Any]] = []
-        for pair in plan.pairs:
-            document = _with_policies(plan.scenario, pair)
-            checked = parse(self._model, document, source=f"policies {pair.pursuer} and {pair.evader}")
-            own = {name: getattr(checked, name) for name in self._model.model_fields if name not in swept}
-            self._bases.append(own | {name: document[name] for name in swept})
 
-    def of(self, cases: Cases) -> Iterator[Scenario | TeamScenario | str]:
-        """Yield the scenario of every row, or the reason why it is invalid."""
-        drawn = list(zip(*cases.values, strict=True)) if cases.values else [()] * len(cases.row)
-        for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
-            document = {**_with_values(self._bases[pair], self._axes, values), "seed": seed}
-            try:
-                yield self._model.model_validate(document)
-            except ValidationError as error:
-                yield "; ".join(explain(self._model, dict(fault)) for fault in error.errors())
+def scenarios_of(plan: Plan, cases: Cases) -> Iterator[Scenario | TeamScenario | str]:
+    """Yield the scenario of every row, or the reason why it is invalid.
+
+    Sections with a swept key, and all checks between sections, are validated for every row.
+    """
+    bases = bases_of(plan)
+    drawn = list(zip(*cases.values, strict=True)) if cases.values else [()] * len(cases.row)
+    for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
+        try:
+            yield plan.model.model_validate({**_with_values(bases[pair], plan.axes, values), "seed": seed})
+        except ValidationError as error:
+            yield "; ".join(explain(plan.model, dict(fault)) for fault in error.errors())
 
 
 def scenario_of(plan: Plan, row: int) -> Scenario | TeamScenario | str:
     """Return the scenario of a row, or the reason why it is invalid."""
-    return next(iter(Scenarios(plan).of(plan.cases(np.array([row], dtype=np.int64)))))
+    return next(scenarios_of(plan, plan.cases(np.array([row], dtype=np.int64))))
 
 
 def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
     """Return a scenario's document with other policies; a course stays with its own policy."""
     document = dict(scenario)
     for player, policy in pair._asdict().items():
-        if isinstance(document[player], list):
-            if policy != policy_in(document[player]):
-                document[player] = [{**group, "policy": policy} for group in document[player]]
-            continue
-        section = {**document[player], "policy": policy}
-        for of, key in _COURSE_KEYS.items():
-            if policy != of:
-                section.pop(key, None)
-        document[player] = section
+        given = document[player]
+        if not isinstance(given, list):
+            others = {key for of, key in _COURSE_KEYS.items() if policy != of}
+            document[player] = {name: part for name, part in given.items() if name not in others} | {"policy": policy}
+        elif policy != policy_in(given):
+            document[player] = [{**group, "policy": policy} for group in given]
     return document
 
 
@@ -108,21 +103,11 @@ def check(plan: Plan, source: str) -> None:
     Raises:
         ConfigError: One line for each fault, with the key, the value and what is allowed.
     """
-    _check_policies(plan, source)
     base = _with_policies(plan.scenario, plan.pairs[0])
     faults = [one for axis in plan.axes for value in axis.extremes for one in _faults(plan.model, base, axis, value)]
     if faults:
         raise ConfigError(f"{source}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
-    Scenarios(plan)
-
-
-def _check_policies(plan: Plan, source: str) -> None:
-    alone, teams = (PURSUER_STRATEGIES, EVADER_STRATEGIES), (tuple(PURSUER_POLICIES), tuple(EVADER_POLICIES))
-    known = dict(zip(("pursuer", "evader"), teams if plan.teams else alone, strict=True))
-    for pair in plan.pairs:
-        for player, policy in pair._asdict().items():
-            if policy not in known[player] and policy != policy_in(plan.scenario[player]):
-                raise ConfigError(f"{source}: policies.{player} = {policy!r}: allowed are {', '.join(known[player])}")
+    bases_of(plan, source)
 
 
 def _faults(model: type[Section], base: dict[str, Any], axis: Axis, value: Any) -> Iterator[str]:  # noqa: ANN401 - any value of a key
@@ -143,7 +128,7 @@ def refuse_without_games(plan: Plan) -> None:
         ConfigError: With the most common reason.
     """
     spread = np.unique(np.linspace(0, plan.rows - 1, _SAMPLE).round().astype(np.int64))
-    found = list(Scenarios(plan).of(plan.cases(spread)))
+    found = list(scenarios_of(plan, plan.cases(spread)))
     reasons = Counter(one for one in found if isinstance(one, str))
     if reasons.total() == len(found):
         reason, count = reasons.most_common(1)[0]
@@ -177,7 +162,7 @@ def uncollected() -> Iterator[None]:
 def table_of(plan: Plan, rows: range) -> pa.Table:
     """Play rows and return their table."""
     cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
-    found = list(Scenarios(plan).of(cases))
+    found = list(scenarios_of(plan, cases))
     played = iter(_played(plan, [scenario for scenario in found if not isinstance(scenario, str)]))
     outcomes = [
         [_invalid(plan, cases, place, one)] if isinstance(one, str) else next(played) for place, one in enumerate(found)
@@ -205,10 +190,9 @@ def _played(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
 
 
 def _invalid(plan: Plan, cases: Cases, place: int, reason: str) -> Outcome | TeamOutcome:
-    policies, seed = plan.pairs[cases.pair[place]], int(cases.seed[place])
+    (pursuer, evader), seed = plan.pairs[cases.pair[place]], int(cases.seed[place])
     kind = partial(TeamOutcome if plan.teams else Outcome, plan.scenario["title"], plan.way, plan.scenario["game"])
-    names = policies.pursuer or "", policies.evader or ""
-    return kind(pursuer_policy=names[0], evader_policy=names[1], seed=seed, reason=reason)
+    return kind(pursuer_policy=pursuer, evader_policy=evader, seed=seed, reason=reason)
 
 
 def flown(scenario: Scenario) -> Outcome:

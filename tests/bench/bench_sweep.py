@@ -24,7 +24,7 @@ from guidance.sim.maths import play
 from guidance.sweeps.folder import opened
 from guidance.sweeps.plan import FOLDER
 from guidance.sweeps.report import write_report
-from guidance.sweeps.rows import Scenarios, as_table, computed, table_of
+from guidance.sweeps.rows import as_table, computed, scenarios_of, table_of
 from guidance.sweeps.running import Work, finish, planned, run_sweep, workers_of
 
 GAMES = """
@@ -107,7 +107,7 @@ def bench_maths(folder, rows):
     whole = time.process_time() - started
     gc.disable()  # as in a chunk
     started = time.process_time()
-    scenarios = list(Scenarios(plan).of(cases))
+    scenarios = list(scenarios_of(plan, cases))
     built = time.process_time()
     outcomes = play(scenarios)
     played = time.process_time()

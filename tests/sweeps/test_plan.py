@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.sim.scenario import Scenario
 from guidance.sweeps.axes import random_axis
 from guidance.sweeps.plan import laid_out, load_sweep, plan_of
-from guidance.sweeps.rows import Scenarios, check, table_of
+from guidance.sweeps.rows import check, scenarios_of, table_of
 
 HEAD = 'scenario = "short.toml"\n'
 
@@ -21,7 +21,7 @@ def refused(plan_from, text):
 
 
 def scenarios(plan, rows):
-    return list(Scenarios(plan).of(plan.cases(np.asarray(rows, dtype=np.int64))))
+    return list(scenarios_of(plan, plan.cases(np.asarray(rows, dtype=np.int64))))
 
 
 def test_every_combination_of_seed_grid_and_policies_is_one_row(plan_from):
@@ -149,7 +149,7 @@ def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
         ("[grid]\nseed = [1, 2]\n", "seed: cannot be swept; use seeds"),
         ('[grid]\n"pursuer.policy" = ["optimal"]\n', "use policies"),
         ('[grid]\n"Pursuer Speed" = [1.0]\n', "must be a scenario's key"),
-        ('policies = [{ pursuer = "magic" }]\n', "policies.pursuer = 'magic': allowed are optimal"),
+        ('policies = [{ pursuer = "magic" }]\n', "pursuer.policy = 'magic': allowed are optimal"),
         ('policies = [{ pursuer = "task_oriented" }]\n', "needs target.position_m"),
         ('policies = [{ pursuer = "optimal" }, { pursuer = "optimal" }]\n', "is given twice"),
         ("seeds = 3\nrows = 3\n", "give only one"),

@@ -13,7 +13,7 @@ from guidance.sweeps.compare import compare_sweeps
 from guidance.sweeps.folder import read_folder
 from guidance.sweeps.plan import laid_out, load_sweep
 from guidance.sweeps.report import write_report
-from guidance.sweeps.rows import Scenarios, check
+from guidance.sweeps.rows import check, scenarios_of
 from guidance.sweeps.running import SERIAL, begun, finish
 
 SCENARIO = """
@@ -80,7 +80,7 @@ def test_numbers_of_players_are_swept_and_every_evader_has_a_row(swept, tmp_path
         assert 0 <= row["evader"] < row["evaders"]
         assert row["pursuer_policy"] == "optimal+pure_pursuit"
         assert 0.9 <= row["evader[0].speed_m_s"] <= 1.1
-    scenario = next(iter(Scenarios(plan).of(plan.cases(table["row"].to_numpy()[-1:]))))
+    scenario = next(scenarios_of(plan, plan.cases(table["row"].to_numpy()[-1:])))
     assert summary_of(play_teams([scenario])[0])["guaranteed"] == table["guaranteed"][-1].as_py()
 
 
@@ -99,7 +99,7 @@ def test_policies_are_those_of_the_whole_team(swept, tmp_path):
     rows = parquet.read_table(tmp_path / "out" / "rows").to_pylist()
     assert {row["pursuer_policy"] for row in rows} == {"optimal", "pure_pursuit"}
     assert {row["evader_policy"] for row in rows} == {"task_oriented"}
-    with pytest.raises(ConfigError, match=r"policies\.pursuer = 'proportional_navigation': allowed are optimal"):
+    with pytest.raises(ConfigError, match=r"pursuer\[0\]\.policy = 'proportional_navigation': allowed are optimal"):
         swept(SWEEP + '[[policies]]\npursuer = "proportional_navigation"\n')
 
 
@@ -144,4 +144,4 @@ def test_the_sweep_that_comes_along_can_be_played():
     plan = laid_out(sweep, path)
     check(plan, str(path))
     assert plan.rows == 120
-    assert all(not isinstance(one, str) for one in Scenarios(plan).of(plan.cases(np.arange(0, 120, 20))))
+    assert all(not isinstance(one, str) for one in scenarios_of(plan, plan.cases(np.arange(0, 120, 20))))
