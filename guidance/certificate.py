@@ -4,10 +4,14 @@ The game's value and winner are theorems about players that change their velocit
 (`time_needed_s`, `assured_distance_m`, `vehicle_winner`) take its velocity, its acceleration and the speed that it has
 shown into account; see `guidance.control.capability`.
 
-In TAD the vehicle's verdict is "pursuer" if the game is won even from as far back as accelerating costs, with enough
-time left to react and, over the ground, to brake to the evader's velocity. A vehicle that is not at the disc's height
-promises nothing near the rim, or if it flies too fast to turn back for an evader that runs to its target from now on.
+In TAD the vehicle's verdict is "pursuer" if the vehicle can still guard the target: it flies there from its present
+velocity, stops above it at the disc's height, and is there before the evader, with time to spare for wrong estimates.
 The verdict is "evader" if even the game's pursuer loses, and "undecided" in between.
+
+**Guarding.** The ideal pursuer turns at once, so it may fly away from the target until its margin is zero. A vehicle
+that does so cannot come back in time. So the less margin a vehicle has below `SPARE_S`, the more of its velocity is
+that of the flight to the target. Once it flies there, its margin shrinks no further, whatever the evader does. The play
+looks `AHEAD_S` further than the verdict, because a turn takes effect late.
 
 **Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that flew at
 full speed all the same would be near the evader before it can capture. An evader that turns then passes below it,
@@ -16,13 +20,15 @@ for it. It stays between the evader and the target, and descends as fast as its 
 """
 
 import math
+from functools import partial
 from typing import Final, NamedTuple
 
 from guidance.control import Acceleration, Envelope, Gaps, late_start
 from guidance.control.braking_law import approach_speed
-from guidance.frames import Vector, difference
+from guidance.frames import Vector
 from guidance.game import Ball, Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
+from guidance.game.extent import nearest
 from guidance.game.pe import escape, take_apart
 
 _NOWHERE: Final[Vector] = (math.nan, math.nan, math.nan)
@@ -31,6 +37,19 @@ _TAKEN_FOR_GRANTED: Final = 0.8
 
 _FASTER: Final = 1.05
 """Least speed that the verdict uses, over the evader's; a slower pursuer has no game."""
+
+SPARE_S: Final = 2.0
+"""Margin from which the vehicle plays the game; at zero it flies to the target."""
+
+AHEAD_S: Final = 0.5
+"""Time by which the play looks further ahead than the verdict."""
+
+GUARD_LAG_S: Final = 1.0
+"""Time constant of the stop above the target; with the reaction time, commands that change late make it overshoot."""
+
+UNSURE_S: Final = 0.25
+UNSURE: Final = 0.03
+"""Time that the estimates may be wrong by, and share of the time to the meeting."""
 
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
@@ -145,12 +164,13 @@ def certify(
         tolerance_m: Distance from the disc that counts as captured.
 
     Returns:
-        The solution from here, the velocity of a vehicle that waits for its height, None if it does not wait, and the
-        certificate without a command.
+        The solution from here, the velocity of a vehicle that waits for its height or guards the target, None if it
+        plays the solution, and the certificate without a command.
     """
     P, E, T, seen = players.pursuer_m, players.evader_m, players.target_m, players.evader_m_s
     here = solve_state(game, P, E, T, evader_velocity_m_s=seen)
-    optimal_m_s = here.pursuer_velocity_m_s if before_m_s is None else before_m_s
+    optimal = here.pursuer_velocity_m_s
+    optimal_m_s = optimal if before_m_s is None else before_m_s
     late = late_start(P, optimal_m_s, players.pursuer_m_s, vehicle.acceleration)
     farthest_m = max(gaps.ground_m, abs(gaps.height_m))
     certificate = without_game(players, gaps, evader_age_s)._replace(
@@ -173,23 +193,17 @@ def certify(
     shown = _demonstrated(game, vehicle.shown_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
-    stopping_s = _stopping_s(players, optimal_m_s, gaps, vehicle.envelope)
-    margin_s = there.margin_s - stopping_s
-    low, reaction_s, u = abs(gaps.height_m) <= tolerance_m, vehicle.envelope.reaction_s, game.pursuer.horizontal_m_s
-    waiting_m_s = None if low else _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)
-    if waiting_m_s:
-        level_m = (late[0], late[1], E[2] + game.standoff.height_m)
-        ground_s = solve_state(shown, level_m, E, T, evader_velocity_m_s=seen).margin_s - (stopping_s - reaction_s)
-        late_s = (1.0 - vehicle.acceleration.descent_share) * here.meeting_time_s
-        height_s = there.margin_s - late_s - _levelling_s(here, vehicle.envelope, tolerance_m)
-        turn_s = reaction_s * game.evader_speed_m_s / (u - game.evader_speed_m_s)
-        margin_s = min(ground_s, height_s) - max(reaction_s, turn_s)
-    if (
-        margin_s > 0.0
-        and not low
-        and (gaps.ground_m <= u * reaction_s or not _turns_back(game, here, players, vehicle))
-    ):
-        margin_s = 0.0
+    low = abs(gaps.height_m) <= tolerance_m
+    asked_m_s = (None if low else _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)) or optimal
+    reaction_s = vehicle.envelope.reaction_s
+    guard = partial(_guard, game, shown, here, players, vehicle, tolerance_m=tolerance_m)
+    _, margin_s = guard(flies_on_s=reaction_s)
+    guarding_m_s, later_s = guard(flies_on_s=reaction_s + AHEAD_S)
+    share = min(1.0, max(0.0, 1.0 - (later_s + AHEAD_S) / SPARE_S))
+    if share > 0.0 and here.winner == Winner.PURSUER:
+        x, y = (a + share * (g - a) for a, g in zip(asked_m_s[:2], guarding_m_s[:2], strict=True))
+        asked_m_s = (x, y, here.pursuer_velocity_m_s[2])
+    waiting_m_s = None if asked_m_s is optimal else asked_m_s
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     certificate = certificate._replace(
@@ -247,34 +261,42 @@ def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle
     return waiting_m_s if missing_m < _SURELY * trusted_m_s * here.meeting_time_s else None
 
 
+def _guard(
+    game: Game,
+    shown: Game,
+    here: StateSolution,
+    players: Players,
+    vehicle: Vehicle,
+    *,
+    flies_on_s: float,
+    tolerance_m: float,
+) -> tuple[Vector, float]:
+    """Return the velocity to the target of a vehicle that flies on before, and its margin there, s. It stops there."""
+    P, E, T, envelope = players.pursuer_m, players.evader_m, players.target_m or _NOWHERE, vehicle.envelope
+    u, braking_m_s2, flown = game.pursuer.horizontal_m_s, envelope.braking_m_s2, players.pursuer_m_s
+    near, _ = nearest(FLOATS, game.target_extent, (E[0] - T[0], E[1] - T[1]))
+    from_m = (P[0] + flies_on_s * flown[0], P[1] + flies_on_s * flown[1], P[2])
+    x, y = T[0] + near[0] - from_m[0], T[1] + near[1] - from_m[1]
+    away_m, up = math.hypot(x, y), here.pursuer_velocity_m_s[2]
+    pace = min(u, approach_speed(away_m, braking_m_s2, GUARD_LAG_S)) / away_m if away_m > 0.0 else 0.0
+    guarding_m_s = (pace * x, pace * y, up)
+    late = late_start(from_m, guarding_m_s, flown, vehicle.acceleration)
+    rim_m_s = min(u, max(0.1, approach_speed(game.standoff.radius_m, braking_m_s2, GUARD_LAG_S)))
+    missing_m = math.hypot(T[0] + near[0] - late[0], T[1] + near[1] - late[1]) - game.standoff.radius_m
+    braking_s = (u - rim_m_s) ** 2 / (2.0 * braking_m_s2 * u)
+    braking_s += GUARD_LAG_S * (math.log(u / rim_m_s) - 1.0 + rim_m_s / u)
+    braking_s = braking_s if missing_m > 0.0 else 0.0
+    levelling_s = 0.0
+    if up:
+        levelling_s = _levelling_s(here, envelope, tolerance_m)
+        levelling_s += (1.0 - vehicle.acceleration.descent_share) * abs(P[2] - E[2] - game.standoff.height_m) / abs(up)
+    margin_s = solve_state(shown, late, E, T, evader_velocity_m_s=players.evader_m_s).margin_s
+    needed_s = flies_on_s + max(braking_s, levelling_s) + UNSURE_S + UNSURE * here.meeting_time_s
+    return guarding_m_s, min(margin_s, here.margin_s) - needed_s
+
+
 def _levelling_s(here: StateSolution, envelope: Envelope, tolerance_m: float) -> float:
     """Return the time lost by braking to the height of the disc, until the vehicle is within tolerance, s."""
     speed_m_s, braking_m_s2 = abs(here.pursuer_velocity_m_s[2]), envelope.vertical_braking_m_s2
     excess_m_s = speed_m_s - math.sqrt(2.0 * braking_m_s2 * tolerance_m)
     return excess_m_s**2 / (2.0 * braking_m_s2 * speed_m_s) if excess_m_s > 0.0 else 0.0
-
-
-def _turns_back(game: Game, here: StateSolution, players: Players, vehicle: Vehicle) -> bool:
-    """Return whether this vehicle, at its velocity, can still meet an evader that runs to its target from now on."""
-    P, E, T, flown = players.pursuer_m, players.evader_m, players.target_m or _NOWHERE, players.pursuer_m_s
-    away_m, arrival_s = math.dist(E[:2], T[:2]), game.target_extent.distance_m(T, E) / game.evader_speed_m_s
-    for time_s in (here.meeting_time_s, 0.5 * (here.meeting_time_s + arrival_s), arrival_s):
-        share = game.evader_speed_m_s * time_s / away_m
-        x, y = (P[k] + flown[k] * time_s - E[k] - share * (T[k] - E[k]) for k in (0, 1))
-        turning_s = max(0.0, time_s - vehicle.envelope.reaction_s)
-        if math.hypot(x, y) <= game.standoff.radius_m + 0.5 * vehicle.acceleration.ground_m_s2 * turning_s**2:
-            return True
-    return False
-
-
-def _stopping_s(players: Players, optimal_m_s: Vector, gaps: Gaps, envelope: Envelope) -> float:
-    """Return the time lost by reacting and by braking to the evader's velocity, s."""
-    gap_m, deceleration_m_s2 = gaps.ground_m, envelope.braking_m_s2
-    if gap_m <= 0.0:
-        return envelope.reaction_s
-    relative = difference(optimal_m_s, players.evader_m_s)
-    x, y, _ = difference(players.evader_m, players.pursuer_m)
-    closing_m_s = max(0.0, relative[0] * x + relative[1] * y) / math.hypot(x, y)
-    if gap_m >= closing_m_s**2 / (2.0 * deceleration_m_s2):
-        return envelope.reaction_s + closing_m_s / (2.0 * deceleration_m_s2)
-    return envelope.reaction_s + math.sqrt(2.0 * gap_m / deceleration_m_s2) - gap_m / closing_m_s

@@ -14,7 +14,8 @@ A promise may change without any of that. This much is allowed before an alarm:
 - reports that are always late: an age not much larger than the largest before.
 
 A vehicle that does not reach its configured speed is reported once, and the promise starts anew with the speed that it
-reaches. In TAD the barrier is reported: lost when the game's pursuer would lose, won when this vehicle wins.
+reaches. In TAD the barrier is reported: lost when the game's pursuer would lose, won when this vehicle has
+won for `GUARDED_S`.
 """
 
 import math
@@ -27,6 +28,9 @@ from guidance.game import Reason, Winner
 SCATTER_M: Final = 1.0
 SCATTER_M_S: Final = 0.05
 LASTING_S: Final = 0.4
+GUARDED_S: Final = 1.5
+"""The barrier counts as won once the vehicle's verdict has lasted for so long, in which a braking vehicle turns."""
+
 ARRIVAL_S: Final = 1.5
 STALE_S: Final = 1.0
 STALER: Final = 1.5
@@ -175,14 +179,14 @@ def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tup
     won = certificate.vehicle_winner == Winner.PURSUER and not losing
     if not (won if memory.lost else losing):
         return memory if not memory.lost else memory._replace(since_s=None), None
-    memory, lasts = _lasting(memory, now_s)
+    memory, lasts = _lasting(memory, now_s, GUARDED_S if memory.lost else LASTING_S)
     if not lasts:
         return memory, None
     violation = Violation.BARRIER_WON if memory.lost else Violation.BARRIER_LOST
     return memory.restarted()._replace(lost=not memory.lost), Alarm(violation, 0.0)
 
 
-def _lasting(memory: MonitorMemory, now_s: float) -> tuple[MonitorMemory, bool]:
+def _lasting(memory: MonitorMemory, now_s: float, for_s: float = LASTING_S) -> tuple[MonitorMemory, bool]:
     """Note since when a promise is worse than allowed or a barrier is crossed, and return whether that lasts."""
     since_s = now_s if memory.since_s is None else memory.since_s
-    return memory._replace(since_s=since_s), now_s - since_s >= LASTING_S
+    return memory._replace(since_s=since_s), now_s - since_s >= for_s

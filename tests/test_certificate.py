@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.certificate import Players, Vehicle, certify
+from guidance.certificate import GUARD_LAG_S, UNSURE, UNSURE_S, Players, Vehicle, certify
 from guidance.control import Acceleration
 from guidance.control.braking_law import approach_speed
 from guidance.control.follow import gaps_to_disc
@@ -44,11 +44,15 @@ def test_the_vehicle_never_does_better_than_the_ideal_pursuer(x, y, z, e_x, e_y,
         assert says.winner == Winner.PURSUER
 
 
-def test_at_full_speed_only_reacting_and_braking_are_subtracted():
-    # Both run along x, the evader to the target at 0: they close at 6 - 3 m/s.
+def test_at_full_speed_only_reacting_braking_and_doubt_are_subtracted():
+    # Both run along x, the evader to the target at 0. At the rim the vehicle can still stop above the target.
     says = certified((-60.0, 0.0, 5.0), (6.0, 0.0, 0.0), (-50.0, 0.0, 0.0), (3.0, 0.0, 0.0))
-    braking_s = (6.0 - 3.0) / (2.0 * ENVELOPE.braking_m_s2)
-    assert says.vehicle_margin_s == pytest.approx(says.margin_s - ENVELOPE.reaction_s - braking_s, abs=0.01)
+    place_m, time_s, step_s = -60.0, 0.0, 1e-3
+    while place_m < -3.0:
+        place_m += step_s * min(6.0, approach_speed(-place_m, ENVELOPE.braking_m_s2, GUARD_LAG_S))
+        time_s += step_s
+    needed_s = time_s - 57.0 / 6.0 + ENVELOPE.reaction_s + UNSURE_S + UNSURE * says.meeting_time_s
+    assert says.vehicle_margin_s == pytest.approx(says.margin_s - needed_s, abs=0.01)
 
 
 def test_a_speed_that_was_not_flown_yet_is_counted_on_in_part_only():
@@ -56,7 +60,8 @@ def test_a_speed_that_was_not_flown_yet_is_counted_on_in_part_only():
         certified((-60.0, 0.0, 5.0), (6.0, 0.0, 0.0), (-50.0, 0.0, 0.0), vehicle=FULL._replace(shown_m_s=speed_m_s))
         for speed_m_s in (6.0, 0.0)
     )
-    assert shown.vehicle_margin_s - new.vehicle_margin_s == pytest.approx(57.0 / (0.8 * 6.0) - 57.0 / 6.0, abs=0.3)
+    left_m = 57.0 - 6.0 * ENVELOPE.reaction_s  # it flies on at its present speed for so long
+    assert shown.vehicle_margin_s - new.vehicle_margin_s == pytest.approx(left_m / (0.8 * 6.0) - 57.0 / 6.0, abs=0.3)
 
 
 def test_a_vehicle_in_hover_may_lose_what_the_ideal_pursuer_wins():
@@ -76,15 +81,15 @@ def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(x, y, z, e_x
 
 
 def test_a_vehicle_that_is_too_high_stays_between_the_evader_and_the_target():
-    # It needs 8/1.5 s for its height. An evader that turns can be at 30 - 3 * 8/1.5 = 14 m then.
-    here, waiting, _ = played((20.0, 0.0, 13.0), (6.0, 0.0, -1.5), (30.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    # It needs 8/1.5 s for its height. An evader that turns can be at 60 - 3 * 8/1.5 = 44 m then.
+    here, waiting, _ = played((50.0, 0.0, 13.0), (6.0, 0.0, -1.5), (60.0, 0.0, 0.0), (3.0, 0.0, 0.0))
     assert here.pursuer_velocity_m_s == pytest.approx((6.0, 0.0, -1.5))
-    stops_m_s = approach_speed(20.0 - 14.0, ENVELOPE.braking_m_s2, ENVELOPE.reaction_s)
+    stops_m_s = approach_speed(50.0 - 44.0, ENVELOPE.braking_m_s2, ENVELOPE.reaction_s)
     assert waiting == pytest.approx((-stops_m_s, 0.0, -1.5))
 
 
 def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
-    assert played((11.0, 0.0, 5.4), (6.0, 0.0, 0.0), (18.0, 0.0, 0.0), (-3.0, 0.0, 0.0))[1] is None
+    assert played((11.0, 0.0, 5.4), (6.0, 0.0, 0.0), (60.0, 0.0, 0.0), (-3.0, 0.0, 0.0))[1] is None
 
 
 @given(
@@ -113,14 +118,12 @@ def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, 
         )
 
 
-def test_a_vehicle_too_high_promises_nothing_if_it_flies_too_fast_to_turn_back():
-    # The evader needs 10/3 s to its target. In that time the vehicle can change its place by a/2 * (10/3 - reaction)^2.
-    arrival_s, radius_m = 10.0 / 3.0, 3.0
-    turned_m = 0.5 * ACCELERATION.ground_m_s2 * (arrival_s - ENVELOPE.reaction_s) ** 2
-    fastest_m_s = (radius_m + turned_m) / arrival_s  # past the target, across the evader's way
-    for speed_m_s, wins in ((0.9 * fastest_m_s, True), (1.2 * fastest_m_s, False)):
-        says = certified((0.0, 0.0, 6.5), (0.0, speed_m_s, 0.0), (10.0, 0.0, 0.0))
-        assert (says.vehicle_winner == Winner.PURSUER) is wins
+def test_a_vehicle_that_flies_away_from_the_target_promises_less_and_turns_back():
+    # The evader, on the other side, needs 4 s to the target.
+    for away_m_s, wins in ((0.0, True), (6.0, False)):
+        here, guarding, says = played((6.0, 0.0, 5.0), (away_m_s, 0.0, 0.0), (-12.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+        assert (here.winner, says.vehicle_winner == Winner.PURSUER) == (Winner.PURSUER, wins)
+    assert guarding[0] < 0.0
 
 
 def test_a_captured_evader_has_lost_and_has_not_arrived():

@@ -6,7 +6,17 @@ from hypothesis import strategies as st
 
 from guidance.certificate import Certificate
 from guidance.game import Winner
-from guidance.monitor import ARRIVAL_S, LASTING_S, SCATTER_M, SCATTER_M_S, STALE_S, MonitorMemory, Violation, watch
+from guidance.monitor import (
+    ARRIVAL_S,
+    GUARDED_S,
+    LASTING_S,
+    SCATTER_M,
+    SCATTER_M_S,
+    STALE_S,
+    MonitorMemory,
+    Violation,
+    watch,
+)
 
 FAST = 1e6  # against an evader of 1 m/s: what estimates scatter by is made good at once
 
@@ -86,29 +96,29 @@ def test_braking_at_the_disc_is_no_broken_promise(with_target):
 
 
 @pytest.mark.parametrize(
-    ("first", "then", "broken"),
+    ("first", "then", "broken", "lasting_s"),
     [
-        (Winner.PURSUER, Winner.EVADER, Violation.BARRIER_LOST),
-        (Winner.EVADER, Winner.PURSUER, Violation.BARRIER_WON),
+        (Winner.PURSUER, Winner.EVADER, Violation.BARRIER_LOST, LASTING_S),
+        (Winner.EVADER, Winner.PURSUER, Violation.BARRIER_WON, GUARDED_S),
     ],
 )
-def test_the_barrier_is_reported_when_it_is_crossed(first, then, broken):
-    winners = [first] * 2 + [then] * 10
-    found = alarms([4.0] * 12, with_target=True, winners=winners)
+def test_the_barrier_is_reported_when_it_is_crossed(first, then, broken, lasting_s):
+    winners = [first] * 2 + [then] * 20
+    found = alarms([4.0] * 22, with_target=True, winners=winners)
     assert [said for said in found if said] == [broken]
-    assert found.index(broken) in {6, 7}  # once it has lasted
+    assert found.index(broken) - 2 in {round(10.0 * lasting_s), round(10.0 * lasting_s) + 1}
     flickering = [then if index % 4 else first for index in range(20)]
     assert alarms([4.0] * 20, with_target=True, winners=flickering) == [None] * 20
 
 
 def test_the_barrier_is_won_only_once_this_vehicle_wins():
     memory, found = MonitorMemory(), []
-    for index, verdict in enumerate([Winner.EVADER] + [Winner.UNDECIDED] * 20 + [Winner.PURSUER] * 10):
+    for index, verdict in enumerate([Winner.EVADER] + [Winner.UNDECIDED] * 20 + [Winner.PURSUER] * 20):
         ideal = Winner.EVADER if index == 0 else Winner.PURSUER
         says = certificate(4.0, ideal)._replace(vehicle_winner=int(verdict))
         memory, alarm = watched(memory, 0.1 * index, says, with_target=True)
         found.append(alarm and alarm.violation)
-    assert [(index, said) for index, said in enumerate(found) if said] == [(26, Violation.BARRIER_WON)]
+    assert [(index, said) for index, said in enumerate(found) if said] == [(36, Violation.BARRIER_WON)]
 
 
 def test_a_vehicle_below_its_speed_is_reported_once_and_its_promise_starts_anew():
