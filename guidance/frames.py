@@ -6,11 +6,13 @@
   altitudes, as autopilots report it and as height limits mean it, and not the tangent plane's z.
 * Game: metres, x east, y north, z up, about the game's origin, which lies on the evader's plane.
 * Body: forward, right, down, rotated from NED by yaw only.
+
+Sums, differences and bounds of vectors are here too.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import pymap3d
 
@@ -175,6 +177,40 @@ def total(one: Vector, other: Vector) -> Vector:
     """Return `one` + `other`, in whichever axes both are."""
     (x, y, z), (other_x, other_y, other_z) = one, other
     return (x + other_x, y + other_y, z + other_z)
+
+
+_MEANINGLESS: Final = 1e8
+
+
+class Bounds(NamedTuple):
+    """Largest size of the ground part of a vector, and of its upward and downward parts; all positive."""
+
+    ground: float
+    up: float
+    down: float
+
+
+def usable(*numbers: float) -> bool:
+    """Whether all numbers are finite and, as one vector, not larger than anything in flight can be."""
+    return math.hypot(*numbers) <= _MEANINGLESS
+
+
+def clamp(vector_ned: Vector, bounds: Bounds) -> Vector:
+    """Bound a vector. The ground part is scaled, which keeps its direction; the vertical part is cut.
+
+    They are bounded apart, since the game's speed set is a cylinder: a climb costs no ground speed.
+
+    Args:
+        vector_ned: A velocity (m/s), an acceleration (m/s²), or a change of one.
+        bounds: In the vector's unit.
+    """
+    north, east, vertical = vector_ned
+    size = math.hypot(north, east)
+    vertical = min(bounds.down, max(-bounds.up, vertical))
+    if size <= bounds.ground:
+        return (north, east, vertical)
+    share = bounds.ground / size
+    return (north * share, east * share, vertical)
 
 
 def game_from_ned(vector_ned: Vector) -> Vector:

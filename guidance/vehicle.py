@@ -76,20 +76,20 @@ class VehicleState(NamedTuple):
     @property
     def armed(self) -> bool:
         """Whether the last HEARTBEAT says armed; False before the first one."""
-        beat = self.last(Heartbeat)
-        return beat is not None and beat.armed
+        beat = self.latest.get(Heartbeat)
+        return isinstance(beat, Heartbeat) and beat.armed
 
     @property
     def yaw_rad(self) -> float:
         """Heading in the last ATTITUDE, from north; zero before the first one."""
-        attitude = self.last(messages.Attitude)
-        return 0.0 if attitude is None else attitude.yaw_rad
+        attitude = self.latest.get(messages.Attitude)
+        return attitude.yaw_rad if isinstance(attitude, messages.Attitude) else 0.0
 
     @property
     def on_ground(self) -> bool:
         """Whether the last EXTENDED_SYS_STATE says on ground; False before the first one."""
-        landed = self.last(messages.LandedState)
-        return landed is not None and landed.landed_state == LANDED_ON_GROUND
+        landed = self.latest.get(messages.LandedState)
+        return isinstance(landed, messages.LandedState) and landed.landed_state == LANDED_ON_GROUND
 
 
 def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
@@ -111,10 +111,6 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
     return seen
 
 
-def _changed_by_home(_: Home, state: VehicleState) -> VehicleState | None:
-    return None if state.home_taken and state.armed else state._replace(home_taken=state.armed)
-
-
 def _changed_by_odometry(now: Odometry, state: VehicleState) -> VehicleState:
     held = state.last(Odometry)
     if held is None or held.reset_counter == now.reset_counter:
@@ -123,18 +119,13 @@ def _changed_by_odometry(now: Odometry, state: VehicleState) -> VehicleState:
 
 
 def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> VehicleState:
-    taken = now.armed and (state.home_taken or _home_is_here(state, now))
+    """Take the known home of a vehicle that has just armed there, or that was armed before we connected."""
+    home, local, taken = state.last(Home), state.last(LocalPosition), now.armed and state.home_taken
+    if now.armed and not taken and home is not None:
+        connected_in_flight = Heartbeat not in state.latest  # the first home is the best one
+        near = local is not None and math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
+        taken = connected_in_flight or (near and not state.armed)
     return state if taken == state.home_taken else state._replace(home_taken=taken)
-
-
-def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
-    """Whether the known home is valid for a vehicle that has just armed, or that was armed before we connected."""
-    home, local = state.last(Home), state.last(LocalPosition)
-    if Heartbeat not in state.latest:
-        return home is not None  # connected in flight: the first home is the best one
-    if state.armed or not now.armed or home is None or local is None:
-        return False
-    return math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
 
 
 def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleState | None:
@@ -164,7 +155,7 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
 
 _CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], VehicleState | None]]] = {
     LocalPosition: _changed_by_position,
-    Home: _changed_by_home,
+    Home: lambda _, state: None if state.home_taken and state.armed else state._replace(home_taken=state.armed),
     Odometry: _changed_by_odometry,
     Heartbeat: _changed_by_heartbeat,
     messages.CommandAck: lambda _message, _state: None,

@@ -7,19 +7,19 @@ Following (`follow`, `servo`):
 What the vehicle can do (`capability`):
     Acceleration, late_start: cost of accelerating.
 
-Limiting, always last (`walls`, `braking_law`, `setpoint_limiter`):
+Limiting, always last (`braking_law`, `setpoint_limiter`):
     Situation: state of the vehicle and the evader. `measure_walls` returns every `Wall` there.
     Limits: the section of a file. Envelope: the same with the vehicle's Dynamics.
     Limiter: names of the limits.
     Polygon: corners of a fence, in metres about home.
 """
 
+from guidance.control.braking_law import Situation, Wall, measure_walls
 from guidance.control.capability import Acceleration, late_start
 from guidance.control.follow import Approach, Following, Gaps
 from guidance.control.limits import Dynamics, Envelope, Limiter, Limits, Speeds
 from guidance.control.polygon import Polygon
 from guidance.control.servo import ServoGains
-from guidance.control.walls import Situation, Wall, measure_walls
 
 __all__ = [
     "Acceleration",

@@ -38,9 +38,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.control.braking_law import approach_speed
+from guidance.control.braking_law import Situation, approach_speed
 from guidance.control.servo import ServoGains, ServoMemory, serve
-from guidance.control.walls import Situation
 from guidance.frames import Vector, difference, total
 from guidance.game import StandOff
 

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from guidance.config import Latitude, Longitude, Section
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
-from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.frames import Amsl, Bounds, LocalFrame, Vector
 from guidance.game import StandOff
 
 CATCH_UP_RATIO: Final = 1.1
@@ -30,7 +30,6 @@ _FLOOR_MARGIN_M: Final = 1.0
 
 _DEFAULT = f"; default: {CATCH_UP_RATIO - 1.0:.0%} above the game's speed"
 _SMALLEST, _LARGEST = 1e-3, 1e6
-_MEANINGLESS = 1e8
 
 
 class Limiter(StrEnum):
@@ -59,37 +58,6 @@ class Speeds(NamedTuple):
     speed_m_s: float
     climb_m_s: float
     descent_m_s: float
-
-
-class Bounds(NamedTuple):
-    """Largest size of the ground part of a vector, and of its upward and downward parts; all positive."""
-
-    ground: float
-    up: float
-    down: float
-
-
-def usable(*numbers: float) -> bool:
-    """Whether all numbers are finite and, as one vector, not larger than anything in flight can be."""
-    return math.hypot(*numbers) <= _MEANINGLESS
-
-
-def clamp(vector_ned: Vector, bounds: Bounds) -> Vector:
-    """Bound a vector. The ground part is scaled, which keeps its direction; the vertical part is cut.
-
-    They are bounded apart, since the game's speed set is a cylinder: a climb costs no ground speed.
-
-    Args:
-        vector_ned: A velocity (m/s), an acceleration (m/s²), or a change of one.
-        bounds: In the vector's unit.
-    """
-    north, east, vertical = vector_ned
-    size = math.hypot(north, east)
-    vertical = min(bounds.down, max(-bounds.up, vertical))
-    if size <= bounds.ground:
-        return (north, east, vertical)
-    share = bounds.ground / size
-    return (north * share, east * share, vertical)
 
 
 class StandOffLimit(NamedTuple):

@@ -25,10 +25,9 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from guidance.control.braking_law import approach_speed
-from guidance.control.limits import Agility, Bounds, Envelope, clamp, usable
-from guidance.control.walls import STILL
-from guidance.frames import Vector, difference
+from guidance.control.braking_law import STILL, approach_speed
+from guidance.control.limits import Agility, Envelope
+from guidance.frames import Bounds, Vector, clamp, difference, usable
 
 _LONGEST_STEP_S: Final = 0.1
 _SLOW_M_S: Final = 1.0

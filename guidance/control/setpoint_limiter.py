@@ -21,11 +21,10 @@ The limiter keeps no state. Its memory holds the setpoint sent, not the command,
 import math
 from typing import Final, NamedTuple
 
-from guidance.control.braking_law import Constraint, braked, constraints_of, obey
-from guidance.control.limits import Bounds, Envelope, Limiter, clamp, usable
+from guidance.control.braking_law import STILL, Constraint, Situation, Wall, braked, constraints_of, measure_walls, obey
+from guidance.control.limits import Envelope, Limiter
 from guidance.control.servo import shape, slew
-from guidance.control.walls import STILL, Situation, Wall, measure_walls
-from guidance.frames import Vector, difference, total
+from guidance.frames import Bounds, Vector, clamp, difference, total, usable
 from guidance.messages import Setpoint
 
 _LONGEST_STEP_S: Final = 0.1
@@ -101,11 +100,14 @@ def limit(
     if memory is None or not usable(*memory[0], *memory[1], *memory[2], memory.yaw_rad):
         memory = start(situation, envelope)
     place, flown, yaw_rad, evader, _, gaining, _ = situation
-    if not usable(*place, *flown, yaw_rad, *(evader or ())):
-        return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
     asked = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0)
-    if not usable(*gaining, *asked):
-        situation, command = _repaired(situation, command, memory, active)
+    if not usable(*place, *flown, yaw_rad, *(evader or ()), *gaining, *asked):
+        if not usable(*place, *flown, yaw_rad, *(evader or ())):
+            return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
+        situation = situation._replace(acceleration_ned_m_s2=gaining if usable(*gaining) else STILL)
+        if not usable(*asked):
+            active.append(Limiter.COMMAND)
+            command = Setpoint(STILL, yaw_rad=memory.yaw_rad)
     if not 0.0 <= dt_s <= _LONGEST_STEP_S:
         active.append(Limiter.CLOCK)
         dt_s = _LONGEST_STEP_S if dt_s > _LONGEST_STEP_S else 0.0
@@ -135,18 +137,6 @@ def limit(
     heading_rad = yaw_rad if turned_rad is None else turned_rad
     sent = LimitMemory(velocity, gained, feed_forward or STILL, heading_rad, bool(holding))
     return Limited(Setpoint(velocity, feed_forward, turned_rad), tuple(active), sent)
-
-
-def _repaired(
-    situation: Situation, command: Setpoint, memory: LimitMemory, active: list[Limiter]
-) -> tuple[Situation, Setpoint]:
-    """Replace an acceleration that is not a number by zero, and such a command by a stop."""
-    if not usable(*situation.acceleration_ned_m_s2):
-        situation = situation._replace(acceleration_ned_m_s2=STILL)
-    if not usable(*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0):
-        active.append(Limiter.COMMAND)
-        command = Setpoint(STILL, yaw_rad=memory.yaw_rad)
-    return situation, command
 
 
 def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> tuple[Vector, Vector]:

@@ -248,10 +248,10 @@ def _telemetry_lost(now: Moment) -> bool:
         return True
     # Before the checks pass, the streams have just been requested.
     flying = now.stage.state not in {State.CHECKING, State.READY}
-    age_s = vehicle.age_s(LocalPosition, now.now_s)
-    if now.stage.state in HANDING_OVER and math.isinf(age_s):
-        return False  # found armed and handed over: only its modes matter
-    return flying and age_s > TELEMETRY_LIMIT_S
+    local = vehicle.last(LocalPosition)
+    if local is None:  # found armed and handed over: only its modes matter
+        return flying and now.stage.state not in HANDING_OVER
+    return flying and now.now_s - local.received_s > TELEMETRY_LIMIT_S
 
 
 def _beyond(allowed_m: float, *limiters: Limiter) -> "Condition":

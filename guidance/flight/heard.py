@@ -12,8 +12,8 @@ from typing import Final
 from guidance import messages
 from guidance.autopilots import Mode
 from guidance.control import Envelope, Situation, measure_walls
+from guidance.control.braking_law import Separation
 from guidance.control.polygon import Polygon, corners_about_home
-from guidance.control.walls import Separation
 from guidance.cycle import CycleInputs
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking

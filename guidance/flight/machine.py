@@ -211,16 +211,13 @@ class Flight:
             # An airborne vehicle is taken over in its hold, without arming or climbing.
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
             return Event.ALOFT if piloted or self._heard.mode in OUR_MODES[State.STANDING_BY] else None
-        if order is Event.ENGAGE and not self._may_engage(now):
-            return None
+        if order is Event.ENGAGE:
+            barred = self.leaving_mode or now.refusals or self.evader_refusal(now.now_s)
+            if barred or not (self.checked or detection.fit(now)):
+                return None
         if self._stage.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order, order)
         return order
-
-    def _may_engage(self, now: Moment) -> bool:
-        if self.leaving_mode or now.refusals or self.evader_refusal(now.now_s):
-            return False
-        return self.checked or detection.fit(now)
 
     def _change(self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = "") -> Happening:
         stage, before, after = self._stage, self._stage.state, table.next_state(self._stage.state, event)

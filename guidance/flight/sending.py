@@ -94,7 +94,11 @@ class HoldHandover:
         self._autopilot = autopilot
         self._asking = flown
         self._asked_s = float("-inf")
-        self.fault = None if error is None else _described(error)
+        self.fault: str | None = None
+        if error is not None:
+            frames = traceback.extract_tb(error.__traceback__)
+            where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
+            self.fault = f"{type(error).__name__}: {error}{where}"
 
     def requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
         """Return the requests of one cycle."""
@@ -158,12 +162,6 @@ class Asking:
         streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
         # The HEARTBEAT of the order's own cycle may be older than the order.
         return not (entering and in_state_s <= streamed_s + _SAME_S)
-
-
-def _described(error: Exception) -> str:
-    frames = traceback.extract_tb(error.__traceback__)
-    where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
-    return f"{type(error).__name__}: {error}{where}"
 
 
 class Playing:

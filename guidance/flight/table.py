@@ -117,11 +117,8 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     ((State.ENGAGED,), (Event.CAPTURED,), State.ON_STATION),
     ((State.ON_STATION,), (Event.STRAYED,), State.ENGAGED),
     ((State.ON_STATION,), (Event.DONE,), State.RETURNING),
-    (
-        (State.ENGAGED, State.ON_STATION),
-        (Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.MATE_SILENT),
-        State.PAUSED,
-    ),
+    ((State.ENGAGED, State.ON_STATION), (Event.EVADER_LOST, Event.ESTIMATOR_RESET), State.PAUSED),
+    ((State.ENGAGED, State.ON_STATION), (Event.LOOP_LATE, Event.MATE_SILENT), State.PAUSED),
     ((State.ON_STATION,), (Event.ASSIGNED,), State.ENGAGED),
     ((State.PAUSED,), (Event.CLEAR,), State.ENGAGED),
     ((State.ENTERING, State.PAUSED), (Event.TIMED_OUT,), State.HOLDING),

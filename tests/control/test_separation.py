@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds, measure_walls
+from guidance.control.braking_law import Separation
 from guidance.control.setpoint_limiter import limit
-from guidance.control.walls import Separation
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 

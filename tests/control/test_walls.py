@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 
 from guidance.control import Dynamics, Limiter, Limits, Polygon, Situation, Speeds, measure_walls
-from guidance.control.braking_law import surge
-from guidance.control.limits import StandOffLimit, clamp
+from guidance.control.braking_law import COVER_M, surge
+from guidance.control.limits import StandOffLimit
 from guidance.control.setpoint_limiter import LimitMemory, limit
-from guidance.control.walls import COVER_M
+from guidance.frames import clamp
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 from tests.control.scenes import HOVER, OPEN, settled
