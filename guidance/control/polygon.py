@@ -9,6 +9,7 @@ from guidance.errors import ConfigError
 from guidance.frames import LocalFrame, Vector
 
 Point = tuple[float, float]
+Edge = tuple[Point, Point]
 
 _SHORTEST_EDGE_M = 0.01
 
@@ -38,11 +39,10 @@ class Polygon:
             if math.dist(*edge) < _SHORTEST_EDGE_M:
                 raise ConfigError(f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it")
         for (i, one), (j, other) in combinations(enumerate(self.edges()), 2):
-            neighbours = j - i in (1, len(corners) - 1)
-            if _overlap(one, other) if neighbours else _meet(one, other):
+            if _meet(one, other, neighbours=j - i in (1, len(corners) - 1)):
                 raise ConfigError(f"fence_polygon: edges {i} and {j} cross or touch; give the corners in order")
 
-    def edges(self) -> tuple[tuple[Point, Point], ...]:
+    def edges(self) -> tuple[Edge, ...]:
         """The edges as pairs of corners."""
         return tuple(pairwise((*self.corners_ne_m, self.corners_ne_m[0])))
 
@@ -81,7 +81,7 @@ def corners_about_home(corners_deg: Iterable[Point], home_ned_m: Vector, frame: 
     return tuple((north - north_m, east - east_m) for north, east, _ in places)
 
 
-def _nearest(point: Point, edge: tuple[Point, Point]) -> Point:
+def _nearest(point: Point, edge: Edge) -> Point:
     (north1, east1), (north2, east2) = edge
     along_north, along_east = north2 - north1, east2 - east1
     share = ((point[0] - north1) * along_north + (point[1] - east1) * along_east) / (along_north**2 + along_east**2)
@@ -93,23 +93,16 @@ def _turn(a: Point, b: Point, c: Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _on(edge: tuple[Point, Point], point: Point) -> bool:
+def _on(edge: Edge, point: Point) -> bool:
     a, b = edge
     within = min(a[0], b[0]) <= point[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= point[1] <= max(a[1], b[1])
     return within and _turn(a, b, point) == 0.0
 
 
-def _meet(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
+def _meet(one: Edge, other: Edge, *, neighbours: bool) -> bool:
+    """Return whether two edges cross or touch; neighbours, with a common corner, whether they fold back."""
     (a, b), (c, d) = one, other
-    if (_turn(a, b, c) > 0.0) != (_turn(a, b, d) > 0.0) and (_turn(c, d, a) > 0.0) != (_turn(c, d, b) > 0.0):
-        return True
-    return _on(one, c) or _on(one, d) or _on(other, a) or _on(other, b)
-
-
-def _overlap(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
-    """Return whether two edges with a common corner fold back onto each other."""
-    shared = one[1] if one[1] in other else one[0]
-    a = one[0] if shared == one[1] else one[1]
-    b = other[0] if shared == other[1] else other[1]
-    folded = (a[0] - shared[0]) * (b[0] - shared[0]) + (a[1] - shared[1]) * (b[1] - shared[1]) > 0.0
-    return folded and _turn(shared, a, b) == 0.0
+    shared = {*one} & {*other} if neighbours else set()
+    sides = ((_turn(a, b, c) > 0.0) != (_turn(a, b, d) > 0.0), (_turn(c, d, a) > 0.0) != (_turn(c, d, b) > 0.0))
+    ends = ((one, c), (one, d), (other, a), (other, b))
+    return (not neighbours and all(sides)) or any(_on(edge, end) for edge, end in ends if end not in shared)

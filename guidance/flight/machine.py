@@ -6,13 +6,14 @@ time, in virtual time and in replay.
 """
 
 import math
+import traceback
 from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Mode
 from guidance.flight import detection, table
 from guidance.flight.detection import TELEMETRY_LIMIT_S, Check, Moment, NoCertificate, Stage
 from guidance.flight.heard import Heard
-from guidance.flight.sending import Asking, HoldHandover, Playing
+from guidance.flight.sending import Asking, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
 from guidance.flight.table import BEFORE_FLIGHT, HANDING_OVER, OUR_MODES, SETPOINT_STATES, Event, State
 from guidance.flight.tracking import NOWHERE, Tracking
@@ -47,7 +48,8 @@ class Flight:
         self._last_s: float | None = None
         self._rival = ""
         self._claimed = False
-        self._fault_handover: HoldHandover | None = None
+        self.fault: str | None = None
+        """The internal error that ended the flight, if any."""
         self.checked = False
         """True if all checks had passed at the start; if not, they are repeated before engaging."""
         self.cause: Happening | None = None
@@ -66,11 +68,6 @@ class Flight:
     def vehicle(self) -> VehicleState:
         """Last known state of the vehicle."""
         return self._heard.vehicle
-
-    @property
-    def fault(self) -> str | None:
-        """The internal error that ended the flight, if any."""
-        return None if self._fault_handover is None else self._fault_handover.fault
 
     @property
     def leaving_mode(self) -> bool:
@@ -118,7 +115,7 @@ class Flight:
 
     def follows(self, order: Event, now_s: float, refusals: Sequence[str] = ()) -> bool:
         """Return whether an order would change the state now."""
-        if self._fault_handover is not None:
+        if self.fault is not None:
             return False
         event = self._meant(order, self._moment(now_s, 0.0, refusals))
         return event is not None and table.next_state(self.state, event) is not self.state
@@ -133,9 +130,9 @@ class Flight:
             if order not in table.ORDERS:
                 raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(table.ORDERS))}")
         try:
-            if self._fault_handover is not None:
+            if self.fault is not None:
                 self._heard.vehicle_says(inputs.messages)  # for display
-                return self._hand_over(inputs, self._fault_handover)
+                return self._hand_over(inputs)
             dt_s = self._take_in(inputs)
             happenings = tuple(self._follow(inputs, dt_s))
             requests = self._asking.requests(self._stage, self._heard, inputs.now_s)
@@ -152,22 +149,24 @@ class Flight:
             inputs: Inputs of the failed cycle.
             error: The exception.
         """
-        if self._fault_handover is not None:
-            return self._hand_over(inputs, self._fault_handover)
+        if self.fault is not None:
+            return self._hand_over(inputs)
+        frames = traceback.extract_tb(error.__traceback__)
+        where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
+        self.fault = f"{type(error).__name__}: {error}{where}"
         before, after = self._stage.state, table.next_state(self._stage.state, Event.FAULT)
         ours = before in SETPOINT_STATES or (before is not after and self._heard.mode is Mode.GUIDED)
-        handover = HoldHandover(self.settings.autopilot, error, flown=ours and after is State.YIELDED)
-        self._stage.state, self._fault_handover, fault = after, handover, handover.fault
-        outputs = self._hand_over(inputs, handover)
-        self.cause = Happening(inputs.now_s, Event.FAULT, before, after, detail=fault or "")
-        return outputs._replace(happenings=(*outputs.happenings, self.cause), fault=fault, cause=self.cause)
+        self._stage.state = after
+        self._asking.hand_over(flown=ours and after is State.YIELDED, at_once=True)
+        outputs = self._hand_over(inputs)
+        self.cause = Happening(inputs.now_s, Event.FAULT, before, after, detail=self.fault)
+        return outputs._replace(happenings=(*outputs.happenings, self.cause), fault=self.fault, cause=self.cause)
 
-    def _hand_over(self, inputs: Inputs, handover: HoldHandover) -> Outputs:
-        unheeded = tuple(
-            Happening(inputs.now_s, order, self._stage.state, self._stage.state, by) for by, order in _orders(inputs)
-        )
-        requests = handover.requests(inputs.now_s, inputs.messages)
-        return Outputs(self._stage.state, None, requests, unheeded, None, cause=self.cause)
+    def _hand_over(self, inputs: Inputs) -> Outputs:
+        state = self._stage.state
+        unheeded = tuple(Happening(inputs.now_s, order, state, state, by) for by, order in _orders(inputs))
+        requests = self._asking.hold_requests(inputs.now_s, inputs.messages)
+        return Outputs(state, None, requests, unheeded, None, cause=self.cause)
 
     def _take_in(self, inputs: Inputs) -> float:
         """Update with the inputs; return the time since the last cycle."""
@@ -240,7 +239,7 @@ class Flight:
             self._playing.change(before, after)
             lost = after is State.YIELDED and event in {Event.TELEMETRY_LOST, Event.LOOP_STOPPED}
             if lost and before in SETPOINT_STATES and self.settings.autopilot.waits_in_guided:
-                self._asking.await_hold()
+                self._asking.hand_over()
         return happening
 
     def _moment(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Moment:

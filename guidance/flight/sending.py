@@ -1,10 +1,9 @@
 """What a flight sends in a cycle: the setpoint of its state, and requests until their effect is seen."""
 
-import traceback
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from guidance.autopilots import Autopilot, Mode
+from guidance.autopilots import Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.cycle import CycleMemory, hover, play
 from guidance.flight.detection import Stage
@@ -82,48 +81,23 @@ def requests_in(
     return () if wanted is None or mode is wanted else (autopilot.set_mode(wanted),)
 
 
-class HoldHandover:
-    """Requests only the hold until a HEARTBEAT shows another mode than the guided one.
-
-    Attributes:
-        fault: The internal error that ended the flight. With it, the hold is requested immediately; without it, only
-            when a HEARTBEAT shows that the vehicle still waits in the guided mode.
-    """
-
-    def __init__(self, autopilot: Autopilot, error: Exception | None = None, *, flown: bool = True) -> None:
-        self._autopilot = autopilot
-        self._asking = flown
-        self._asked_s = float("-inf")
-        self.fault: str | None = None
-        if error is not None:
-            frames = traceback.extract_tb(error.__traceback__)
-            where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
-            self.fault = f"{type(error).__name__}: {error}{where}"
-
-    def requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
-        """Return the requests of one cycle."""
-        at_once = self.fault is not None and self._asked_s == float("-inf")
-        modes = [self._autopilot.mode_of(one.custom_mode) for one in messages if isinstance(one, Heartbeat)]
-        if not at_once and any(mode is not Mode.GUIDED for mode in modes):
-            self._asking = False
-        due = at_once or (modes and now_s - self._asked_s >= REPEAT_S)
-        if not (self._asking and due):
-            return ()
-        self._asked_s = now_s
-        return (self._autopilot.set_mode(Mode.HOLD),)
-
-
 class Asking:
-    """The requests of each cycle: those of the state, repetitions, and requests for HEARTBEAT."""
+    """The requests of each cycle: those of the state, repetitions, requests for HEARTBEAT, the hold of a handover."""
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
-        self._asked_s = self._beat_asked_s = float("-inf")
-        self._handover: HoldHandover | None = None
+        self._asked_s = self._beat_asked_s = self._hold_asked_s = float("-inf")
+        self._handing_over = self._at_once = False
 
-    def await_hold(self) -> None:
-        """Request the hold after a loss, for an autopilot that would wait for setpoints in the guided mode."""
-        self._handover = HoldHandover(self._settings.autopilot)
+    def hand_over(self, *, flown: bool = True, at_once: bool = False) -> None:
+        """Request the hold until a HEARTBEAT shows another mode than the guided one.
+
+        Args:
+            flown: Whether the vehicle follows our setpoints; if not, nothing is requested.
+            at_once: Whether the first request goes immediately; if not, when a HEARTBEAT shows that the vehicle still
+                waits for setpoints in the guided mode.
+        """
+        self._handing_over, self._at_once = flown, at_once
 
     def requests(self, stage: Stage, heard: Heard, now_s: float) -> tuple[Request, ...]:
         """Return the requests of one cycle.
@@ -144,10 +118,21 @@ class Asking:
         if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
             self._beat_asked_s = now_s
             asked = (*asked, self._settings.autopilot.request_message(HEARTBEAT))
-        if self._handover is not None:
+        if self._handing_over:
             fresh = [message for message in heard.messages if message.received_s > stage.since_s]
-            asked = (*asked, *self._handover.requests(now_s, fresh))
+            asked = (*asked, *self.hold_requests(now_s, fresh))
         return asked
+
+    def hold_requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
+        """Return the requests of a handover in one cycle."""
+        modes = [self._settings.autopilot.mode_of(one.custom_mode) for one in messages if isinstance(one, Heartbeat)]
+        if not self._at_once and any(mode is not Mode.GUIDED for mode in modes):
+            self._handing_over = False
+        due = self._at_once or (modes and now_s - self._hold_asked_s >= REPEAT_S)
+        if not (self._handing_over and due):
+            return ()
+        self._at_once, self._hold_asked_s = False, now_s
+        return (self._settings.autopilot.set_mode(Mode.HOLD),)
 
     def _is_due(self, stage: Stage, now_s: float, *, fresh_heartbeat: bool) -> bool:
         """Whether the state's requests are due now."""
