@@ -43,18 +43,15 @@ def host_session(endpoint: str, token: local.ControlToken | None = None) -> "zen
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
     except zenoh.ZError as error:
-        raise LinkError(
-            f"control.endpoint = {endpoint!r}: cannot listen there{_listener(endpoint)}; "
-            "end it, or choose another port with control.endpoint"
-        ) from error
+        words = f"cannot listen there{_listener(endpoint)}; end it, or choose another port with control.endpoint"
+        raise LinkError(f"control.endpoint = {endpoint!r}: {words}") from error
 
 
 def _listener(endpoint: str) -> str:
     """Say who answers at an endpoint, if anyone does."""
-    try:
+    answer = None
+    with contextlib.suppress(GuidanceError):
         answer = local.ask_here(local.STATUS, endpoint=endpoint, name=None)
-    except GuidanceError:
-        answer = None
     if answer is None:
         return ": another program has the port"
     return f": a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
@@ -73,13 +70,11 @@ class OwnerToken:
         # Claim first, then look: of two that start together at least one sees the other.
         self._token = liveliness.declare_token(mine)
         replies = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
-        others = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
-        others = [key for key in others if key != mine]
+        others = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} - {mine}
         if others:
             self.close()
-            raise LinkError(
-                f"{vehicle}: another daemon owns this vehicle ({', '.join(others)}); end it first, only one may fly it"
-            )
+            owned = f"another daemon owns this vehicle ({', '.join(sorted(others))})"
+            raise LinkError(f"{vehicle}: {owned}; end it first, only one may fly it")
 
     def close(self) -> None:
         """Give the vehicle up."""
@@ -139,8 +134,7 @@ class ControlBus:
             query.drop()  # type: ignore[no-untyped-call]
             return
         word = str(query.key_expr).rpartition("/")[2]
-        exchanges = self._queries if word in QUERIES else self._orders
-        exchanges.begin(partial(self._answer, query, word))
+        (self._queries if word in QUERIES else self._orders).begin(partial(self._answer, query, word))
 
     def _answer(self, query: "zenoh.Query", order: str) -> None:
         by = "" if query.payload is None else local.name_in(query.payload.to_bytes())
@@ -161,15 +155,12 @@ def _hosted(endpoint: str, token_file: Path | None) -> Iterator[tuple["zenoh.Ses
     """Listen at an endpoint with a new token; publish the token once that works."""
     path = token_file or local.token_path(endpoint)
     token = local.draw_token(path)
-    try:
+    with contextlib.ExitStack() as closing:
+        closing.callback(lambda: local.discard_token(token))
         session = host_session(endpoint, token)
-        try:
-            token = local.publish_token(token, path)
-            yield session, token
-        finally:
-            _quietly(session.close)
-    finally:
-        local.discard_token(token)
+        closing.callback(_quietly, session.close)
+        token = local.publish_token(token, path)
+        yield session, token
 
 
 @contextlib.contextmanager
@@ -239,11 +230,9 @@ def join_session(
         return open_session(endpoint, timeout_s=timeout_s, credentials=shown)
     except LinkError as error:
         used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
-        raise LinkError(
-            f"control {endpoint}: no session within {timeout_s:g} s: no daemon is there, or it does not let us in "
-            f"({used}); is `guidance run` running, by the same user? "
-            "--token-file says where another daemon's token lies"
-        ) from error
+        there = f"no session within {timeout_s:g} s: no daemon is there, or it does not let us in ({used})"
+        mend = "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
+        raise LinkError(f"control {endpoint}: {there}; {mend}") from error
 
 
 def ask(
@@ -347,10 +336,8 @@ def order_team(
         if any(why.values()):
             others = f"waits for {', '.join(name for name, reason in why.items() if reason)}"
             refused = {"accepted": False, "order": order}
-            return [
-                {"name": name, "state": found[name]["state"], **refused, "reason": reason or others}
-                for name, reason in why.items()
-            ]
+            said = {name: {"state": found[name]["state"], "reason": reason or others} for name, reason in why.items()}
+            return [{"name": name, **refused, **answer} for name, answer in said.items()]
     return list(asked(order).values())
 
 

@@ -174,10 +174,10 @@ def run(
         LinkError: If the world ends before the flight does.
     """
     daemons = sorted(daemons, key=lambda daemon: daemon.name)
-    garbage, worked_s, signals = GcScheduler(), 0.0, signals or Signals(Event.HOLD)
+    worked_s, signals = 0.0, signals or Signals(Event.HOLD)
     signals.begin()
     due_s = clock.now_s()
-    garbage.begin(due_s, collect=world.real_time)
+    garbage = GcScheduler(due_s, collect=world.real_time)
     try:
         while (flying := [one for one in daemons if not one.finished]) and not (mission and mission.finished):
             clock.sleep_until(due_s)

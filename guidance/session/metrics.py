@@ -6,7 +6,7 @@ import math
 import socket
 import threading
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, TypedDict
 
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
@@ -24,36 +24,36 @@ _GAME_METRICS: Final = (
 _BUCKETS_S: Final = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)
 
 
+class Into(TypedDict):
+    """Where metrics are registered, and the first part of their names."""
+
+    namespace: str
+    registry: CollectorRegistry
+
+
 class Metrics:
     """All metrics of one vehicle, in a separate registry."""
 
     def __init__(self, name: str) -> None:
         self._name, self.registry = name, CollectorRegistry()
-        registry = self.registry
-
-        def gauge(key: str, words: str, *labels: str) -> Gauge:
-            return Gauge(f"guidance_{key}", words, ("vehicle", *labels), registry=registry)
-
-        def counter(key: str, words: str, *labels: str) -> Counter:
-            return Counter(f"guidance_{key}", words, ("vehicle", *labels), registry=registry)
-
-        def histogram(key: str, words: str) -> Histogram:
-            named = Histogram(f"guidance_{key}_seconds", words, ("vehicle",), registry=registry, buckets=_BUCKETS_S)
-            return named.labels(name)
-
-        self._state = gauge("state", "1 for the state the flight is in", "state")
-        self._ages = gauge("age_seconds", "age of the last message", "what")
-        self._game = gauge("game", "the certificate of the last cycle", "what")
-        self._links = gauge("link_total", "counters of links and evader source", "link", "what")
-        self._events = counter("events", "events of the flight", "event")
-        self._alarms = counter("alarms", "alarms: violations of the guarantee", "broken")
-        self._orders = counter("orders", "orders, accepted or refused", "order", "accepted")
-        self._acted = counter("limits_acted", "cycles in which a limit acted", "limit")
-        self._cycles = counter("cycles", "guidance cycles").labels(name)
-        self._setpoints = counter("setpoints", "setpoints sent").labels(name)
-        self._late = counter("late_cycles", "cycles that began more than one period late").labels(name)
-        self._lateness = histogram("lateness", "delay of the start of a cycle")
-        self._work = histogram("work", "working time of a cycle")
+        into: Into = {"namespace": "guidance", "registry": self.registry}
+        vehicle = ("vehicle",)
+        self._state = Gauge("state", "1 for the state the flight is in", (*vehicle, "state"), **into)
+        self._ages = Gauge("age_seconds", "age of the last message", (*vehicle, "what"), **into)
+        self._game = Gauge("game", "the certificate of the last cycle", (*vehicle, "what"), **into)
+        self._links = Gauge("link_total", "counters of links and evader source", (*vehicle, "link", "what"), **into)
+        self._events = Counter("events", "events of the flight", (*vehicle, "event"), **into)
+        self._alarms = Counter("alarms", "alarms: violations of the guarantee", (*vehicle, "broken"), **into)
+        self._orders = Counter("orders", "orders, accepted or refused", (*vehicle, "order", "accepted"), **into)
+        self._acted = Counter("limits_acted", "cycles in which a limit acted", (*vehicle, "limit"), **into)
+        self._cycles = Counter("cycles", "guidance cycles", vehicle, **into).labels(name)
+        self._setpoints = Counter("setpoints", "setpoints sent", vehicle, **into).labels(name)
+        late = "cycles that began more than one period late"
+        self._late = Counter("late_cycles", late, vehicle, **into).labels(name)
+        timed = Histogram("lateness_seconds", "delay of the start of a cycle", vehicle, buckets=_BUCKETS_S, **into)
+        self._lateness = timed.labels(name)
+        timed = Histogram("work_seconds", "working time of a cycle", vehicle, buckets=_BUCKETS_S, **into)
+        self._work = timed.labels(name)
 
     def worked(self, work_s: float, missed: int) -> None:
         """Count a cycle of the loop: its working time, and how many cycles it made late."""
@@ -84,11 +84,9 @@ class Metrics:
         """
         for state in State:
             self._state.labels(self._name, str(state)).set(state is outputs.state)
-        for what, age_s in (
-            ("heartbeat", flight.vehicle.age_s(Heartbeat, now_s)),
-            ("position", flight.vehicle.age_s(LocalPosition, now_s)),
-            ("evader", flight.tracking.silence_s(now_s)),
-        ):
+        heartbeat_s, position_s = (flight.vehicle.age_s(kind, now_s) for kind in (Heartbeat, LocalPosition))
+        ages_s = {"heartbeat": heartbeat_s, "position": position_s, "evader": flight.tracking.silence_s(now_s)}
+        for what, age_s in ages_s.items():
             self._ages.labels(self._name, what).set(age_s)
         certificate = outputs.certificate
         for what in _GAME_METRICS:

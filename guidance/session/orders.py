@@ -88,11 +88,10 @@ class Mailbox:
             question.answer(meanwhile(order))
             return question
         queue, most = (self._queries, MOST_QUERIES) if order in QUERIES else (self._orders, MOST_ORDERS)
+        full = {"accepted": False, "order": order, "reason": "too many wait already; does the loop run?"}
         with self._lock:
             if len(queue) >= most:
-                question.answer(
-                    {"accepted": False, "order": order, "reason": "too many wait already; does the loop run?"}
-                )
+                question.answer(full)
             else:
                 queue.append(question)
         return question

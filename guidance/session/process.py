@@ -57,10 +57,7 @@ def claim() -> str:
 class GcScheduler:
     """Collects garbage between cycles, when there is time for it, and not at the interpreter's own moments."""
 
-    def __init__(self) -> None:
-        self._young_s = self._old_s = 0.0
-
-    def begin(self, now_s: float, *, collect: bool = True) -> None:
+    def __init__(self, now_s: float, *, collect: bool = True) -> None:
         """Collect now, if wanted, and only here from now on. Existing objects are not scanned again before `end`."""
         if collect:
             gc.collect()

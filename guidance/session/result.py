@@ -134,14 +134,6 @@ def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) 
     )
 
 
-class Ending(NamedTuple):
-    """The end of a game: `Outcome.end`, its time, and the reason of a failure."""
-
-    end: str
-    now_s: float
-    reason: str = ""
-
-
 def note(
     result: FlightResult, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
 ) -> None:
@@ -164,15 +156,13 @@ def note(
         result.alarms.append((now_s, outputs.alarm))
     if pursuer_m is not None and evader_m is not None:
         result.samples.append(FlightSample(now_s, outputs.state, pursuer_m, evader_m))
-    certificate = outputs.certificate
-    if certificate is None:
-        return
-    reachable = (result.reachable_speed_m_s, certificate.reachable_speed_m_s)
-    result.reachable_speed_m_s = min((each for each in reachable if not math.isnan(each)), default=math.nan)
-    result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
-    if math.isnan(result.predicted):
-        result.engaged = certificate
-    result.captured |= certificate.captured
+    if (certificate := outputs.certificate) is not None:
+        reachable = (result.reachable_speed_m_s, certificate.reachable_speed_m_s)
+        result.reachable_speed_m_s = min((each for each in reachable if not math.isnan(each)), default=math.nan)
+        result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
+        if math.isnan(result.predicted):
+            result.engaged = certificate
+        result.captured |= certificate.captured
 
 
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
@@ -182,15 +172,14 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     if began is None:
         return _never_engaged(result, way)
     since_engagement = [each for each in result.happenings if each.now_s > began.now_s]
-    ending = _ending(result, since_engagement)
-    game = [sample for sample in result.samples if began.now_s <= sample.now_s <= ending.now_s]
-    predicted, winner = _predicted(result)
-    last = game[-1] if game else None
+    end, end_s, reason = _ending(result, since_engagement)
+    game = [sample for sample in result.samples if began.now_s <= sample.now_s <= end_s]
+    (predicted, winner), last = _predicted(result), game[-1] if game else None
     return outcome_of(
         scenario,
         way,
-        end=ending.end,
-        game_time_s=ending.now_s - began.now_s,
+        end=end,
+        game_time_s=end_s - began.now_s,
         distance_to_disc_m=distance_to_disc_m(scenario, last.pursuer_m, last.evader_m) if last else math.nan,
         evader_to_target_m=evader_to_target_m(scenario, last.evader_m) if last else math.nan,
         predicted=predicted,
@@ -203,7 +192,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         limits=tuple(result.limits),
         alarms=len(result.alarms),
         events=tuple(dict.fromkeys(str(each.event) for each in since_engagement)),
-        reason=ending.reason,
+        reason=reason,
     )
 
 
@@ -228,31 +217,29 @@ def _begins_game(happening: Happening) -> bool:
     return happening.after is State.ENGAGED and happening.before not in PLAYED
 
 
-def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
-    """Find the event that ended the game, and classify it."""
+def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, float, str]:
+    """Find the event that ended the game; return `Outcome.end`, its time, and the reason of a failure."""
     last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)
     if last is None:
-        return Ending("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
+        return ("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
     timed_out = result.timed_out and last.by is Authority.MISSION
     end = "time_up" if timed_out else _ENDS.get(last.event, "failed")
     if last.by is Authority.OPERATOR:
-        return Ending(end, last.now_s, f"{last.event} ordered by operator")
+        return (end, last.now_s, f"{last.event} ordered by operator")
     if end != "failed":
-        return Ending(end, last.now_s, str(last.event) if end == "yielded" else "")
+        return (end, last.now_s, str(last.event) if end == "yielded" else "")
     # After a pause that lasted too long, the reason is the missing input.
     paused = [each.event for each in happenings if each.after is State.PAUSED and each.now_s < last.now_s]
-    return Ending(end, last.now_s, str(paused[-1] if paused and last.event is Event.TIMED_OUT else last.event))
+    return (end, last.now_s, str(paused[-1] if paused and last.event is Event.TIMED_OUT else last.event))
 
 
 def _never_engaged(result: FlightResult, way: str) -> Outcome:
     ends = {State.HOLDING, State.LANDING, State.RETURNING, State.YIELDED, State.FAILED}
     cause = next((each for each in result.happenings if each.after in ends), None)
-    by_pilot = cause is not None and cause.event is Event.PILOT
+    end = "yielded" if cause is not None and cause.event is Event.PILOT else "failed"
     why = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
-    if result.said:
-        why += f'; the autopilot said "{result.said}"'
-    end, reason = "yielded" if by_pilot else "failed", f"never engaged: {why}"
-    return outcome_of(result.scenario, way, end=end, duration_s=result.duration_s, reason=reason)
+    why += f'; the autopilot said "{result.said}"' if result.said else ""
+    return outcome_of(result.scenario, way, end=end, duration_s=result.duration_s, reason=f"never engaged: {why}")
 
 
 def _unfinished(result: FlightResult) -> str:
@@ -280,12 +267,12 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
     for name in names:
         evader = result.evaders[name]
         arrived_s = min((one.board.over.get(name, math.inf) for one in result.members.values()), default=math.inf)
+        end, end_s, captor = "time_up", evader.track[-1][0], -1
         if evader.captured_by is not None:
-            captor = vehicles.index(evader.captured_by)
-            ends.append(("captured", evader.captured_s, _at(evader.track, evader.captured_s), captor))
-        else:
-            end, end_s = ("arrived", arrived_s) if math.isfinite(arrived_s) else ("time_up", evader.track[-1][0])
-            ends.append((end, end_s, _at(evader.track, end_s), -1))
+            end, end_s, captor = "captured", evader.captured_s, vehicles.index(evader.captured_by)
+        elif math.isfinite(arrived_s):
+            end, end_s = "arrived", arrived_s
+        ends.append((end, end_s, _at(evader.track, end_s), captor))
     return rows_of(scenario, way, (began_s, starts, [_at(result.evaders[name].track, began_s) for name in names]), ends)
 
 

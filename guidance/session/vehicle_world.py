@@ -26,7 +26,7 @@ from guidance.session.loop import EvaderPlayer
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderFrame, EvaderSection
 
-_WIRE_LIMIT_S = 5.0
+_CLAIM_LIMIT_S = 5.0
 OWN_ID = 255
 """System id towards the evader: a ground station's. The vehicle's own id would mean a part of the vehicle."""
 
@@ -141,7 +141,7 @@ def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitSta
     if endpoint.scheme != "zenoh":
         return
     router = credentials.endpoint(endpoint.host, endpoint.port)
-    session = open_session(router, timeout_s=_WIRE_LIMIT_S, credentials=credentials)
+    session = open_session(router, timeout_s=_CLAIM_LIMIT_S, credentials=credentials)
     closing.callback(session.close)
     token = OwnerToken(session, f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance")
     closing.callback(token.close)
@@ -152,7 +152,7 @@ def _open_wire(
 ) -> Wire:
     known = {system for system in systems if system is not None}
     keys = {} if key is None else dict.fromkeys(known, key)
-    return open_wire(url, clock=clock.now_s, systems=known, keys=keys, credentials=credentials, timeout_s=_WIRE_LIMIT_S)
+    return open_wire(url, clock=clock.now_s, systems=known, keys=keys, credentials=credentials)
 
 
 def _open_source(
@@ -177,7 +177,6 @@ def _open_source(
         wire=None if evader.kind in ON_ZENOH else wire,
         signing_key=key,
         credentials=credentials,
-        timeout_s=_WIRE_LIMIT_S,
     )
     if asked is None or evader.system_id is None or rate_hz is None:
         return source
