@@ -61,20 +61,19 @@ class Codec(Generic[T]):
         kind: A named tuple of numbers, text, enumerations, tuples of those, and other named tuples.
 
     Raises:
-        TypeError: If viewers cannot read the type: an array of arrays, or of mixed types.
+        TypeError: If viewers cannot read the type.
     """
 
     def __init__(self, title: str, kind: Callable[..., T]) -> None:
         self.title = title
         self._name = kind.__name__
-        core, schema, write = form_of(kind)
+        core, schema, self._write = form_of(kind)
         self.schema: Schema = {"$schema": DIALECT, "title": title, **schema}
         self._validator = SchemaValidator(core)
-        self._write = write or (lambda value: value)
 
     def encode(self, value: T) -> bytes:
         """Return a value as JSON; text that is not valid Unicode is written with question marks."""
-        written = self._write(value)
+        written = value if self._write is None else self._write(value)
         try:
             return to_json(written, inf_nan_mode="null")
         except PydanticSerializationError:  # a lone surrogate, which a sender of JSON can produce
@@ -132,40 +131,30 @@ def inside(hint: Any) -> Any:  # noqa: ANN401
 
 
 def _array(kinds: tuple[Any, ...]) -> Form:
-    first, endless = kinds[0], kinds[-1] is Ellipsis
-    if get_origin(inside(first)) is tuple or len(set(kinds) - {Ellipsis}) > 1:
-        raise TypeError(f"tuple{list(kinds)}: viewers cannot read an array of arrays, or of mixed types")
-    core, items, write = form_of(first)
-    if endless:
+    core, items, write = form_of(kinds[0])
+    if kinds[-1] is Ellipsis:
         writes = None if write is None else lambda values: [write(value) for value in values]
         return Form(cs.tuple_schema([core], variadic_item_index=0), {"type": "array", "items": items}, writes)
-    each = {"type": [items["type"], "null"]} if first is float else items
+    each = {"type": [items["type"], "null"]} if kinds[0] is float else items
     schema = {"type": "array", "items": items, "prefixItems": [each] * len(kinds), "maxItems": len(kinds)}
     return Form(cs.tuple_schema([core] * len(kinds)), schema)
 
 
 def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     """One of several named tuples: messages name theirs in `kind`, others differ in their fields."""
-    tag: dict[str, Any] = {_TAG: cs.typed_dict_field(cs.any_schema(), required=True)} if tagged else {}
-    fields = {kind: tag | {name: _field(kind, name) for name in get_type_hints(kind)} for kind in kinds}
+    tag = {_TAG: cs.typed_dict_field(cs.any_schema(), required=True)} if tagged else {}
+    fields = {kind: tag | {name: _field(kind, name) for name in kind._fields} for kind in kinds}
     properties: dict[str, Schema] = {_TAG: {"enum": [kind.__name__ for kind in kinds], "type": "string"}} if tag else {}
     for kind in kinds:
-        for name, hint in get_type_hints(kind).items():
-            schema = form_of(hint).schema
-            if properties.setdefault(name, schema) != schema:
-                raise TypeError(f"{kind.__name__}.{name}: has another type in another object of the same array")
+        properties |= {name: form_of(hint).schema for name, hint in get_type_hints(kind).items()}
     required = set.intersection(*({name for name, one in each.items() if one["required"]} for each in fields.values()))
-
     choices = {kind.__name__: _built(kind, fields[kind]) for kind in kinds}
-    core = (
-        cs.tagged_union_schema(choices, _TAG) if tagged else cs.union_schema([*choices.values()], mode="left_to_right")
-    )
+    either = [*choices.values()]
+    core = cs.tagged_union_schema(choices, _TAG) if tagged else cs.union_schema(either, mode="left_to_right")
     writers = {kind: _writer(kind, tagged=tagged) for kind in kinds}
-    return Form(
-        core,
-        {"type": "object", "properties": properties, "required": sorted(required), "additionalProperties": False},
-        writers[kinds[0]] if len(kinds) == 1 else lambda value: writers[type(value)](value),
-    )
+    schema = {"type": "object", "properties": properties, "required": sorted(required), "additionalProperties": False}
+    write = writers[kinds[0]] if len(kinds) == 1 else lambda value: writers[type(value)](value)
+    return Form(core, schema, write)
 
 
 def _writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
