@@ -149,7 +149,7 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
         properties |= {name: form_of(hint).schema for name, hint in get_type_hints(kind).items()}
     required = set.intersection(*({name for name, one in each.items() if one["required"]} for each in fields.values()))
     choices = {kind.__name__: _built(kind, fields[kind]) for kind in kinds}
-    either = [*choices.values()]
+    either: list[Any] = [*choices.values()]
     core = cs.tagged_union_schema(choices, _TAG) if tagged else cs.union_schema(either, mode="left_to_right")
     writers = {kind: _writer(kind, tagged=tagged) for kind in kinds}
     schema = {"type": "object", "properties": properties, "required": sorted(required), "additionalProperties": False}
