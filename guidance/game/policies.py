@@ -130,3 +130,19 @@ EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
     }
 )
 """Every strategy of the evader without a memory, by name."""
+
+
+def policy_of(name: str, policy: str | Policy, catalogue: Mapping[str, Policy]) -> Policy:
+    """Return a policy that is given by its name or as a function.
+
+    Raises:
+        ConfigError: the catalogue has no policy of this name.
+    """
+    if not isinstance(policy, str):
+        return policy
+    if policy not in catalogue:
+        raise ConfigError(
+            f"{name} = {policy!r}: must be one of {', '.join(catalogue)}, or a function "
+            "`Policy`; strategies with a memory and courses are played by scenarios"
+        )
+    return catalogue[policy]

@@ -10,7 +10,7 @@ Runge-Kutta step of fourth order follows the curve of a pure pursuit.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, NamedTuple, TypeAlias
@@ -21,7 +21,7 @@ from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Library, component, components, vectors
 from guidance.game.game import Ball, Game, wind_speed
 from guidance.game.pe import TOUCH_M, take_apart, to_target, vertical_speed
-from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
+from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, policy_of
 from guidance.game.records import is_zero, require
 from guidance.game.rows import leading_shape
 from guidance.game.solution import solve
@@ -152,139 +152,94 @@ def rollout(
     shape = leading_shape(game, given)
     velocities = _velocities(game, pursuer_policy, evader_policy)
     zero = xp.pack(shape, P, 0.0)
-    start = Sample(
-        zero,
-        P + zero[..., None],
-        E + zero[..., None],
-        None if T is None else T + zero[..., None],
-        xp.where(zero == 0, int(End.RUNNING), int(End.NO_ANSWER)),
-    )
+    wide = zero[..., None]
+    end = xp.where(zero == 0, int(End.RUNNING), int(End.NO_ANSWER))
+    start = Sample(zero, P + wide, E + wide, None if T is None else T + wide, end)
     path = []
     with xp.quiet():
-        samples = (
-            _exact_samples(xp, game, start, velocities, stepping, duration_s)
-            if isinstance(stepping, Exact)
-            else _published_samples(xp, game, start, velocities, stepping, duration_s)
-        )
-        for last in samples:
+        for last in _samples(xp, game, start, velocities, stepping, duration_s):
             if keep_path:
                 path.append(last)
-        place = last.evader_m if isinstance(stepping, Exact) else last.pursuer_m
-        distance = zero * math.nan if last.target_m is None else _distance(xp, game, last.target_m, place)
+        distance = zero * math.nan
+        if last.target_m is not None:
+            place = last.evader_m if isinstance(stepping, Exact) else last.pursuer_m
+            x, y, _ = to_target(xp, game, components(place), components(last.target_m))
+            distance = xp.norm3((x, y, component(last.target_m, 2) - component(place, 2)))
     return Rollout(last.end, last.time_s, last.pursuer_m, last.evader_m, distance, tuple(path))
-
-
-def _distance(xp: Library, game: Game, target: Array, place: Array) -> Array:
-    x, y, _ = to_target(xp, game, components(place), components(target))
-    z = component(target, 2) - component(place, 2)
-    return xp.sqrt(x * x + y * y + z * z)
 
 
 def _velocities(game: Game, pursuer_policy: str | Policy, evader_policy: str | Policy) -> Velocities:
     """Return both players' velocities as one function; two optimal players are solved once."""
-    if pursuer_policy == "optimal" and evader_policy == "optimal":
-
-        def both(P: Array, E: Array, T: Array | None, seen: Array) -> tuple[Array, Array]:
-            solution = solve(game, P, E, T, evader_velocity_m_s=seen)
-            return solution.pursuer_velocity_m_s, solution.evader_velocity_m_s
-
-        return both
-    chase = _policy("pursuer_policy", pursuer_policy, PURSUER_POLICIES)
-    flee = _policy("evader_policy", evader_policy, EVADER_POLICIES)
+    chase = policy_of("pursuer_policy", pursuer_policy, PURSUER_POLICIES)
+    flee = policy_of("evader_policy", evader_policy, EVADER_POLICIES)
 
     def each(P: Array, E: Array, T: Array | None, seen: Array) -> tuple[Array, Array]:
+        if pursuer_policy == evader_policy == "optimal":
+            both = solve(game, P, E, T, evader_velocity_m_s=seen)
+            return both.pursuer_velocity_m_s, both.evader_velocity_m_s
         return chase(game, P, E, T, seen), flee(game, P, E, T, seen)
 
     return each
 
 
-def _policy(name: str, policy: str | Policy, catalogue: Mapping[str, Policy]) -> Policy:
-    if not isinstance(policy, str):
-        return policy
-    if policy not in catalogue:
-        raise ConfigError(
-            f"{name} = {policy!r}: must be one of {', '.join(catalogue)}, or a function "
-            "`Policy`; strategies with a memory and courses are played by scenarios"
-        )
-    return catalogue[policy]
-
-
-def _exact_samples(
-    xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Exact, duration_s: float
+def _samples(
+    xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Exact | Paper, duration_s: float
 ) -> Iterator[Sample]:
-    """Step up to the end and no further."""
-    seen, share = 0.0 * sample.evader_m, SHARE[stepping.order]
-    for _ in range(math.ceil(duration_s / stepping.step_s) + SPARE_STEPS):
-        ahead = look_ahead(xp, game, sample.pursuer_m, sample.evader_m, sample.target_m)
-        sample = sample._replace(end=_judge(xp, sample, ahead.capture_s, ahead.arrival_s, duration_s))
+    """Yield every sample until all games have ended: `Exact` steps up to the end, `Paper` steps and then checks."""
+    seen, last = 0.0 * sample.evader_m, math.ceil(duration_s / stepping.step_s)
+    if isinstance(stepping, Exact):
+        last += SPARE_STEPS + 1
+    for index in range(1, last + 1):
+        running = sample.end == End.RUNNING
+        if isinstance(stepping, Exact):
+            order, (now, h) = stepping.order, _located(xp, game, sample, stepping, duration_s)
+        else:
+            order, h = 1, stepping.step_s
+            sample = sample._replace(time_s=xp.where(running, index * h, sample.time_s))
+            near = xp.norm3(components(sample.pursuer_m - sample.evader_m)) < stepping.capture_m
+            now = xp.where(near, int(End.CAPTURED), int(End.RUNNING))
+        if index == last:
+            now = xp.where(now == End.RUNNING, int(End.TIME_UP), now)
+        sample = sample._replace(end=xp.where(running, now, sample.end))
         yield sample
         running = sample.end == End.RUNNING
         if not bool(xp.any(running)):
             return
-        h = duration_s - sample.time_s
-        for limit in (share * ahead.capture_s, share * ahead.arrival_s, ahead.turn_s):
-            h = xp.where(limit < h, limit, h)
-        h = xp.where(running, xp.where(h < stepping.step_s, h, stepping.step_s), 0.0)
-        sample, seen = _advance(xp, game, sample, velocities, h, seen, stepping.order)
-    yield sample._replace(end=xp.where(sample.end == End.RUNNING, int(End.TIME_UP), sample.end))
+        sample, seen = _advance(xp, game, sample, velocities, xp.where(running, h, 0.0), seen, order)
 
 
-def _judge(xp: Library, sample: Sample, capture_s: Array, arrival_s: Array, duration_s: float) -> Array:
-    """Return the end of each game; capture counts before arrival at the same instant."""
+def _located(xp: Library, game: Game, sample: Sample, stepping: Exact, duration_s: float) -> tuple[Array, Array]:
+    """Return the end of each game and its next step, s; capture counts before arrival at the same instant."""
+    ahead = look_ahead(xp, game, sample.pursuer_m, sample.evader_m, sample.target_m)
     now = xp.where(sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
-    now = xp.where(arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
-    now = xp.where(capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
-    now = xp.where(capture_s - capture_s == 0, now, int(End.NO_ANSWER))
-    return xp.where(sample.end == End.RUNNING, now, sample.end)
-
-
-def _published_samples(
-    xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Paper, duration_s: float
-) -> Iterator[Sample]:
-    """Step, then check, as the published simulation does."""
-    seen = 0.0 * sample.evader_m
-    count = math.ceil(duration_s / stepping.step_s)
-    index = 0
-    while True:
-        index += 1
-        near = xp.norm3(components(sample.pursuer_m - sample.evader_m)) < stepping.capture_m
-        now = xp.where(near, int(End.CAPTURED), int(End.TIME_UP if index >= count else End.RUNNING))
-        running = sample.end == End.RUNNING
-        time = xp.where(running, index * stepping.step_s, sample.time_s)
-        sample = sample._replace(end=xp.where(running, now, sample.end), time_s=time)
-        yield sample
-        running = sample.end == End.RUNNING
-        if not bool(xp.any(running)):
-            return
-        h = xp.where(running, stepping.step_s, 0.0)
-        sample, seen = _advance(xp, game, sample, velocities, h, seen, 1)
+    now = xp.where(ahead.arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
+    now = xp.where(ahead.capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
+    now = xp.where(ahead.capture_s - ahead.capture_s == 0, now, int(End.NO_ANSWER))
+    h, share = duration_s - sample.time_s, SHARE[stepping.order]
+    for limit in (share * ahead.capture_s, share * ahead.arrival_s, ahead.turn_s, stepping.step_s):
+        h = xp.where(limit < h, limit, h)
+    return now, h
 
 
 def _advance(
     xp: Library, game: Game, sample: Sample, velocities: Velocities, h: Array, seen: Array, order: int
 ) -> tuple[Sample, Array]:
     """Advance every game by its own h; return also the evader's velocity."""
-    drift = xp.constant(sample.pursuer_m, (*game.target_velocity_m_s, 0.0))
-    step = h[..., None] if hasattr(h, "shape") else h
-    P, E, T = sample.pursuer_m, sample.evader_m, sample.target_m
+    time, P, E, T, end = sample
+    drift, step = xp.constant(P, (*game.target_velocity_m_s, 0.0)), h[..., None]
 
     def at(share: float, slope: tuple[Array, Array]) -> tuple[Array, Array]:
         then = None if T is None else T + share * step * drift
         return velocities(P + share * step * slope[0], E + share * step * slope[1], then, seen)
 
-    first = velocities(P, E, T, seen)
-    mean: tuple[Array, ...] = first
+    first = run = velocities(P, E, T, seen)
     if order != 1:
         second = at(0.5, first)
         third = at(0.5, second)
         last = at(1.0, third)
-        mean = tuple((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, last, strict=True))
-    moved = sample._replace(
-        time_s=sample.time_s + h,
-        pursuer_m=P + step * mean[0],
-        evader_m=E + step * mean[1],
-        target_m=None if T is None else T + step * drift,
-    )
+        flown, fled = ((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, last, strict=True))
+        run = flown, fled
+    moved = Sample(time + h, P + step * run[0], E + step * run[1], None if T is None else T + step * drift, end)
     return moved, first[1]
 
 
@@ -331,4 +286,4 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
         return Ahead(ahead, math.inf, turn)
     x, y, z = to_target(xp, game, components(evader), components(target))
     speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
-    return Ahead(ahead, xp.sqrt(x * x + y * y + z * z) / speed, turn)
+    return Ahead(ahead, xp.norm3((x, y, z)) / speed, turn)

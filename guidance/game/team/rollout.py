@@ -18,16 +18,14 @@ from guidance.errors import ConfigError
 from guidance.game.arrays import NUMPY, components
 from guidance.game.game import Game, Reason
 from guidance.game.pe import to_target
-from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
+from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, policy_of
 from guidance.game.records import require
-from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
+from guidance.game.rollout import NANOSECOND_S, SPARE_STEPS, Ahead, End, look_ahead
 from guidance.game.rows import for_rows
-from guidance.game.team.arguments import Games, TeamGame, joined
+from guidance.game.team.arguments import Games, joined
 from guidance.game.team.matching import Matching, match_teams
 from guidance.game.team.regions import Array
-
-SPARE_STEPS = 10_000
-"""Steps that a game may take beyond those of its duration, to close in on its ends."""
+from guidance.game.team.table import place_of, taken
 
 OPTIMAL = "optimal"
 
@@ -69,15 +67,6 @@ class TeamRollout(NamedTuple):
     path: tuple[TeamSample, ...]
 
 
-class _Sides(NamedTuple):
-    """The constants of a rollout: the game, with numbers (..., n, m), the one by which it ends, and policies."""
-
-    game: Game
-    ends: TeamGame
-    pursuers: Sequence[str | Policy]
-    evaders: Sequence[str | Policy]
-
-
 def rollout_teams(
     game: Games,
     pursuers: ArrayLike,
@@ -117,12 +106,9 @@ def rollout_teams(
     first = match_teams(game, pursuers, evaders, target)
     shape, (n, m) = first.guaranteed.shape, first.beats.shape[-2:]
     pairs = joined(game, "(n, m)").rows(lambda value: np.broadcast_to(value, (*shape, n, m)))
-    team = _Sides(
-        pairs.game,
-        pairs._replace(game=replace(pairs.game, capture_radius_m=pairs.game.capture_radius_m + capture_m)),
-        _named("pursuer_policy", pursuer_policy, n, PURSUER_POLICIES),
-        _named("evader_policy", evader_policy, m, EVADER_POLICIES),
-    )
+    ends = replace(pairs.game, capture_radius_m=pairs.game.capture_radius_m + capture_m)
+    chase = _named("pursuer_policy", pursuer_policy, n, PURSUER_POLICIES)
+    flee = _named("evader_policy", evader_policy, m, EVADER_POLICIES)
     T = None if target is None else np.array(np.broadcast_to(target, (*shape, m, 3)), dtype=np.float64)
     P = np.array(np.broadcast_to(pursuers, (*shape, n, 3)), dtype=np.float64)
     E = np.array(np.broadcast_to(evaders, (*shape, m, 3)), dtype=np.float64)
@@ -130,7 +116,7 @@ def rollout_teams(
     now, when, captor = np.zeros(shape), np.zeros((*shape, m)), np.full((*shape, m), -1)
     matching, path = first, []
     for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
-        capture, arrival, turn = _ahead(team, P, E, T)
+        capture, arrival, turn = _ahead(ends, pairs.plays, P, E, T)
         soonest = np.min(capture, axis=-2)
         running = end == End.RUNNING
         caught, arrived = running & (soonest <= NANOSECOND_S), running & (arrival <= NANOSECOND_S)
@@ -144,78 +130,67 @@ def rollout_teams(
             path.append(TeamSample(now, P, E, end, matching))
         if not running.any():
             break
-        flown, run = _velocities(team, P, E, T, matching)
+        flown = _pursuing(pairs.game, chase, P, E, T, matching)
+        run = _evading(pairs.game, flee, P, E, T, matching)
         free = np.where(running, np.minimum(soonest, arrival), np.inf)
-        mine = np.take_along_axis(turn, np.maximum(matching.evader_of, 0)[..., None], axis=-1)[..., 0]
-        least = np.minimum(np.min(free, axis=-1), np.min(mine, axis=-1))
-        h = np.minimum(np.minimum(least, step_s), duration_s - now)
-        h = np.where(running.any(axis=-1), h, 0.0)
+        least = np.minimum(np.min(free, axis=-1), np.min(taken(turn, matching.evader_of), axis=-1))
+        h = np.where(running.any(axis=-1), np.minimum(np.minimum(least, step_s), duration_s - now), 0.0)
         P = P + h[..., None, None] * flown
         moved = np.where(running, h[..., None], 0.0)[..., None]
         E = E + moved * run
-        T = None if T is None else T + moved * [*team.game.target_velocity_m_s, 0.0]
+        T = None if T is None else T + moved * [*pairs.game.target_velocity_m_s, 0.0]
         now = now + h
     end = np.where(end == End.RUNNING, int(End.TIME_UP), end)
     distance: Array = np.full((*shape, m), math.nan)
     if T is not None:
-        distance[...] = NUMPY.norm2(to_target(NUMPY, team.game, components(E), components(T))[:2])
+        distance[...] = NUMPY.norm2(to_target(NUMPY, pairs.game, components(E), components(T))[:2])
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
 
 
-def _ahead(team: _Sides, P: Array, E: Array, T: Array | None) -> Ahead:
+def _ahead(game: Game, plays: Array, P: Array, E: Array, T: Array | None) -> Ahead:
     """Return the least times, s, until an evader could be captured (..., n, m), or arrive (..., m), or it turns."""
-    shape = (*P.shape[:-1], E.shape[-2])
     goal = None if T is None else T[..., None, :, :]
-    capture, arrival, turn = look_ahead(NUMPY, team.ends.game, P[..., :, None, :], E[..., None, :, :], goal)
-    arrival = np.broadcast_to(arrival, shape)[..., 0, :]
-    return Ahead(np.where(team.ends.plays, capture, math.inf), arrival, np.broadcast_to(turn, shape))
+    capture, arrival, turn = look_ahead(NUMPY, game, P[..., :, None, :], E[..., None, :, :], goal)
+    arrival, turn = (np.broadcast_to(time_s, capture.shape) for time_s in (arrival, turn))
+    return Ahead(np.where(plays, capture, math.inf), arrival[..., 0, :], turn)
 
 
-def _velocities(team: _Sides, P: Array, E: Array, T: Array | None, matching: Matching) -> tuple[Array, Array]:
-    """Return the velocities of all players, (..., n, 3) and (..., m, 3)."""
-    chased = np.maximum(matching.evader_of, 0)
-    w = P[..., :, None, :] - E[..., None, :, :]
-    near = np.argmin(w[..., 0] ** 2 + w[..., 1] ** 2 + w[..., 2] ** 2, axis=-2)
-
-    def chase(policy: Policy) -> Array:
-        game = for_rows(team.game, lambda value: np.take_along_axis(value, chased[..., None], axis=-1)[..., 0])
-        goal = None if T is None else _rows(T, chased)
-        return np.asarray(policy(game, P, _rows(E, chased), goal))
-
-    def flee(policy: Policy) -> Array:
-        game = for_rows(team.game, lambda value: np.take_along_axis(value, near[..., None, :], axis=-2)[..., 0, :])
-        return np.asarray(policy(game, _rows(P, near), E, T))
-
-    flown = _each(team.pursuers, PURSUER_POLICIES, matching.pursuer_velocity_m_s, chase)
-    return flown, _each(team.evaders, EVADER_POLICIES, matching.evader_velocity_m_s, flee)
-
-
-def _each(
-    policies: Sequence[str | Policy], catalogue: Mapping[str, Policy], optimal: Array, play: Callable[[Policy], Array]
+def _pursuing(
+    game: Game, policies: Sequence[str | Policy], P: Array, E: Array, T: Array | None, matching: Matching
 ) -> Array:
-    """Return the velocities of a team's players, each by its own policy."""
+    """Return the pursuers' velocities, (..., n, 3), each by its own policy against its evader."""
+    chased = matching.evader_of
+    at, one = place_of(chased, chased.ndim - 1), for_rows(game, lambda value: taken(value, chased))
+    goal = None if T is None else T[at]
+    return _each(policies, matching.pursuer_velocity_m_s, lambda policy: policy(one, P, E[at], goal))
+
+
+def _evading(
+    game: Game, policies: Sequence[str | Policy], P: Array, E: Array, T: Array | None, matching: Matching
+) -> Array:
+    """Return the evaders' velocities, (..., m, 3), each by its own policy against the nearest pursuer."""
+    near = np.argmin(np.sum((P[..., :, None, :] - E[..., None, :, :]) ** 2, axis=-1), axis=-2)
+    one = for_rows(game, lambda value: taken(value.swapaxes(-1, -2), near))
+    by = P[place_of(near, near.ndim - 1)]
+    return _each(policies, matching.evader_velocity_m_s, lambda policy: policy(one, by, E, T))
+
+
+def _each(policies: Sequence[str | Policy], optimal: Array, play: Callable[[Policy], Array]) -> Array:
     velocity = np.array(optimal, dtype=np.float64)
     for policy in dict.fromkeys(policies):
-        if policy != OPTIMAL:
+        if not isinstance(policy, str):
             mine = np.array([other == policy for other in policies])
-            velocity[..., mine, :] = play(catalogue[policy] if isinstance(policy, str) else policy)[..., mine, :]
+            velocity[..., mine, :] = play(policy)[..., mine, :]
     return velocity
 
 
 def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]) -> Sequence[str | Policy]:
-    """Return a policy for each player.
+    """Return a policy for each player, "optimal" by its name.
 
     Raises:
         ConfigError: If one is unknown, or there are not as many as players.
     """
     each = [given] * count if isinstance(given, str) or callable(given) else list(given)
-    for policy in each:
-        if isinstance(policy, str) and policy not in catalogue:
-            raise ConfigError(f"{name} = {policy!r}: must be one of {', '.join(catalogue)}")
     if len(each) != count:
         raise ConfigError(f"{name}: {len(each)} policies for {count} players; give one for all, or one for each")
-    return each
-
-
-def _rows(positions: Array, index: Array) -> Array:
-    return np.take_along_axis(positions, index[..., None], axis=-2)
+    return [policy if policy == OPTIMAL else policy_of(name, policy, catalogue) for policy in each]
