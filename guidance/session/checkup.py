@@ -8,12 +8,13 @@ from guidance import messages
 from guidance.autopilots import Finding, Verdict
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import FlightError
+from guidance.links.world import World
 from guidance.preflight import COUNTED_S, ParameterChange, another_autopilot, changes, single
 from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_world import VehicleWorld, open_all
+from guidance.session.vehicle_world import open_all
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0
@@ -40,7 +41,7 @@ class Applied(NamedTuple):
 class Checkup:
     """Reads, judges and sets the parameters of one vehicle on the ground. It neither arms nor changes the mode."""
 
-    def __init__(self, name: str, plan: FlightPlan, world: VehicleWorld, clock: Clock) -> None:
+    def __init__(self, name: str, plan: FlightPlan, world: World, clock: Clock) -> None:
         self._plan, self._link, self._clock, self._due_s = plan, world.links[name], clock, clock.now_s()
         self._daemon = Daemon(name, plan, self._link, world.evaders[name])
 

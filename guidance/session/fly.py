@@ -23,6 +23,7 @@ from guidance.links.opening import KINDS
 from guidance.links.port import Wire, parse
 from guidance.links.udp import UdpWire
 from guidance.links.wires import share
+from guidance.links.world import World
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
@@ -33,14 +34,14 @@ from guidance.session.control_bus import ControlBus, opened
 from guidance.session.daemon import Equipment
 from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
 from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording
-from guidance.session.loop import Signals, World
+from guidance.session.loop import Signals
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import config_of, plan_of
 from guidance.session.result import FlightResult, MissionResult, closing_detail
 from guidance.session.service import opened_equipment, opened_vehicle
 from guidance.session.vehicle_file import Config, Vehicle
-from guidance.session.vehicle_world import VehicleWorld, open_all
+from guidance.session.vehicle_world import open_all
 from guidance.sim.live import OVER, ZENOH, LiveWorld
 from guidance.sim.mock_files import check_faults
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario, Site, Wind
@@ -129,12 +130,9 @@ class MockOptions:
         check_faults(pursuits)
         with _ordered(scenario, pursuits, onlooker) as (mailboxes, buses), contextlib.ExitStack() as stack:
             used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
-            world: SteppedWorld | LiveWorld
-            if self.fast:
-                world = SteppedWorld(pursuits, clock)
-            else:
-                world = LiveWorld(pursuits, clock, link=self.link, port=self.port, over=self.over)
-            yield Opened(pursuits, stack.enter_context(closing(world)), clock, buses, used, {})
+            live = partial(LiveWorld, link=self.link, port=self.port, over=self.over)
+            world = stack.enter_context(closing((SteppedWorld if self.fast else live)(pursuits, clock)))
+            yield Opened(pursuits, world, clock, buses, used, {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -360,7 +358,7 @@ def _recorded(
 @contextlib.contextmanager
 def reach(
     pursuits: Sequence[Pursuit], asked: Asked, clock: Clock, separation: Mapping[str, float] | None = None
-) -> Iterator[tuple[Mapping[str, Config], VehicleWorld, Mapping[str, Wire]]]:
+) -> Iterator[tuple[Mapping[str, Config], World, Mapping[str, Wire]]]:
     """Find the vehicles at their URLs and open their links, and a loopback port for each evader's reports.
 
     Args:
@@ -376,7 +374,7 @@ def reach(
         ConfigError: If an argument is wrong, or another autopilot is there.
         LinkError: If there is no vehicle.
     """
-    speeds_m_s, configs, world = _declared_m_s(pursuits), dict[str, Config](), VehicleWorld()
+    speeds_m_s, configs, world = _declared_m_s(pursuits), dict[str, Config](), World()
     with contextlib.ExitStack() as stack:
 
         def udp(port: int, systems: Sequence[int] = ()) -> UdpWire:
@@ -402,8 +400,10 @@ def reach(
                 team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **separation}
             config = configs[vehicle] = config_of(scenario, vehicle, own, reports[evader], team)
             wires = {name: next(shares) for name, shares in heard.items()}
-            world.add(open_all(config, clock, tapped=True, wire=wire, evader_wires=wires))
-        stack.callback(world.close)
+            opened = stack.enter_context(closing(open_all(config, clock, tapped=True, wire=wire, evader_wires=wires)))
+            world.links |= opened.links
+            world.evaders |= opened.evaders
+            world.taps += opened.taps
         yield configs, world, radios
 
 

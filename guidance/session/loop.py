@@ -11,16 +11,14 @@ import contextlib
 import math
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import Final, NoReturn, Protocol
 
 from guidance.clock import Clock, Timing
 from guidance.errors import ConfigError
 from guidance.flight import Event
-from guidance.frames import Vector
-from guidance.links.port import EvaderSource, VehicleLink
-from guidance.links.wires import CapturedFrame
+from guidance.links.world import World
 from guidance.session.daemon import Daemon
 from guidance.session.plan import FlightPlan
 from guidance.session.process import GcScheduler
@@ -32,59 +30,6 @@ AGE_S: Final = 0.002
 MOST_NUDGE_S: Final = 0.0002
 _NUDGE_SHARE: Final = 0.05
 _CLOSE_S: Final = 0.0005
-
-
-class EvaderPlayer(Protocol):
-    """An evader that this process plays itself."""
-
-    @property
-    def ready(self) -> bool:
-        """Whether it can begin to play."""
-
-    def position_game_m(self) -> Vector | None:
-        """Its position in the game frame, None until it knows."""
-
-    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
-        """Move on to the present, playing against these pursuers or standing still."""
-
-    def stop(self) -> None:
-        """The flight is over: disarm."""
-
-
-class World(Protocol):
-    """All vehicles and evaders of a flight, by name."""
-
-    @property
-    def real_time(self) -> bool:
-        """Whether time is real."""
-
-    @property
-    def links(self) -> Mapping[str, VehicleLink]:
-        """The vehicles."""
-
-    @property
-    def evaders(self) -> Mapping[str, Mapping[str, EvaderSource]]:
-        """Sources of evader reports: by the vehicle's name, then by the evader's name."""
-
-    @property
-    def players(self) -> Mapping[str, EvaderPlayer]:
-        """The evaders that this process plays."""
-
-    def advance(self) -> None:
-        """Bring the world up to the clock's present.
-
-        Raises:
-            LinkError: If the world has ended: the mock autopilot died, say.
-        """
-
-    def engage(self, vehicle: str) -> None:
-        """A vehicle's game has begun: start the faults that count from its engagement."""
-
-    def drain(self) -> Sequence[CapturedFrame]:
-        """Return the raw frames that passed since the last call, for the records."""
-
-    def close(self) -> None:
-        """End everything this world has started."""
 
 
 def _kept() -> NoReturn:

@@ -15,12 +15,13 @@ from guidance.clock import Clock
 from guidance.errors import FlightError
 from guidance.flight import FINAL, Authority, Event, Outputs, State
 from guidance.frames import Vector
+from guidance.links.world import World
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
 from guidance.session.answers import failed_checks, missing, next_words
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import Stopped
-from guidance.session.loop import PERIOD_S, Signals, World, run
+from guidance.session.loop import PERIOD_S, Signals, run
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.result import PLAYED, PLAYING, EvaderResult, FlightResult, MissionResult, note

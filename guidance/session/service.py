@@ -12,6 +12,7 @@ from typing import Final
 
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
+from guidance.links.world import World
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
@@ -25,7 +26,7 @@ from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.process import Notifier, claim
 from guidance.session.vehicle_file import Config, load_vehicle
-from guidance.session.vehicle_world import VehicleWorld, open_all, open_control
+from guidance.session.vehicle_world import open_all, open_control
 from guidance.team import Member
 
 _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record", "team")
@@ -43,9 +44,7 @@ def opened_equipment(mailbox: Mailbox, config: Config) -> Iterator[Equipment]:
 
 
 @contextmanager
-def opened_vehicle(
-    config: Config, clock: Clock, *, tapped: bool
-) -> Iterator[tuple[VehicleWorld, ControlBus, Equipment]]:
+def opened_vehicle(config: Config, clock: Clock, *, tapped: bool) -> Iterator[tuple[World, ControlBus, Equipment]]:
     """Open all that a vehicle file names, and wait until the vehicle was heard; orders are answered meanwhile.
 
     Args:

@@ -3,10 +3,9 @@
 import contextlib
 import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 from guidance.autopilots.description import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.clock import Clock
@@ -17,12 +16,12 @@ from guidance.links.frames import SigningKey
 from guidance.links.opening import open_link, open_source, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import CapturedFrame, TappedWire, share
+from guidance.links.wires import TappedWire, share
+from guidance.links.world import World
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
 from guidance.links.zenoh_wire import open_session
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import ControlBus, OwnerToken
-from guidance.session.loop import EvaderPlayer
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderFrame, EvaderSection
 
@@ -31,50 +30,6 @@ OWN_ID = 255
 """System id towards the evader: a ground station's. The vehicle's own id would mean a part of the vehicle."""
 
 _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
-
-
-@dataclass(slots=True)
-class VehicleWorld:
-    """The world of running vehicles and their evaders, in real time.
-
-    Attributes:
-        links: The vehicles, by name.
-        evaders: Reports of the evaders, by the vehicle's name and theirs; without a team it is `EVADER`.
-        taps: Pass on the raw frames of the vehicles' wires.
-        closing: Closes everything.
-        players: The evaders that this process plays.
-        on_engage: Called when the game begins.
-    """
-
-    links: dict[str, VehicleLink] = field(default_factory=dict)
-    evaders: dict[str, Mapping[str, EvaderSource]] = field(default_factory=dict)
-    taps: list[TappedWire] = field(default_factory=list)
-    closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
-    players: dict[str, EvaderPlayer] = field(default_factory=dict)
-    on_engage: Callable[[], None] = lambda: None
-    real_time: ClassVar[bool] = True
-
-    def add(self, other: "VehicleWorld") -> None:
-        """Add the vehicles of another world, which is closed with this one."""
-        self.links |= other.links
-        self.evaders |= other.evaders
-        self.taps += other.taps
-        self.closing.callback(other.close)
-
-    def advance(self) -> None:
-        """Nothing: its time is real."""
-
-    def engage(self, _vehicle: str) -> None:
-        """The game begins."""
-        self.on_engage()
-
-    def drain(self) -> Sequence[CapturedFrame]:
-        """All raw frames since the last call."""
-        return [passed for tap in self.taps for passed in tap.drain()]
-
-    def close(self) -> None:
-        """Close everything; may be called twice."""
-        self.closing.close()
 
 
 def open_control(config: Config, mailbox: Mailbox) -> ControlBus:
@@ -97,7 +52,7 @@ def open_all(
     tapped: bool,
     wire: Wire | None = None,
     evader_wires: Mapping[str, Wire] = MappingProxyType({}),
-) -> VehicleWorld:
+) -> World:
     """Claim the vehicle, open its link and the evaders' sources, and wait until the vehicle was heard.
 
     Args:
@@ -132,7 +87,7 @@ def open_all(
         for name, section in config.evaders.items():
             sources[name] = _open_source(config, section, clock, credentials, wires.get(name))
             closing.callback(sources[name].close)
-        return VehicleWorld({config.name: link}, {config.name: sources}, taps, closing.pop_all())
+        return World({config.name: link}, {config.name: sources}, taps, closing.pop_all())
 
 
 def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitStack) -> None:

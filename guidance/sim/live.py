@@ -12,7 +12,8 @@ from guidance.links.carriers import GlobalPositionInt
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import open_link, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
-from guidance.links.wires import CapturedFrame, TappedWire, share
+from guidance.links.wires import TappedWire, share
+from guidance.links.world import World
 from guidance.links.zenoh_wire import ZenohWire, open_session
 from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import check_faults, faults_after, fleet, script, system_ids
@@ -29,25 +30,22 @@ OVER: Final = (ZENOH, UDP)
 _ANSWER_LIMIT_S: Final = 2.0
 
 
-class LiveWorld:
-    """All players in a child process, reached over Zenoh or UDP. Attributes as of `SteppedWorld`.
+class LiveWorld(World):
+    """All players in a child process, reached over Zenoh or UDP.
 
     Raises:
         ConfigError: If the mock refuses its configuration.
         LinkError: If the mock cannot start (the port is in use, say), or cannot be heard.
     """
 
-    real_time: Final = True
-
     def __init__(self, flown: Flown, clock: Clock, *, link: str, port: int, over: str = ZENOH) -> None:
+        super().__init__()
         self._clock, self._pursuits, self._ids = clock, pursuits_of(flown), system_ids(flown)
-        self._taps, self._closing = list[TappedWire](), contextlib.ExitStack()
-        self.links: dict[str, VehicleLink] = {}
-        self.evaders: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
-        self.players: dict[str, EvaderPilot] = {}
+        self._sources: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
+        self.evaders |= self._sources
         try:
             check_faults(flown)
-            self._mock = _mock(self._closing, flown, over, port)
+            self._mock = _mock(self.closing, flown, over, port)
             for scenario, vehicle, evader in self._pursuits:
                 self.links[vehicle] = self._open_link(link, self._wires(vehicle, 1)[0], vehicle)
                 if evader not in self.players:
@@ -78,14 +76,6 @@ class LiveWorld:
             # on its own thread: the loop must not wait
             threading.Thread(target=_inject, args=(self._mock[vehicle].zenoh, faults)).start()
 
-    def drain(self) -> Sequence[CapturedFrame]:
-        """All frames that passed since the last call, of one vehicle after the other."""
-        return [passed for tap in self._taps for passed in tap.drain()]
-
-    def close(self) -> None:
-        """Close the links, then end the child."""
-        self._closing.close()
-
     def _wires(self, name: str, readers: int) -> Sequence[Wire]:
         """Return wires to one vehicle; a UDP port can be opened only once."""
         vehicle, now_s = self._mock[name], self._clock.now_s
@@ -95,18 +85,18 @@ class LiveWorld:
 
     def _open_link(self, kind: str, bare: Wire, name: str) -> VehicleLink:
         now_s, who = self._clock.now_s, f"the mock's {name}"
-        self._taps.append(TappedWire(bare, now_s, name))
-        link = open_link(self._taps[-1], kind, system_id=self._ids[name], clock=now_s, who=who, timeout_s=5.0)
-        self._closing.callback(link.close)
+        self.taps.append(TappedWire(bare, now_s, name))
+        link = open_link(self.taps[-1], kind, system_id=self._ids[name], clock=now_s, who=who, timeout_s=5.0)
+        self.closing.callback(link.close)
         return link
 
     def _open_evader(self, name: str, scenario: Scenario) -> None:
         """Open the pilot's link to an evader, and its reports for each vehicle."""
         commands, *reports = self._wires(name, 1 + len(self.evaders))
         self.players[name] = EvaderPilot(self._open_link("pymavlink", commands, name), scenario)
-        for sources, wire in zip(self.evaders.values(), reports, strict=True):
+        for sources, wire in zip(self._sources.values(), reports, strict=True):
             sources[name] = MavlinkEvader(wire, GlobalPositionInt(), system_id=self._ids[name])
-            self._closing.callback(sources[name].close)
+            self.closing.callback(sources[name].close)
 
 
 def _mock(closing: contextlib.ExitStack, flown: Flown, over: str, port: int) -> RunningFleet:

@@ -104,14 +104,11 @@ class Field:
         self._team, clock, site = team, MonotonicClock(), scenario.flight.site
         self._frame = LocalFrame(site.latitude_deg, site.longitude_deg, Amsl(site.altitude_amsl_m))
         chased = {one.evader: one.scenario for one in reversed(pursuits_of_team(scenario))}
-        self._rovers = {
-            name: EvaderHere(
-                chased[name],
-                clock,
-                FanOut([UdpWire(clock.now_s, host="127.0.0.1", port=ports[name][to], listen=False) for to in NAMES]),
-            )
+        self._radios = {
+            name: FanOut([UdpWire(clock.now_s, host="127.0.0.1", port=ports[name][to], listen=False) for to in NAMES])
             for name in chased
         }
+        self._rovers = {name: EvaderHere(chased[name], clock, radio) for name, radio in self._radios.items()}
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -157,8 +154,8 @@ class Field:
         """End the rovers."""
         self._ended.set()
         self._thread.join()
-        for rover in self._rovers.values():
-            rover.close()
+        for radio in self._radios.values():
+            radio.close()
 
 
 def vehicle_file(

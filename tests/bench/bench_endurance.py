@@ -50,7 +50,7 @@ from guidance.log.reader import Item
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import recorded_settings
-from guidance.session.loop import EvaderPlayer, run
+from guidance.session.loop import run
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock
@@ -72,7 +72,7 @@ class VirtualWorld:
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
-        self.players: dict[str, EvaderPlayer] = {}
+        self.players: dict[str, object] = {}
         parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
         vehicle = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
         vehicle.autopilot.state.battery.capacity_mah = LASTING_MAH

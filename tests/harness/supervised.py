@@ -5,9 +5,9 @@ from typing import Any
 
 from guidance.clock import Clock
 from guidance.flight import Event, Outputs
+from guidance.links.world import World
 from guidance.session.daemon import Equipment
 from guidance.session.log import Log
-from guidance.session.loop import World
 from guidance.session.mission import Mission, MissionPolicy
 from guidance.session.orders import Mailbox
 from guidance.session.plan import FlightPlan

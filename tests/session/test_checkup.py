@@ -12,6 +12,7 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import FlightError
 from guidance.links import MemoryWire
+from guidance.links import world as worlds
 from guidance.links.carriers import GlobalPositionInt
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -19,7 +20,6 @@ from guidance.preflight import refusals
 from guidance.session.checkup import Checkup
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import EVADER, Config
-from guidance.session.vehicle_world import VehicleWorld
 from sitl_mock import MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
@@ -43,7 +43,7 @@ class World(VirtualClock):
         self.autopilot = autopilot_named(autopilot)
         self.said = []
         evader = MavlinkEvader(silence, GlobalPositionInt(), system_id=2)
-        world = VehicleWorld({"uav1": self.link}, {"uav1": {EVADER: evader}})
+        world = worlds.World({"uav1": self.link}, {"uav1": {EVADER: evader}})
         self.checkup = Checkup("uav1", plan, world, self)
 
     def sleep_until(self, moment_s):

@@ -17,6 +17,7 @@ from guidance.config import load
 from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.flight import Event, State
 from guidance.links import MemoryWire
+from guidance.links import world as worlds
 from guidance.links.carriers import GlobalPositionInt
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
@@ -28,7 +29,6 @@ from guidance.session.mission import MissionPolicy
 from guidance.session.plan import config_of, plan_of
 from guidance.session.result import outcome_of_flight
 from guidance.session.vehicle_file import Vehicle
-from guidance.session.vehicle_world import VehicleWorld
 from guidance.sim.scenario import EVADER_ID, Scenario
 from guidance.sim.stepped import EvaderHere, SteppedMock
 from sitl_mock import Home, MockVehicle
@@ -120,7 +120,7 @@ class Sortie(Supervised):
         self.shown = []
         super().__init__(
             world,
-            VehicleWorld(
+            worlds.World(
                 {"pursuer": world.link},
                 {"pursuer": {"evader": source}},
                 players={"evader": self.evader},
@@ -148,7 +148,6 @@ def sortie():
     yield make
     for one in made:
         one.close()
-        one.evader.close()
 
 
 @pytest.mark.flight

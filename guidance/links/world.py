@@ -1,0 +1,67 @@
+"""The world of a flight: its vehicles and evaders, by name."""
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol
+
+from guidance.frames import Vector
+from guidance.links.port import EvaderSource, VehicleLink
+from guidance.links.wires import CapturedFrame, TappedWire
+
+
+class EvaderPlayer(Protocol):
+    """An evader that this process plays itself."""
+
+    ready: bool
+    """Whether it can begin to play."""
+
+    def position_game_m(self) -> Vector | None:
+        """Its position in the game frame, None until it knows."""
+
+    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
+        """Move on to the present, playing against these pursuers or standing still."""
+
+    def stop(self) -> None:
+        """The flight is over: disarm."""
+
+
+@dataclass(slots=True)
+class World:
+    """All vehicles and evaders of a flight, by name. This one's time is real, and its vehicles fly somewhere else.
+
+    Attributes:
+        links: The vehicles.
+        evaders: Sources of evader reports: by the vehicle's name, then by the evader's name.
+        taps: Pass on the raw frames of the vehicles' wires.
+        closing: Closes everything.
+        players: The evaders that this process plays.
+        on_engage: Called when the game begins.
+    """
+
+    links: dict[str, VehicleLink] = field(default_factory=dict)
+    evaders: dict[str, Mapping[str, EvaderSource]] = field(default_factory=dict)
+    taps: list[TappedWire] = field(default_factory=list)
+    closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    players: dict[str, EvaderPlayer] = field(default_factory=dict)
+    on_engage: Callable[[], None] = lambda: None
+    real_time: ClassVar[bool] = True
+
+    def advance(self) -> None:
+        """Bring the world up to the clock's present.
+
+        Raises:
+            LinkError: If the world has ended: the mock autopilot died, say.
+        """
+
+    def engage(self, _vehicle: str) -> None:
+        """A vehicle's game has begun: start the faults that count from its engagement."""
+        self.on_engage()
+
+    def drain(self) -> Sequence[CapturedFrame]:
+        """Return the raw frames that passed since the last call, of one vehicle after the other, for the records."""
+        return [passed for tap in self.taps for passed in tap.drain()]
+
+    def close(self) -> None:
+        """End everything this world has started; may be called twice."""
+        self.closing.close()
