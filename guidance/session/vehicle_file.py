@@ -167,19 +167,11 @@ class EvaderSection(Section):
     system_id: SystemId | None = Field(None, description="the only MAVLink system id that is accepted")
     component_id: SystemId | None = Field(None, description="its component id; default: any")
     icao_address: int | None = Field(None, ge=1, le=0xFFFFFF, description="of ADSB_VEHICLE")
-    id_or_mac: str | None = Field(
-        None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal, of OPEN_DRONE_ID"
-    )
-    request_rate_hz: float | None = Field(
-        None, gt=0.0, le=50.0, description="message rate to request from an evader that sends nothing unasked"
-    )
+    id_or_mac: str | None = Field(None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal of OPEN_DRONE_ID")
+    request_rate_hz: float | None = Field(None, gt=0.0, le=50.0, description="message rate to ask a silent evader for")
     timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="the evader is lost after this long without a report")
-    second_source: Literal["hold", "tell"] = Field(
-        "hold", description="reaction to two sources that report as the evader: hold, or only an event"
-    )
-    signing_key_file: Path | None = Field(
-        None, description="64 hexadecimal digits; without url the vehicle's key applies"
-    )
+    second_source: Literal["hold", "tell"] = Field("hold", description="two sources report: hold, or only an event")
+    signing_key_file: Path | None = Field(None, description="64 hexadecimal digits; without url the vehicle's applies")
     frame: EvaderFrame | None = Field(None, description="origin of its coordinates")
 
     @field_validator("url")
@@ -216,9 +208,7 @@ class GameSection(Section):
     """The game."""
 
     kind: Literal["pe", "tad"] = Field("pe", description="pursuit-evasion, or target-attacker-defender")
-    speed_set: Literal["ball", "cylinder"] = Field(
-        "cylinder", description="one speed in all directions, or separate horizontal, climb and descent speeds"
-    )
+    speed_set: Literal["ball", "cylinder"] = Field("cylinder", description="one speed, or own climb and descent rates")
     speed_m_s: float = Field(gt=0.0, le=30.0, description="the pursuer's horizontal speed in the game")
     climb_m_s: float = Field(1.5, gt=0.0, le=10.0, description="its climb rate")
     descent_m_s: float = Field(1.0, gt=0.0, le=10.0, description="its descent rate")
@@ -281,13 +271,9 @@ class Vehicle(Section):
 class Control(Section):
     """Where orders arrive: Zenoh queryables on loopback, or on a router that checks certificates."""
 
-    endpoint: str = Field(
-        "tcp/127.0.0.1:7448", description="Zenoh endpoint, on loopback; or a router's by TLS: docs/zenoh.md"
-    )
+    endpoint: str = Field("tcp/127.0.0.1:7448", description="Zenoh on loopback, or a router by TLS: docs/zenoh.md")
     host: bool = Field(True, description="listen there; false connects to a running Zenoh router")
-    token_file: Path | None = Field(
-        None, description="file with the secret of `guidance ctl`; default: in the runtime folder, for its owner only"
-    )
+    token_file: Path | None = Field(None, description="secret of `guidance ctl`; default: runtime folder")
 
     @field_validator("endpoint")
     @classmethod

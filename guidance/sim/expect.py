@@ -80,12 +80,8 @@ class Expectations(Section):
     distance_to_disc_m: Range | None = Field(None, description="of the pursuer from the stand-off disc at the end")
     evader_to_target_m: Range | None = Field(None, description="TAD: of the evader from its target at the end")
     predicted_capture_time_s: Range | None = Field(None, description="PE: the game's value at engagement")
-    predicted_evader_to_target_m: Range | None = Field(
-        None, description="TAD: the game's value at engagement, if the pursuer is predicted to win"
-    )
-    predicted_short_m: Range | None = Field(
-        None, description="TAD: how short of a capture the pursuer is, if the evader is predicted to win"
-    )
+    predicted_evader_to_target_m: Range | None = Field(None, description="TAD: value at engagement if the pursuer wins")
+    predicted_short_m: Range | None = Field(None, description="TAD: how short of a capture, if the evader is to win")
     time_needed_s: Range | None = Field(None, description="what the vehicle promised at engagement")
     regret: Range | None = Field(None, description="what the pursuer lost against the value, s or m")
     ratio: Range | None = Field(None, description="achieved over predicted")

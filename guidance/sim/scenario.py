@@ -55,9 +55,7 @@ class Player(Section):
     waypoints_m: tuple[Point3 | Point2, ...] = Field((), description='of policy = "waypoints"; the last one ends it')
     turn_every_s: float = Field(5.0, ge=0.5, description='with policy = "random_turns": time between turns')
     turn_most_deg: float = Field(90.0, gt=0.0, le=180.0, description='with policy = "random_turns": largest turn')
-    track: tuple[TrackRow, ...] = Field(
-        (), description='of policy = "recorded": rows of t, x, y, z, or a .csv or .mcap file'
-    )
+    track: tuple[TrackRow, ...] = Field((), description='of policy = "recorded": rows t, x, y, z, or a .csv or .mcap')
 
     @model_validator(mode="after")
     def _check_course(self) -> Self:
@@ -78,9 +76,7 @@ class Pursuer(Player):
     policy: PursuerPolicy = Field("optimal", description="the pursuer's strategy")
     position_m: Point3 = Field(description="start of the game: x east, y north, z up")
     speed_m_s: Speed = Field(description="horizontal speed in the game")
-    speed_set: Literal["ball", "cylinder"] = Field(
-        "ball", description="one speed in all directions (the paper's), or a climb and a descent rate of its own"
-    )
+    speed_set: Literal["ball", "cylinder"] = Field("ball", description="one speed, or own climb and descent rates")
     climb_m_s: SlowSpeed = Field(3.0, description="climb rate, with the cylinder")
     descent_m_s: SlowSpeed = Field(1.5, description="descent rate, with the cylinder")
     navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description='N of policy = "proportional_navigation"')
@@ -101,9 +97,7 @@ class Evader(Player):
     height_m: float = Field(0.0, ge=0.0, description="height of the evader's antenna above its plane")
     speed_m_s: Speed = Field(description="its top speed")
     declared_speed_m_s: Speed | None = Field(None, description="top speed that it declares; default: speed_m_s")
-    acceleration_m_s2: float | None = Field(
-        None, gt=0.0, le=10.0, description="acceleration of the mocked rover; default: the rover's own"
-    )
+    acceleration_m_s2: float | None = Field(None, gt=0.0, le=10.0, description="of the mocked rover; default: its own")
 
     @property
     def believed_speed_m_s(self) -> float:
@@ -165,9 +159,7 @@ class Sensor(Section):
     position_noise_m: float = Field(0.0, ge=0.0, le=50.0, description="standard deviation of each coordinate")
     velocity_noise_m_s: float = Field(0.0, ge=0.0, le=10.0, description="standard deviation of each component")
     dropout: float = Field(0.0, ge=0.0, lt=1.0, description="share of lost reports")
-    outages_s: tuple[tuple[float, float], ...] = Field(
-        (), description="intervals [from, to] after engagement without any report"
-    )
+    outages_s: tuple[tuple[float, float], ...] = Field((), description="[from, to] after engagement without a report")
 
     @model_validator(mode="after")
     def _check_outages(self) -> Self:

@@ -35,9 +35,7 @@ class PlayerGroup(Section):
     """One player, or several equal players around a place."""
 
     count: int = Field(1, ge=1, le=50, description="number of players of this table")
-    scatter_m: float = Field(
-        0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters the players"
-    )
+    scatter_m: float = Field(0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters them")
     speed_m_s: Speed = Field(description="speed in every direction")
 
     @model_validator(mode="after")
