@@ -8,13 +8,8 @@ from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
-from guidance.links.carriers import GlobalPositionInt
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.opening import open_link, open_wire
+from guidance.links import carriers, mavlink_evader, opening, wires, world, zenoh_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
-from guidance.links.wires import TappedWire, share
-from guidance.links.world import World
-from guidance.links.zenoh_wire import ZenohWire, open_session
 from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import check_faults, faults_after, fleet, script, system_ids
 from guidance.sim.scenario import Flown, Scenario, pursuits_of
@@ -30,7 +25,7 @@ OVER: Final = (ZENOH, UDP)
 _ANSWER_LIMIT_S: Final = 2.0
 
 
-class LiveWorld(World):
+class LiveWorld(world.World):
     """All players in a child process, reached over Zenoh or UDP.
 
     Raises:
@@ -80,13 +75,13 @@ class LiveWorld(World):
         """Return wires to one vehicle; a UDP port can be opened only once."""
         vehicle, now_s = self._mock[name], self._clock.now_s
         if vehicle.udp_port is not None:
-            return share(open_wire(vehicle.udp, clock=now_s), readers)
-        return [ZenohWire(now_s, open_session(vehicle.zenoh or ""), name) for _ in range(readers)]
+            return wires.share(opening.open_wire(vehicle.udp, clock=now_s), readers)
+        return [zenoh_wire.ZenohWire(now_s, zenoh_wire.open_session(vehicle.zenoh or ""), name) for _ in range(readers)]
 
     def _open_link(self, kind: str, bare: Wire, name: str) -> VehicleLink:
         now_s, who = self._clock.now_s, f"the mock's {name}"
-        self.taps.append(TappedWire(bare, now_s, name))
-        link = open_link(self.taps[-1], kind, system_id=self._ids[name], clock=now_s, who=who, timeout_s=5.0)
+        self.taps.append(wires.TappedWire(bare, now_s, name))
+        link = opening.open_link(self.taps[-1], kind, system_id=self._ids[name], clock=now_s, who=who, timeout_s=5.0)
         self.closing.callback(link.close)
         return link
 
@@ -95,7 +90,7 @@ class LiveWorld(World):
         commands, *reports = self._wires(name, 1 + len(self.evaders))
         self.players[name] = EvaderPilot(self._open_link("pymavlink", commands, name), scenario)
         for sources, wire in zip(self._sources.values(), reports, strict=True):
-            sources[name] = MavlinkEvader(wire, GlobalPositionInt(), system_id=self._ids[name])
+            sources[name] = mavlink_evader.MavlinkEvader(wire, carriers.GlobalPositionInt(), system_id=self._ids[name])
             self.closing.callback(sources[name].close)
 
 
@@ -115,7 +110,7 @@ def _mock(closing: contextlib.ExitStack, flown: Flown, over: str, port: int) -> 
 
 
 def _inject(endpoint: str, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
-    with open_session(endpoint) as session:
+    with zenoh_wire.open_session(endpoint) as session:
         for name, keys in faults:  # they were checked before the start
             order = json.dumps({"do": "inject", **keys})
             list(session.get(f"{name}/faults", payload=order, timeout=_ANSWER_LIMIT_S))
