@@ -56,28 +56,26 @@ def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "Mission
     """
     vehicles = [f"uav{number + 1}" for number in range(rows[0].pursuers)] if result is None else list(result.vehicles)
     evaders = [f"rover{row.evader + 1}" for row in rows]
-    headings, cells = ("vehicle", "assigned", "captured", *(() if result is None else _FLOWN)), list[Sequence[Cell]]()
+    cells = list[Sequence[Cell]]()
     for number, name in enumerate(vehicles):
         roles = [f"{evaders[row.evader]}, {role}" for role in _ROLES for row in rows if getattr(row, role) == number]
         captured = [evaders[row.evader] for row in rows if row.captor == number]
         one = None if result is None else result.vehicles[name]
         flown = [] if one is None else [str(one.ended), str(len(one.alarms)), ", ".join(one.limits) or "-"]
         cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flown])
+    headings = ("vehicle", "assigned", "captured", *(() if result is None else _FLOWN))
     console.print(sheet(headings, cells, left=range(len(headings))))
     if not rows:
         return
-    cells = [
-        [
-            evaders[row.evader],
-            row.end,
-            *(vehicles[number] if number >= 0 else "-" for number in (row.first, row.second, row.captor)),
-            *(_cell(getattr(row, name)) for name in _NUMBERS),
-            *([] if result is None else [_promise(result, row, evaders[row.evader])]),
-        ]
-        for row in rows
-    ]
+    names = dict(enumerate(vehicles)) | {-1: "-"}
+    cells = []
+    for row, evader in zip(rows, evaders, strict=True):
+        who = (names[number] for number in (row.first, row.second, row.captor))
+        promise = [] if result is None else [_promise(result, row, evader)]
+        cells.append([evader, row.end, *who, *(_cell(getattr(row, name)) for name in _NUMBERS), *promise])
     headings = ("evader", "end", *_ROLES, "captor", *_NUMBERS, *(() if result is None else ("promise",)))
-    console.print(sheet(headings, cells, left=(0, 1, 2, 3, 4, len(headings) - 1) if result else range(5)))
+    left = [place for place, heading in enumerate(headings) if heading not in _NUMBERS]
+    console.print(sheet(headings, cells, left=left))
     summary = summary_of(rows)
     console.print(sheet(("team", *summary), [(rows[0].game, *map(_cell, summary.values()))]))
 
@@ -88,9 +86,7 @@ def _cell(value: float) -> str:
 
 def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
     """Say whether the last promise about an evader was kept."""
-    boards = [one.board.roles for one in result.members.values() if one.board.roles is not None]
-    promise = next((one for roles in boards for one in roles.promises if one.evader == evader), None)
-    unit = "s" if row.game == "pe" else "m"
-    return (
-        "-" if promise is None else promise.verdict(row.predicted, row.achieved, unit, captured=row.end == "captured")
-    )
+    roles = [one.board.roles for one in result.members.values() if one.board.roles is not None]
+    promises = [promise for each in roles for promise in each.promises if promise.evader == evader]
+    unit, captured = "s" if row.game == "pe" else "m", row.end == "captured"
+    return promises[0].verdict(row.predicted, row.achieved, unit, captured=captured) if promises else "-"
