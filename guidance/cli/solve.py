@@ -15,6 +15,7 @@ from rich.table import Table
 from guidance.cli.arguments import Json, refuse
 from guidance.errors import ConfigError
 from guidance.extras import require
+from guidance.files import writing
 from guidance.game import Ball, Cylinder, Game, Reason, Solution, StandOff, Winner
 from guidance.game import solve as solve_game
 from guidance.screen import console, pairs, sheet
@@ -54,12 +55,9 @@ def solve(
         raise ConfigError(f"--evader-speed = {evader_speed!r}: must be a finite number above 0")
     if speed_ratio is not None and not (math.isfinite(speed_ratio) and speed_ratio > 1):
         raise ConfigError(f"--speed-ratio = {speed_ratio!r}: must be a finite number above 1")
-    radius, height = _numbers("--standoff", standoff, 2)
-    game = Game(
-        Cylinder(*_numbers("--cylinder", cylinder, 3)) if cylinder else Ball((speed_ratio or 2.0) * evader_speed),
-        evader_speed,
-        standoff=StandOff(radius, height),
-    )
+    ball = Ball((speed_ratio or 2.0) * evader_speed)
+    speeds = ball if cylinder is None else Cylinder(*_numbers("--cylinder", cylinder, 3))
+    game = Game(speeds, evader_speed, standoff=StandOff(*_numbers("--standoff", standoff, 2)))
     if states is not None:
         refuse(ctx, "--states", "for one state", "--pursuer", "--evader", "--target", "--json")
         require("--states", "sim")
@@ -102,19 +100,19 @@ def _as_record(answer: Solution) -> dict[str, Any]:
 
 def _grid(answer: Solution, *, with_target: bool) -> Table:
     """Return an answer as a table for people."""
-    escapes = int(answer.winner) < 0
-    meaning = ("pursuer short of a capture by" if escapes else "final distance to the target") + ", m"
-    rows = [
-        ("winner", Winner(int(answer.winner)).word),
-        (meaning if with_target else "time to capture, s", f"{float(answer.value):.4f}"),
-        ("margin, s", f"{float(answer.margin_s):.4f}" if with_target else "none: without a target it always captures"),
-        ("meeting point, m", _vector(answer.meeting_point_m)),
-        ("meeting time, s", f"{float(answer.meeting_time_s):.4f}"),
-        ("pursuer's velocity, m/s", _vector(answer.pursuer_velocity_m_s)),
-        ("evader's velocity, m/s", _vector(answer.evader_velocity_m_s)),
-        ("reason", Reason(int(answer.reason)).word.replace("_", " ")),
-    ]
-    return pairs(rows)
+    meaning = "final distance to the target, m" if int(answer.winner) >= 0 else "pursuer short of a capture by, m"
+    margin = f"{float(answer.margin_s):.4f}" if with_target else "none: without a target it always captures"
+    rows = {
+        "winner": Winner(int(answer.winner)).word,
+        meaning if with_target else "time to capture, s": f"{float(answer.value):.4f}",
+        "margin, s": margin,
+        "meeting point, m": _vector(answer.meeting_point_m),
+        "meeting time, s": f"{float(answer.meeting_time_s):.4f}",
+        "pursuer's velocity, m/s": _vector(answer.pursuer_velocity_m_s),
+        "evader's velocity, m/s": _vector(answer.evader_velocity_m_s),
+        "reason": Reason(int(answer.reason)).word.replace("_", " "),
+    }
+    return pairs(rows.items())
 
 
 def _vector(vector: Any) -> str:  # noqa: ANN401 - an array of any library
@@ -127,19 +125,17 @@ def paper(
     as_json: Json = False,
 ) -> None:
     """Recompute the paper's tables and figures; the exit code is 1 if a published digit differs."""
-    from guidance.files import writing  # noqa: PLC0415
     from guidance.paper import draw_figures, tables  # noqa: PLC0415
 
     if figures:
         require("the figures (--no-figures leaves them out)", "plot")
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
-    computed = tables()
-    cases = [case for table in computed for case in table.cases]
-    wrong = sum(not case.matches for case in cases)
-    there = console(stderr=as_json)
+    there, computed = console(stderr=as_json), tables()
+    cases = [(table, case) for table in computed for case in table.cases]
+    wrong = sum(not case.matches for _, case in cases)
     if as_json:
-        rows = [{"title": one.title, "quantity": one.quantity, **case.plain} for one in computed for case in one.cases]
+        rows = [{"title": table.title, "quantity": table.quantity, **case.plain} for table, case in cases]
         typer.echo(json.dumps(rows, indent=2))
     else:
         headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
@@ -150,8 +146,7 @@ def paper(
             ]
             there.print(sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}"))
         there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
-    if figures:
-        for path in draw_figures(*computed, out):
-            there.print(f"drawn: {path}", soft_wrap=True)
+    for path in draw_figures(*computed, out) if figures else ():
+        there.print(f"drawn: {path}", soft_wrap=True)
     if wrong:
         raise typer.Exit(1)
