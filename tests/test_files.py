@@ -11,7 +11,7 @@ from guidance.cli import app
 from guidance.cli.fly_scenario import fly_scenario
 from guidance.files import private_file, private_folder
 from guidance.session.flight_files import recorded_settings
-from guidance.session.fly import MockOptions
+from guidance.session.fly import NOBODY, MockOptions
 from guidance.sweeps.folder import alone, write_whole
 from guidance.viz import report as page
 
@@ -103,7 +103,7 @@ def test_a_pipe_in_a_files_place_does_not_block(tmp_path):
 def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkeypatch):
     flown = tmp_path / "flights" / "one"
     monkeypatch.setattr(page, "PICTURES", dict(list(page.PICTURES.items())[:1]))
-    assert fly_scenario(str(NEAR), MockOptions(fast=True), out=flown, seed=None) == 0
+    assert fly_scenario(str(NEAR), MockOptions(fast=True), flown, None, NOBODY, as_json=False) == 0
     assert set(page.write_report(flown / "record.mcap", flown / "report", recorded_settings)) <= set(flown.rglob("*"))
     run = ["scenario", "run", str(NEAR), "--as", "maths", "--json", str(tmp_path / "row.json")]
     assert CliRunner().invoke(app, run, catch_exceptions=False).exit_code == 0

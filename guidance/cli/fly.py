@@ -76,7 +76,7 @@ def fly(
             mock = MockOptions(fast=fast, link=link, port=port)
             how = Asked(tuple(vehicle), autopilot, link, end) if vehicle else mock
             onlooker = Onlooker(on_record=beside.record, on_control=beside.control)
-            code = fly_scenario(scenario, how, out=out, seed=seed, onlooker=onlooker, as_json=as_json)
+            code = fly_scenario(scenario, how, out, seed, onlooker, as_json=as_json)
         except KeyboardInterrupt:
             nothing = "nothing was armed" if vehicle else "nothing was recorded"
             kept = f"the record so far is {beside.records[0]}" if beside.records else nothing

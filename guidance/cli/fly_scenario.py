@@ -44,13 +44,7 @@ _WITH_CAUSE: Final = frozenset(
 
 
 def fly_scenario(
-    name: str,
-    how: MockOptions | Asked,
-    *,
-    out: Path | None,
-    seed: int | None,
-    onlooker: Onlooker = NOBODY,
-    as_json: bool = False,
+    name: str, how: MockOptions | Asked, out: Path | None, seed: int | None, onlooker: Onlooker, *, as_json: bool
 ) -> int:
     """Fly a scenario; return the exit code: 0 when the game ended as it should have, or a team kept its guarantee.
 

@@ -36,6 +36,7 @@ scenario = typer.Typer(
 )
 
 _GAMES: Final = {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}
+_LISTED: Final = ("name", "game", "title", "expected")
 _WIDE: Final = 120
 """Columns from which on the list shows the expectations."""
 
@@ -196,10 +197,9 @@ def _shown(value: Any, unit: str = "") -> str:  # noqa: ANN401 - any column
 def list_all(as_json: arguments.Json = False) -> None:
     """List the bundled scenarios; `guidance scenario show NAME` explains one."""
     if as_json:
-        typer.echo(json.dumps(listed(), indent=2))
+        typer.echo(json.dumps([dict(zip(_LISTED, row, strict=True)) for row in listed()], indent=2))
     else:
-        there = console()
-        there.print(listing(there.width))
+        console().print(listing(console().width))
 
 
 @scenario.command()
@@ -241,19 +241,17 @@ def names() -> list[str]:
     return sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
 
 
-def listed() -> list[dict[str, str]]:
-    """Return the rows of `guidance scenario list`: name, game, title and expectations."""
-    scenarios = {name: load_any(name)[1] for name in names()}
-    return [
-        {"name": name, "game": one.game, "title": one.title, "expected": expected(one)}
-        for name, one in scenarios.items()
-    ]
+def listed() -> Iterator[tuple[str, str, str, str]]:
+    """Yield the bundled scenarios: name, game, title and expectations."""
+    for name in names():
+        one = load_any(name)[1]
+        yield name, one.game, one.title, expected(one)
 
 
 def listing(width: int) -> Table:
     """Return the table of `guidance scenario list`; expectations are shown from 120 columns on."""
-    shown = ("name", "game", "title", "expected")[: 4 if width >= _WIDE else 3]
-    return sheet(shown, ([row[name] for name in shown] for row in listed()), left=range(len(shown)))
+    shown = len(_LISTED) if width >= _WIDE else len(_LISTED) - 1
+    return sheet(_LISTED[:shown], (row[:shown] for row in listed()), left=range(shown))
 
 
 def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:

@@ -31,22 +31,13 @@ def printable(text: str) -> str:
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
 
 
-def plain(text: str) -> str:
-    """Return text in ASCII."""
-    return "".join(letter if letter.isascii() else _plain(letter) for letter in text)
-
-
-def _plain(letter: str) -> str:
-    if letter in _PLAIN:
-        return _PLAIN[letter]
-    bare = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
-    return bare or f"\\u{ord(letter):04x}"
-
-
 def _in_plain_letters(error: UnicodeError) -> tuple[str, int]:
+    """Replace one letter by ASCII, as the error handler "plain-letters"."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    return plain(error.object[error.start : error.end]), error.end
+    letter = error.object[error.start]
+    bare = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
+    return _PLAIN.get(letter) or bare or f"\\u{ord(letter):04x}", error.start + 1
 
 
 codecs.register_error("plain-letters", _in_plain_letters)
@@ -92,6 +83,4 @@ def open_outlets() -> None:
             stream.reconfigure(errors="plain-letters")
     out = sys.stdout
     if isinstance(out, io.TextIOWrapper):
-        sys.stdout = Outlet(
-            out.buffer, encoding=out.encoding, errors=out.errors, line_buffering=out.line_buffering, write_through=False
-        )
+        sys.stdout = Outlet(out.buffer, out.encoding, out.errors, line_buffering=out.line_buffering)

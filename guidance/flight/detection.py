@@ -95,7 +95,9 @@ def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: f
     reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
     healthy = bool(status.sensors_health & _PREARM_CHECK)
     found = "healthy" if healthy else "the autopilot's own checks fail"
-    if reported and not healthy and _waits_in_guided(vehicle, profile):
+    beat = vehicle.last(Heartbeat)
+    guided = beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
+    if reported and not healthy and guided and profile.stream_before_guided:
         # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
         # refuses by itself what really is wrong.
         reported, found = False, "of a mode that misses setpoints; asked again as it arms"
@@ -104,14 +106,6 @@ def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: f
         Check("prearm", healthy or not reported, found),
         Check("battery", not battery < battery_minimum, "unknown" if math.isnan(battery) else f"{battery:.0%} left"),
     )
-
-
-def _waits_in_guided(vehicle: VehicleState, profile: AutopilotProfile) -> bool:
-    """Whether a disarmed vehicle is in the guided mode of an autopilot that needs a stream for it."""
-    heartbeat = vehicle.last(Heartbeat)
-    if heartbeat is None or heartbeat.armed or not profile.stream_before_guided:
-        return False
-    return profile.mode_of(heartbeat.custom_mode) is Mode.GUIDED
 
 
 LATE_LOOP_S = 0.25

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from guidance.cli import app, fly_scenario
 from guidance.errors import ConfigError, FlightError
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
-from guidance.session.fly import Asked, MockOptions
+from guidance.session.fly import NOBODY, Asked, MockOptions
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 
@@ -77,7 +77,7 @@ def test_so_it_is_with_other_commands(arguments, words):
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_ctrl_c_names_the_record_if_there_is_one(begun, tmp_path, monkeypatch):
-    def interrupted(_scenario, _how, *, onlooker, **_):
+    def interrupted(_scenario, _how, _out, _seed, onlooker, **_):
         if begun:
             onlooker.on_record(tmp_path / RECORD)
         raise KeyboardInterrupt
@@ -103,7 +103,7 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
 
     control = "tcp/127.0.0.1:7499"
 
-    def flown(scenario, how, *, onlooker, **_):
+    def flown(scenario, how, _out, _seed, onlooker, **_):
         onlooker.on_control(control)
         (panel,) = panels(within_s=10.0)  # until the child has become the program
         seen.append((scenario, not isinstance(how, MockOptions), panel.cmdline()[4:]))
@@ -128,7 +128,7 @@ def test_a_refused_vehicle_is_told_a_command_that_check_takes(name, count, monke
     monkeypatch.setattr(fly_scenario, "flown", refuse)
     urls = tuple(f"udpin://127.0.0.1:{14540 + place}" for place in range(count))
     with pytest.raises(FlightError, match="GF_ACTION") as refusal:
-        fly_scenario.fly_scenario(name, Asked(urls), out=tmp_path / "flight", seed=None)
+        fly_scenario.fly_scenario(name, Asked(urls), tmp_path / "flight", None, NOBODY, as_json=False)
     commands = re.findall("guidance (check .*)", str(refusal.value))
     assert [command.split("--vehicle ")[1] for command in commands] == [f"{url} --apply" for url in urls]
     for command, url in zip(commands, urls, strict=True):
