@@ -25,7 +25,7 @@ from sitl_mock.child import free_udp_port, running
 from sitl_mock.errors import MockError
 from tests.acceptance.cases import Case, cases, toml
 from tests.acceptance.flying import GUIDANCE, Line, fly, fly_in_virtual_time
-from tests.acceptance.relay import LASTING, Relay, wait
+from tests.acceptance.relay import LASTING, SET_UP, Relay, wait
 from tests.acceptance.team import fly_all
 from tests.harness.starved import Waiting
 
@@ -34,13 +34,6 @@ READY_WITHIN_S = 120.0
 DOWN_WITHIN_S = 240.0
 AT_A_TIME = 4
 SIM_HEIGHT_M, STAND_IN_HEIGHT_M = 20.0, 8.0
-SET_UP = {
-    "px4": {"GF_MAX_HOR_DIST": 305.0, "GF_MAX_VER_DIST": 125.0, "RTL_RETURN_ALT": 10.0, "RTL_DESCEND_ALT": 8.0},
-    "arducopter": {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 305.0,
-                   "FENCE_ALT_MAX": 125.0},
-}  # fmt: skip
-"""The parameters that `guidance check --apply` sets; the mocks start with them."""
-
 SOON_UP_AND_DOWN = {
     "px4": {"COM_SPOOLUP_TIME": 0.2, "MPC_TKO_RAMP_T": 0.5, "MPC_TKO_SPEED": 4.0, "MPC_LAND_SPEED": 2.0,
             "COM_DISARM_LAND": 0.3},

@@ -21,6 +21,13 @@ from guidance.links.udp import UdpWire
 PILOT = (255, 190)
 HOME_POSITION = 242
 ARMED = 128
+SET_UP = {
+    "px4": {"GF_MAX_HOR_DIST": 305.0, "GF_MAX_VER_DIST": 125.0, "RTL_RETURN_ALT": 10.0, "RTL_DESCEND_ALT": 8.0},
+    "arducopter": {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 305.0,
+                   "FENCE_ALT_MAX": 125.0},
+}  # fmt: skip
+"""The parameters that `guidance check --apply` sets; the mocks start with them."""
+
 LASTING = ("BATT_CAPACITY", 50_000.0)
 """ArduPilot's simulator empties its 3,300 mAh in four flights, and preflight refuses the fifth."""
 

@@ -36,7 +36,7 @@ from guidance.sim.teams import TeamScenario
 from guidance.team.messages import Refused, RolesMessage, StateMessage, decode
 from sitl_mock.child import free_udp_port
 from tests.acceptance.flying import GUIDANCE, Line
-from tests.acceptance.relay import LASTING, Relay, wait
+from tests.acceptance.relay import LASTING, SET_UP, Relay, wait
 
 NAMES: Final = ("uav1", "uav2", "uav3")
 READY_WITHIN_S, UP_WITHIN_S, PLAYED_WITHIN_S, DOWN_WITHIN_S = 150.0, 150.0, 40.0, 200.0
@@ -414,6 +414,8 @@ def fly_all(urls: Sequence[str], folder: Path, tell: Callable[[Line], None], onl
     for number, case in enumerate(one for one in CASES if only in one.name):
         with relays_to(urls) as relays:
             for relay in relays.values():
+                for parameter in SET_UP[relay.profile.name].items():
+                    relay.set(*parameter)
                 if relay.profile.name == "arducopter":
                     relay.set(*LASTING)
             for line in fly(case, relays, folder / f"{number + 1:02d}"):
