@@ -38,12 +38,10 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.control.braking_law import Situation, approach_speed
+from guidance.control.braking_law import STILL, Situation, approach_speed
 from guidance.control.servo import ServoGains, ServoMemory, serve
 from guidance.frames import Vector, difference, total
 from guidance.game import StandOff
-
-_STILL: Vector = (0.0, 0.0, 0.0)
 
 RETREAT_M = 2.0
 """Gap below which the vehicle retreats from an evader that comes towards it; at the rim it retreats at its speed."""
@@ -292,7 +290,7 @@ def follow(
             desired_ned_m_s, flown, memory.deficit_m, max_speed_ratio=max_speed_ratio, dt_s=pace.dt_s
         )
         wanted = unhurried(wanted, gaps, deficit_m, pace.meeting_m_s)
-    desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach)
+    desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, following.approach)
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
     served = serve(desired, flown, memory.servo, following.servo, dt_s=pace.dt_s, held_back=pace.held_back)

@@ -4,8 +4,7 @@ Heights are above home, distances are from home. Speeds bound every command; the
 """
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple, Self
@@ -137,15 +136,10 @@ class Envelope(Dynamics):
             raise ConfigError(f"fence_margin_m = {self.fence_margin_m}: allowed is 0 to less than fence_radius_m")
 
 
-class Tighter(NamedTuple):
-    """Marks a limit, and says which of several values is the tightest one."""
-
-    of: Callable[[Iterable[float]], float]
-
-
-AtLeast = Annotated[float, Tighter(max)]
-AtMost = Annotated[float, Tighter(min)]
-AtMostIfAny = Annotated[float | None, Tighter(min)]
+AtLeast = Annotated[float, max]
+AtMost = Annotated[float, min]
+AtMostIfAny = Annotated[float | None, min]
+"""Limits, with the function that returns the tightest of several values."""
 
 
 class Limits(Section):
@@ -217,9 +211,9 @@ class Limits(Section):
         changed = {}
         for name, declared in type(self).model_fields.items():
             values = [value for value in (getattr(self, name), getattr(other, name)) if value is not None]
-            for rule in declared.metadata:
-                if isinstance(rule, Tighter) and values:
-                    changed[name] = rule.of(values)
+            for tightest in declared.metadata:
+                if tightest in (min, max) and values:
+                    changed[name] = tightest(values)
         return self.model_copy(update=changed)
 
     def envelope(self, speeds: Speeds, dynamics: Dynamics, standoff: StandOff) -> Envelope:
@@ -243,6 +237,13 @@ class Limits(Section):
             fence_polygon=None if self.fence_polygon_ne_m is None else Polygon(self.fence_polygon_ne_m),
             stand_off=StandOffLimit(*zone_m),
         )
+
+    def about_home(self, envelope: Envelope, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
+        """Return an envelope with the polygon fence in metres, if it is given in degrees."""
+        if self.fence_polygon_deg is None:
+            return envelope
+        corners_m = corners_about_home(self.fence_polygon_deg, home_ned_m, frame)
+        return replace(envelope, fence_polygon=Polygon(corners_m))
 
 
 def _check_corners(corners_deg: tuple[tuple[float, float], ...]) -> None:

@@ -11,9 +11,8 @@ from typing import Final
 
 from guidance import messages
 from guidance.autopilots import Mode
-from guidance.control import Envelope, Situation, measure_walls
+from guidance.control import Situation, measure_walls
 from guidance.control.braking_law import Separation
-from guidance.control.polygon import Polygon, corners_about_home
 from guidance.cycle import CycleInputs
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking
@@ -181,7 +180,8 @@ class Heard:
         home_ned_m, frame = tracking.home_ned_m, tracking.local_frame
         if home_ned_m is not None and frame is not None and (home_ned_m, frame) != self._home_in:
             self._home_in = home_ned_m, frame
-            self.cycle = replace(self.cycle, envelope=self._about(home_ned_m, frame))
+            envelope = replace(self.cycle.envelope, home_ned_m=home_ned_m)
+            self.cycle = replace(self.cycle, envelope=self._settings.limits.about_home(envelope, home_ned_m, frame))
         if tracking.game_frame is not self._game_frame and self._settings.start_game_m is not None:
             self._game_frame = tracking.game_frame
             if tracking.game_frame is not None:
@@ -235,13 +235,6 @@ class Heard:
         north, east, down = (at + known_s * rate for at, rate in zip(place, mate.velocity_ned_m_s, strict=True))
         spread_m = mate.doubt_m + 0.5 * _SWERVE_M_S2 * known_s * known_s + mate.top_speed_m_s * (age_s - known_s)
         return Separation((north, east, down), team.separation_m + spread_m, team.separation_height_m + spread_m)
-
-    def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
-        """Return the envelope about home, which may differ from the origin of the local frame."""
-        fence, corners_deg = self.cycle.envelope.fence_polygon, self._settings.limits.fence_polygon_deg
-        if corners_deg is not None:
-            fence = Polygon(corners_about_home(corners_deg, home_ned_m, frame))
-        return replace(self.cycle.envelope, fence_polygon=fence, home_ned_m=home_ned_m)
 
 
 class Echo:

@@ -23,8 +23,6 @@ from guidance.vehicle import VehicleState
 INVITE_AFTER_S = 1.0
 """Time after standing by until the neutral stream for a pilot's engagement begins; the hold comes first."""
 
-_NO_CERTIFICATE = NoCertificate()
-
 _FOUND_ARMED = {
     Event.HOLD: Event.HOLD_ARMED,
     Event.RETURN: Event.RETURN_ARMED,
@@ -243,7 +241,7 @@ class Flight:
         return happening
 
     def _moment(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Moment:
-        heard, stage, certified = self._heard, self._stage, self._playing.certificate or _NO_CERTIFICATE
+        heard, stage, certified = self._heard, self._stage, self._playing.certificate or NoCertificate()
         rival, needed = heard.tracking.rival(now_s), self.battery_needed
         return Moment(now_s, dt_s, self.settings, heard, stage, certified, refusals, rival, needed)
 

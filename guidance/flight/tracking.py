@@ -100,7 +100,9 @@ class Tracking:
         if vehicle.jumped_ned_m != self._jumped_ned_m:
             jump = difference(total(self.held_back_ned_m, vehicle.jumped_ned_m), self._jumped_ned_m)
             self._jumped_ned_m, self.held_back_ned_m = vehicle.jumped_ned_m, jump
-        if held is None or (told is not held and _is_harmless(held, told)):
+        if held is None or (
+            told is not held and told != held and math.hypot(*told.ned_in(held, NOWHERE)) <= HARMLESS_M
+        ):
             held = told
         if told != held or self.held_back_ned_m != NOWHERE:
             return self._judged(held, told, vehicle)
@@ -156,10 +158,6 @@ class Tracking:
             self.game_frame = GameFrame(NOWHERE)
         else:
             self.game_frame = GameFrame(before.ned_in(frame, self.game_frame.origin_ned_m))
-
-
-def _is_harmless(held: LocalFrame, told: LocalFrame) -> bool:
-    return told != held and math.hypot(*told.ned_in(held, (0.0, 0.0, 0.0))) <= HARMLESS_M
 
 
 def _jumped_origin(held: LocalFrame, jump_ned_m: Vector) -> LocalFrame:

@@ -2,12 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
-from guidance.control.polygon import Polygon, corners_about_home
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, Vector
@@ -139,10 +137,7 @@ class Aggregator:
         if home_ned_m is None or game is None or local is None or home_ned_m == self._home_ned_m:
             return
         self._home_ned_m, self.home_m = home_ned_m, game.position_from_ned(home_ned_m)
-        corners_deg = self.settings.limits.fence_polygon_deg
-        if corners_deg is not None:
-            polygon = Polygon(corners_about_home(corners_deg, home_ned_m, local))
-            self.envelope = replace(self.envelope, fence_polygon=polygon)
+        self.envelope = self.settings.limits.about_home(self.envelope, home_ned_m, local)
 
     def _add(self, report: EvaderReport) -> None:
         plays = self.playing in {None, report.evader}

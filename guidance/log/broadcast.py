@@ -111,18 +111,14 @@ class Broadcast:
         watched = {what: is_watched(one) for what, one in self._publishers.items()}
         while self._waiting:
             entry = self._waiting.popleft()
-            self._remember(entry)
             what = "cycle" if isinstance(entry, CycleEntry) else "event"
+            if isinstance(entry, CycleEntry):  # viewers that join later need the latest
+                self._last, self._role = entry, entry.inputs.role or self._role
+                self._latest.update((type(message), message) for message in entry.inputs.messages)
+            elif entry.event == RELOADED:
+                self._metadata["config"] = entry.detail
             if watched[what]:
                 self._publishers[what].put(encoded(entry))
-
-    def _remember(self, entry: CycleEntry | EventEntry) -> None:
-        """Keep what viewers that join later need."""
-        if isinstance(entry, CycleEntry):
-            self._last, self._role = entry, entry.inputs.role or self._role
-            self._latest.update((type(message), message) for message in entry.inputs.messages)
-        elif entry.event == RELOADED:
-            self._metadata["config"] = entry.detail
 
     def _answer(self) -> None:
         while self._queries:

@@ -14,7 +14,6 @@ import json
 import math
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from datetime import datetime
 from itertools import islice, pairwise
 from pathlib import Path
@@ -25,11 +24,11 @@ from pymavlink.dialects.v20 import all as dialect
 
 from guidance import messages
 from guidance.certificate import Certificate
-from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.files import writing
 from guidance.flight import FlightSettings
+from guidance.flight.tracking import NOWHERE
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.frames import FrameReader, frame_length
 from guidance.log.aggregator import SettingsOf
@@ -85,7 +84,10 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
             return f"{write_tlog(path, out)} frames"
         if out.suffix in {".csv", ".parquet"}:
             return f"{write_table(path, out)} cycles"
-        return f"{write_map(path, out, settings_of)} features"
+        metadata = metadata_of(path)
+        features, title = features_of(path, settings_of(metadata)), title_of(metadata)
+        out.write_text((kml if out.suffix == ".kml" else geojson)(features, title) + "\n", encoding="utf-8")
+        return f"{len(features)} features"
 
 
 def write_tlog(path: Path, out: Path) -> int:
@@ -170,10 +172,8 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
         return
     place = home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
     frame = LocalFrame(*place, projection=settings.autopilot.projection)
-    envelope, corners_deg = settings.cycle.envelope, settings.limits.fence_polygon_deg
-    if corners_deg is not None:
-        envelope = replace(envelope, fence_polygon=Polygon(corners_about_home(corners_deg, (0.0, 0.0, 0.0), frame)))
-    for edge in fence_edges(envelope, (0.0, 0.0, 0.0)):
+    envelope = settings.limits.about_home(settings.cycle.envelope, NOWHERE, frame)
+    for edge in fence_edges(envelope, NOWHERE):
         places = [_placed(frame, north_m, east_m) for east_m, north_m in edge.tolist()]
         turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(places))
         yield feature("fence", "Polygon", places if turning > 0.0 else places[::-1])
@@ -193,19 +193,6 @@ def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
 
 def _place(report: GlobalPosition | EvaderReport) -> Coordinates:
     return (report.longitude_deg, report.latitude_deg, report.altitude_amsl_m)
-
-
-def write_map(path: Path, out: Path, settings_of: SettingsOf) -> int:
-    """Write KML if `out` ends in .kml, else GeoJSON; return the number of features.
-
-    Raises:
-        ConfigError: If the record cannot be read.
-        OSError: If `out` cannot be written.
-    """
-    metadata = metadata_of(path)
-    features, title = features_of(path, settings_of(metadata)), title_of(metadata)
-    out.write_text((kml if out.suffix == ".kml" else geojson)(features, title) + "\n", encoding="utf-8")
-    return len(features)
 
 
 def feature(name: str, shape: str, places: Sequence[Coordinates], **properties: Any) -> Feature:  # noqa: ANN401

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from guidance.errors import ConfigError
-from guidance.flight import Flight, Inputs, Outputs
+from guidance.flight import Flight, Outputs
 from guidance.frames import Vector
 from guidance.log.aggregator import SettingsOf
 from guidance.log.entries import BEGUN, CYCLE, RELOADED, CycleEntry, EventEntry, InputsEntry, cycle_entry
@@ -22,8 +22,6 @@ from guidance.messages import PositionTarget
 
 COMPARED: Final = ("setpoint", "state", "requests", "by")
 """Compared parts of each cycle; `by` is absent in older records and then not compared."""
-
-_NO_INPUTS: Final = InputsEntry((), (), ())
 
 
 class ReplayedCycle(NamedTuple):
@@ -117,8 +115,11 @@ def replay(
                 flight = Flight(settings)
         if not isinstance(row, CycleEntry):
             continue
+        inputs = row.flight_inputs
+        if what_if:
+            inputs = inputs._replace(messages=[one for one in inputs.messages if not isinstance(one, PositionTarget)])
         try:
-            outputs = flight.step(_without_echo(row.flight_inputs) if what_if else row.flight_inputs)
+            outputs = flight.step(inputs)
         except ConfigError as error:
             raise ConfigError(f"{path}: another version wrote the cycle at {row.now_s:.3f} s: {error}") from error
         yield ReplayedCycle(row, outputs, tuple(_differing(row, outputs)))
@@ -148,17 +149,14 @@ def angle_between_rad(a: Vector, b: Vector) -> float:
     return math.atan2(across, ax * bx + ay * by + az * bz)
 
 
-def _without_echo(inputs: Inputs) -> Inputs:
-    messages = tuple(message for message in inputs.messages if not isinstance(message, PositionTarget))
-    return inputs._replace(messages=messages)
-
-
 def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
     present = cycle_entry(row.flight_inputs, outputs)
     present = present if row.by is not None else present._replace(by=None)
     recorded_json, present_json = (
-        CYCLE.encode(one._replace(inputs=_NO_INPUTS, certificate=None, alarm=None, timing=None, vehicle=None))
+        CYCLE.encode(
+            one._replace(inputs=InputsEntry((), (), ()), certificate=None, alarm=None, timing=None, vehicle=None)
+        )
         for one in (row, present)
     )
     if recorded_json == present_json:

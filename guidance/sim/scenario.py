@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field, WithJsonSchema, model_validator
 from guidance.autopilots import AutopilotName
 from guidance.config import Latitude, Longitude, Section
 from guidance.control import Limits, Speeds
-from guidance.control.limits import Tighter
+from guidance.control.limits import AtLeast, AtMost
 from guidance.errors import ConfigError
 from guidance.game import Extent
 from guidance.sim.expect import Expect
@@ -139,9 +139,9 @@ class Standoff(Section):
 class ScenarioLimits(Limits):
     """Limits of a scenario: the vehicle file's keys with wider defaults, and without polygons."""
 
-    floor_m: Annotated[float, Tighter(max)] = Field(3.0, ge=1.0, description="lowest height")
-    ceiling_m: Annotated[float, Tighter(min)] = Field(120.0, gt=5.0, description="greatest height")
-    fence_radius_m: Annotated[float, Tighter(min)] = Field(300.0, gt=10.0, description="greatest distance from home")
+    floor_m: AtLeast = Field(3.0, ge=1.0, description="lowest height")
+    ceiling_m: AtMost = Field(120.0, gt=5.0, description="greatest height")
+    fence_radius_m: AtMost = Field(300.0, gt=10.0, description="greatest distance from home")
 
     @model_validator(mode="after")
     def _check_polygon(self) -> Self:
