@@ -9,18 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from guidance.autopilots import rules
-from guidance.autopilots.description import (
-    GLOBAL_POSITION_INT,
-    LOCAL_POSITION_NED,
-    MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    STREAMS_HZ,
-    Autopilot,
-    AutopilotProfile,
-    Bound,
-    Handling,
-    Mode,
-)
+from guidance.autopilots import description, rules
+from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Handling, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
 from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains
 from guidance.frames import LocalFrame, wrap_deg
@@ -149,7 +139,7 @@ _ARDUPILOT: Final[Mapping[str, Any]] = {
     "arming_mode": Mode.GUIDED,
     "projection": Equirectangular(),
     "unused": 0.0,
-    "takeoff_frame": MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    "takeoff_frame": description.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     "stream_before_guided": False,
     "setpoint_timeout_s": 3.0,
     "waits_in_guided": True,
@@ -163,7 +153,7 @@ ARDUCOPTER: Final = Autopilot(
     custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
     mode_titles={Mode.HOLD: "BRAKE", Mode.RETURN: "RTL"},
     loss_parameter="GUID_TIMEOUT",
-    streams_hz=STREAMS_HZ,
+    streams_hz=description.STREAMS_HZ,
     handling=HANDLING,
     rules=RULES,
     bounds=(
@@ -185,6 +175,6 @@ ROVER: Final = AutopilotProfile(
     custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
     mode_titles={Mode.RETURN: "RTL"},
     loss_parameter="FS_TIMEOUT",
-    streams_hz={LOCAL_POSITION_NED: 20.0, GLOBAL_POSITION_INT: 20.0},
+    streams_hz={description.LOCAL_POSITION_NED: 20.0, description.GLOBAL_POSITION_INT: 20.0},
 )
 """The ground vehicle that plays the evader in mocked flights."""

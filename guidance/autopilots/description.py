@@ -21,8 +21,6 @@ MAV_CMD_REQUEST_MESSAGE = 512
 MAV_FRAME_GLOBAL = 0
 MAV_FRAME_GLOBAL_RELATIVE_ALT = 3
 
-_NAN = math.nan
-
 MULTICOPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPEs of vehicles that hover and move in any direction."""
 
@@ -100,8 +98,7 @@ class AutopilotProfile:
     def takeoff(self, *, height_m: float, home_amsl_m: float) -> Command:
         """NAV_TAKEOFF to a height above home. PX4 expects it above mean sea level, ArduCopter above home."""
         altitude = height_m if self.takeoff_frame == MAV_FRAME_GLOBAL_RELATIVE_ALT else height_m + home_amsl_m
-        unused = self.unused
-        return Command(MAV_CMD_NAV_TAKEOFF, (unused, unused, unused, unused, unused, unused, altitude))
+        return self._command(MAV_CMD_NAV_TAKEOFF, *[self.unused] * 6, altitude)
 
     def land(self) -> Command:
         """NAV_LAND here."""
@@ -111,7 +108,7 @@ class AutopilotProfile:
         """DO_REPOSITION at the autopilot's own speed, with a change to the mode that flies it (Hold, GUIDED)."""
         return Command(
             MAV_CMD_DO_REPOSITION,
-            (-1.0, 1.0, 0.0, _NAN, latitude_deg, longitude_deg, altitude_amsl_m),
+            (-1.0, 1.0, 0.0, math.nan, latitude_deg, longitude_deg, altitude_amsl_m),
             frame=MAV_FRAME_GLOBAL,
         )
 

@@ -11,17 +11,8 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
 
-from guidance.estimation.filters import (
-    Estimate,
-    Height,
-    advance,
-    begin,
-    blended,
-    correct,
-    correct_down,
-    correct_rate,
-    distance,
-)
+from guidance.estimation import filters
+from guidance.estimation.filters import Estimate, Height, advance, blended
 from guidance.estimation.measurement import Measurement, TrackSettings
 
 
@@ -197,7 +188,7 @@ def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         0.0,
         (settings.prior_speed_sd_m_s if velocity is None else measurement.velocity_sd_m_s) ** 2,
     )
-    modes = begin(*measurement.plane(), settings)
+    modes = filters.begin(*measurement.plane(), settings)
     first = Accepted(measurement, Estimate(measurement.time_s, measurement.received_s, modes, height))
     return replace(track, history=(first,), rival=None)
 
@@ -206,14 +197,14 @@ def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -
     """Return the estimate after a report, None if the report is an outlier; and its NIS."""
     moved = advance(before, measurement.time_s, settings)
     measured, variances = measurement.plane()
-    nis = distance(moved.modes, measured, variances)
+    nis = filters.distance(moved.modes, measured, variances)
     if not nis <= _GATE[len(measured)]:
         return None, nis
-    height = correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
+    height = filters.correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
     if measurement.velocity_ned_m_s is not None:
-        height = correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
+        height = filters.correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
     received_s = max(before.received_s, measurement.received_s)
-    return Estimate(moved.time_s, received_s, correct(moved.modes, measured, variances), height), nis
+    return Estimate(moved.time_s, received_s, filters.correct(moved.modes, measured, variances), height), nis
 
 
 def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:

@@ -7,19 +7,11 @@ OPEN_DRONE_ID_LOCATION of others.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, NamedTuple, Protocol
+from typing import ClassVar, Final, NamedTuple
 
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, Ellipsoid, LocalFrame, Vector
-from guidance.links.codec import (
-    ALTITUDE_GEOMETRIC,
-    MAV_FRAME_LOCAL_NED,
-    VALID_ALTITUDE,
-    VALID_COORDINATES,
-    VALID_MOTION,
-    degrees,
-    velocity_over_ground,
-)
+from guidance.links import codec
 from guidance.links.frames import Fields
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 from guidance.vehicle import FARTHEST_M, is_plausible
@@ -45,22 +37,6 @@ class Refused(ValueError):  # noqa: N818 -- a verdict on a report, counted and n
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
         self.reason = reason
-
-
-class Carrier(Protocol):
-    """Converts one MAVLink message to a report. A carrier may remember the sender's clock."""
-
-    @property
-    def message(self) -> str:
-        """Name of the message."""
-
-    def report(self, m: Fields, received_s: float) -> EvaderReport:
-        """Convert a message.
-
-        Raises:
-            Refused: If it must not be used.
-            ValueError: If a value is unknown or implausible.
-        """
 
 
 @dataclass(slots=True)
@@ -100,7 +76,7 @@ class FollowTarget:
 
     def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
-        place = *degrees(m.lat, m.lon), m.alt
+        place = *codec.degrees(m.lat, m.lon), m.alt
         sent_s = self.clock.unwrap(m.timestamp % 2**32) / 1e3
         known = m.est_capabilities == 0 or m.est_capabilities & CAPABILITY_VELOCITY
         velocity = known_velocity(m.vel) if known and any(m.vel) else UNKNOWN_VELOCITY
@@ -124,7 +100,7 @@ class GlobalPositionInt:
 
     def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
-        place = *degrees(m.lat, m.lon), m.alt / 1e3
+        place = *codec.degrees(m.lat, m.lon), m.alt / 1e3
         velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
         sent_s = self.clock.unwrap(m.time_boot_ms) / 1e3
         said = AltitudeSaid(m.alt / 1e3, Datum.AMSL)
@@ -147,14 +123,14 @@ class OdometryCarrier:
 
     def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
-        if m.frame_id != MAV_FRAME_LOCAL_NED:
+        if m.frame_id != codec.MAV_FRAME_LOCAL_NED:
             raise Refused("frame")
         position = (m.x, m.y, m.z)
         if not all(abs(part) <= FARTHEST_M for part in position):  # NaN fails this too
             raise Refused("position")
         latitude, longitude, altitude = self.frame.wgs84_from_ned(position)
         velocity = known_velocity((m.vx, m.vy, m.vz))
-        if m.child_frame_id != MAV_FRAME_LOCAL_NED:
+        if m.child_frame_id != codec.MAV_FRAME_LOCAL_NED:
             velocity = rotate(m.q, velocity) if m.child_frame_id == MAV_FRAME_BODY_FRD else UNKNOWN_VELOCITY
         place = latitude, longitude, altitude.metres
         sd_m = standard_deviation(*(m.pose_covariance[index] for index in _DIAGONAL))
@@ -189,18 +165,18 @@ class AdsbVehicle:
         for refused, reason in (
             (m.ICAO_address != self.icao_address, "other_id"),
             (m.tslc > self.oldest_s, "old"),
-            (not m.flags & VALID_COORDINATES, "position"),
-            (not m.flags & VALID_ALTITUDE, "altitude"),
+            (not m.flags & codec.VALID_COORDINATES, "position"),
+            (not m.flags & codec.VALID_ALTITUDE, "altitude"),
         ):
             if refused:
                 raise Refused(reason)
         given_m = m.altitude / 1e3
         altitude, said = Amsl(given_m), AltitudeSaid(given_m, Datum.AMSL)
-        if m.altitude_type == ALTITUDE_GEOMETRIC:
+        if m.altitude_type == codec.ALTITUDE_GEOMETRIC:
             altitude, said = self.frame.amsl(Ellipsoid(given_m)), AltitudeSaid(given_m, Datum.ELLIPSOID)
-        place = *degrees(m.lat, m.lon), altitude.metres
-        known = m.flags & VALID_MOTION == VALID_MOTION
-        velocity = velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if known else UNKNOWN_VELOCITY
+        place = *codec.degrees(m.lat, m.lon), altitude.metres
+        known = m.flags & codec.VALID_MOTION == codec.VALID_MOTION
+        velocity = codec.velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if known else UNKNOWN_VELOCITY
         return EvaderReport(received_s, math.nan, self.message, *place, velocity, said=said)
 
 
@@ -234,14 +210,21 @@ class OpenDroneIdLocation:
             raise Refused("other_id")
         if not m.altitude_geodetic > UNKNOWN_ALTITUDE_M:
             raise Refused("altitude")
-        place = *degrees(m.latitude, m.longitude), self.frame.amsl(Ellipsoid(m.altitude_geodetic)).metres
+        place = *codec.degrees(m.latitude, m.longitude), self.frame.amsl(Ellipsoid(m.altitude_geodetic)).metres
         motion = m.direction, m.speed_horizontal, m.speed_vertical
         known = all(value < unknown for value, unknown in zip(motion, UNKNOWN_MOTION, strict=True))
-        velocity = velocity_over_ground(*motion) if known else UNKNOWN_VELOCITY
+        velocity = codec.velocity_over_ground(*motion) if known else UNKNOWN_VELOCITY
         sent_s = self.clock.unwrap(m.timestamp) if 0.0 <= m.timestamp <= 3600.0 else math.nan
         sd_m, sd_m_s = _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy), _half(SPEED_BOUNDS_M_S, m.speed_accuracy)
         said = AltitudeSaid(m.altitude_geodetic, Datum.ELLIPSOID)
         return EvaderReport(received_s, sent_s, self.message, *place, velocity, sd_m, sd_m_s, said=said)
+
+
+Carrier = FollowTarget | GlobalPositionInt | OdometryCarrier | AdsbVehicle | OpenDroneIdLocation
+"""Converts one MAVLink message to a report, and may remember the sender's clock.
+
+`report` raises `Refused` if the message must not be used, ValueError if a value is unknown or implausible.
+"""
 
 
 class EvaderIdentity(NamedTuple):

@@ -261,10 +261,8 @@ class Station:
             struct.error: If a field does not fit.
         """
         if self._check is not None:
-            now, signing = (
-                self._begun_ticks + int((self._clock() - self._begun_s) * _TICKS_PER_S),
-                self._mavlink.signing,
-            )
+            signing = self._mavlink.signing
+            now = self._begun_ticks + int((self._clock() - self._begun_s) * _TICKS_PER_S)
             signing.timestamp = max(signing.timestamp, self._check.latest, now)
         frame = bytes(message.pack(self._mavlink))
         self._mavlink.seq = (self._mavlink.seq + 1) % 256

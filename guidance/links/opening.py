@@ -268,11 +268,7 @@ def open_source(
         wire = open_wire(
             url, clock=clock, systems=(system_id,), keys=keys, credentials=credentials, timeout_s=timeout_s
         )
+    component_id = identity.component_id
     return MavlinkEvader(
-        wire,
-        carrier,
-        system_id=system_id,
-        component_id=identity.component_id,
-        clock=clock,
-        signing_key=signing_key,
+        wire, carrier, system_id=system_id, component_id=component_id, clock=clock, signing_key=signing_key
     )

@@ -13,22 +13,12 @@ from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from guidance import messages
 from guidance.links import codec
 from guidance.links.codec import DECODERS, decode, other_aircraft, parameter
 from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
-from guidance.messages import (
-    CommandAck,
-    FenceCount,
-    FenceItem,
-    FenceRefused,
-    Heartbeat,
-    Message,
-    Request,
-    Setpoint,
-    StatusText,
-)
 
 USED: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
 """Names of the messages that a link reads."""
@@ -71,7 +61,7 @@ class TextJoiner:
     _next_sequence: int = 0
     chunks: list[str] = field(default_factory=list)
 
-    def hear(self, message: Fields, received_s: float) -> list[StatusText]:
+    def hear(self, message: Fields, received_s: float) -> list[messages.StatusText]:
         """Add one STATUSTEXT; return the texts that are complete.
 
         A text with `id` 0 has one chunk. A chunk that is not full is the last one.
@@ -86,11 +76,11 @@ class TextJoiner:
         is_last = message.id == 0 or len(message.text.encode()) < _TEXT_CHUNK_BYTES
         return done + self.close() if is_last or len(self.chunks) >= _MAX_TEXT_CHUNKS else done
 
-    def close(self, before_s: float = math.inf) -> list[StatusText]:
+    def close(self, before_s: float = math.inf) -> list[messages.StatusText]:
         """Return the open text as it is, if it began before `before_s`; it is closed then."""
         if not self.chunks or self._first_received_s >= before_s:
             return []
-        text = StatusText(self._first_received_s, self._severity, "".join(self.chunks))
+        text = messages.StatusText(self._first_received_s, self._severity, "".join(self.chunks))
         self.chunks.clear()
         return [text]
 
@@ -134,7 +124,7 @@ class PymavlinkLink:
         self._signed = signing_key is not None
         self._station = Station(*self._own, signing_key=signing_key, clock=clock, unix_s=unix_s)
         self._frames = FrameReader(self._reads - unread)
-        self._inbox: deque[Message] = deque()
+        self._inbox: deque[messages.Message] = deque()
         self._requests = RequestQueue()
         self._timesync = TimesyncPeer()
         self._texts = TextJoiner()
@@ -154,12 +144,12 @@ class PymavlinkLink:
         """True once a HEARTBEAT of the vehicle has arrived."""
         return self.heartbeats > 0
 
-    def receive(self) -> Sequence[Message]:
+    def receive(self) -> Sequence[messages.Message]:
         """Return all messages of the vehicle since the last call, oldest first."""
         self.poll()
-        messages = list(self._inbox)
+        received = list(self._inbox)
         self._inbox.clear()
-        return messages
+        return received
 
     def wait(self, timeout_s: float) -> None:
         """Block until data has arrived, at most `timeout_s` of real time."""
@@ -225,19 +215,19 @@ class PymavlinkLink:
         system_id, component_id = message.target_system, getattr(message, "target_component", 0)
         return system_id in (0, self._own.system_id) and component_id in (0, self._own.component_id)
 
-    def _note(self, message: Message) -> None:
+    def _note(self, message: messages.Message) -> None:
         """Note the vehicle's HEARTBEAT, and which request a message answers."""
         match message:
-            case Heartbeat():
+            case messages.Heartbeat():
                 self.autopilot = message.autopilot
                 self.heartbeats += 1
-            case CommandAck():
+            case messages.CommandAck():
                 self._requests.acknowledged(message.command, message.result, message.received_s)
-            case FenceCount():
+            case messages.FenceCount():
                 self._requests.fence_came(None)
-            case FenceItem():
+            case messages.FenceItem():
                 self._requests.fence_came(message.sequence)
-            case FenceRefused():
+            case messages.FenceRefused():
                 self._requests.fence_refused()
 
     def _tend(self, now_s: float) -> None:
@@ -250,7 +240,7 @@ class PymavlinkLink:
         if self.heartbeats and now_s >= self._timesync.next_ask_s:
             self._send(self._timesync.ask(now_s))
 
-    def request(self, request: Request) -> None:
+    def request(self, request: messages.Request) -> None:
         """Send a command once, or a repeatable request until it is answered.
 
         Raises:
@@ -262,7 +252,7 @@ class PymavlinkLink:
         self._requests.add(request)
         self._tend(self._clock())
 
-    def send_setpoint(self, setpoint: Setpoint) -> None:
+    def send_setpoint(self, setpoint: messages.Setpoint) -> None:
         """Send one setpoint frame now.
 
         Raises:
