@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.cli.fly_scenario import fly_scenario
 from guidance.files import private_file, private_folder
-from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import NOBODY, MockOptions
 from guidance.sweeps.folder import alone, write_whole
 from guidance.viz import report as page
@@ -104,7 +103,7 @@ def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkey
     flown = tmp_path / "flights" / "one"
     monkeypatch.setattr(page, "PICTURES", dict(list(page.PICTURES.items())[:1]))
     assert fly_scenario(str(NEAR), MockOptions(fast=True), flown, None, NOBODY, as_json=False) == 0
-    assert set(page.write_report(flown / "record.mcap", flown / "report", recorded_settings)) <= set(flown.rglob("*"))
+    assert set(page.write_report(flown / "record.mcap", flown / "report")) <= set(flown.rglob("*"))
     run = ["scenario", "run", str(NEAR), "--as", "maths", "--json", str(tmp_path / "row.json")]
     assert CliRunner().invoke(app, run, catch_exceptions=False).exit_code == 0
     left = [tmp_path / "row.json", tmp_path / "flights", flown, *flown.rglob("*")]

@@ -23,7 +23,7 @@ from guidance.flight import State
 from guidance.screen import aged, live, pairs, redraws
 from guidance.screen import console as screen
 from guidance.session.control_socket import ENDPOINT
-from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, Stopped, flight_folder, recorded_settings
+from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, Stopped, flight_folder
 from guidance.session.fly import NOBODY, Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
 from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, MissionResult, ending_words, outcome_of_flight
@@ -249,7 +249,7 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
 
     title = f"{outcome.scenario}: {ending_words(outcome)}, {score(outcome)}"
     try:
-        draw_flight(folder / RECORD, folder / PICTURE, recorded_settings, title)
+        draw_flight(folder / RECORD, folder / PICTURE, title)
     except (ConfigError, OutputError) as error:
         console.print(f"[yellow]picture  {error}[/yellow]", soft_wrap=True, highlight=False)
     else:

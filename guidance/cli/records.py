@@ -172,7 +172,7 @@ def report(
         folder = own if out is None else out if len(files) == 1 else out / own.name
         with record_errors(file):
             if of_vehicles:
-                paths = write_team_report(of_vehicles, folder, recorded_settings)
+                paths = write_team_report(of_vehicles, folder)
             else:
-                paths = write_report(file, folder, recorded_settings, animate=animate)
+                paths = write_report(file, folder, animate=animate)
         typer.echo("\n".join(map(str, paths)))

@@ -50,7 +50,7 @@ def view(
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
     from guidance.log.broadcast import LiveFlight  # noqa: PLC0415
     from guidance.session.control_bus import join_session  # noqa: PLC0415
-    from guidance.session.flight_files import RECORD, recorded_settings  # noqa: PLC0415
+    from guidance.session.flight_files import RECORD  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")
@@ -73,7 +73,7 @@ def view(
         sources = {path.parent.name: RecordFile(path, live=follow) for path in records}
     else:
         sources = {"": LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)}
-    count = show(sources, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
+    count = show(sources, Destination(save, port, web_port), typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 
 
@@ -102,8 +102,6 @@ def panel(
     - `guidance panel --look`: without orders
     - `guidance panel --host 192.168.1.7 --certificate cert.pem --key key.pem --password-file password`: for a tablet
     """
-    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415 - slow import
-
     require("guidance panel", "panel")
     from guidance.viz.panel.server import PanelOptions, serve_panel  # noqa: PLC0415 - slow import
 
@@ -113,7 +111,7 @@ def panel(
     )
     if with_parent:
         end_with_parent()
-    serve_panel(options, recorded_settings, typer.echo)
+    serve_panel(options, typer.echo)
 
 
 class CommandBeside:

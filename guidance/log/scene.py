@@ -65,7 +65,7 @@ def target_edge(place_m: Vector, extent: Extent) -> Array:
     return np.concatenate([edge, edge[:1]])
 
 
-def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181) -> Array:
+def isochron(game: Game, pursuer_m: Vector | Array, evader_m: Vector | Array, points: int = 181) -> Array:
     """Capture points (points, 2) of an evader that runs straight at full speed, one for each heading, m.
 
     The paper's Apollonius circle for a Ball and point capture. Found from the game itself: TAD towards a far target in

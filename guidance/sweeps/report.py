@@ -211,11 +211,8 @@ def _written_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> It
     order = order[(lost | np.isfinite(regret))[order]]
     best = np.sort(np.concatenate([np.flatnonzero(pair[order] == number)[:count] for number in range(len(plan.pairs))]))
     for number, place in enumerate(order[best.astype(int)].tolist(), 1):
-        scenario, path, names = (
-            scenario_of(plan, int(row[place])),
-            out / f"worst-{number:03d}.toml",
-            plan.pairs[pair[place]],
-        )
+        scenario, names = scenario_of(plan, int(row[place])), plan.pairs[pair[place]]
+        path = out / f"worst-{number:03d}.toml"
         played = f"{names.pursuer} against {names.evader}: {end[place]}"
         about = f"Row {row[place]} of the sweep {plan.digest[:12]}, {played}."
         if not isinstance(scenario, str):

@@ -77,10 +77,6 @@ class Shown:
             self._there.print(f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}")
 
 
-OnKept = Callable[[int], None]
-"""Called with the number of rows that were just written, also with 0 while waiting."""
-
-
 class Workers(NamedTuple):
     """A function that starts an executor, and the number of chunks to submit ahead."""
 
@@ -197,8 +193,13 @@ def begun(plan: Plan, out: Path, chunk_rows: int | None, workers: int = 1) -> Wo
     return Work(folder, missing, plan.rows - sum(len(folder.rows(chunk)) for chunk in missing))
 
 
-def finish(work: Work, workers: Workers, on_kept: OnKept) -> None:
+def finish(work: Work, workers: Workers, on_kept: Callable[[int], None]) -> None:
     """Compute and write the missing chunks.
+
+    Args:
+        work: The folder and its missing chunks.
+        workers: Compute the chunks.
+        on_kept: Called with the number of rows that were just written, also with 0 while waiting.
 
     Raises:
         OutputError: If a chunk cannot be written; earlier chunks are kept.

@@ -37,20 +37,10 @@ MAX_PLAYERS: Final = 50
 _AXES: Final = {"pursuer": "xyz", "evader": "xy", "target": "xy"}
 _PLAYER: Final = re.compile(r"(pursuer|evader)_(\d+)_[xyz]_m")
 _RATIO: Final = "speed_ratio"
-_NUMBERS: Final = (
-    _RATIO,
-    *(f"{player}_{axis}_m" for player, axes in _AXES.items() for axis in axes),
-    *(
-        f"{player}_{i}_{axis}_m"
-        for player in ("pursuer", "evader")
-        for i in range(MAX_PLAYERS)
-        for axis in _AXES[player]
-    ),
-)
-"""Columns that must hold numbers."""
+_NUMBERS: Final = re.compile(rf"{_RATIO}|target_[xy]_m|pursuer_(\d+_)?[xyz]_m|evader_(\d+_)?[xy]_m")
+"""Names of the columns that must hold numbers."""
 
 _NUMBER_FORM: Final = r"^([+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?inf(inity)?|nan)$"
-_AS_TEXT: Final = csv.ConvertOptions(column_types=dict.fromkeys(_NUMBERS, pa.string()), strings_can_be_null=True)
 _KINDS: Final = (".csv", ".parquet")
 _NOT_A_NUMBER: Final = "not_a_number"
 _SHOWN: Final = 5
@@ -153,7 +143,10 @@ def _rows_of(path: Path) -> int:
 def _chunks(path: Path) -> Iterator[pa.Table]:
     """Read a file in pieces of at most `ROWS` rows; a file without rows gives one empty piece."""
     if path.suffix == ".csv":
-        batches: Any = csv.open_csv(path, convert_options=_AS_TEXT)
+        with csv.open_csv(path) as columns:
+            texts = dict.fromkeys(filter(_NUMBERS.fullmatch, columns.schema.names), pa.string())
+        as_text = csv.ConvertOptions(column_types=texts, strings_can_be_null=True)
+        batches: Any = csv.open_csv(path, convert_options=as_text)
         schema = batches.schema
     else:
         file = parquet.ParquetFile(path)
@@ -176,7 +169,7 @@ def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Ce
     strange = []
     for place, name in enumerate(chunk.column_names):
         kind = chunk.schema.field(name).type
-        if name not in _NUMBERS or not (pa.types.is_string(kind) or pa.types.is_null(kind)):
+        if not _NUMBERS.fullmatch(name) or not (pa.types.is_string(kind) or pa.types.is_null(kind)):
             continue
         words = pc.utf8_trim_whitespace(chunk.column(place).cast(pa.string()))
         wrong = pc.fill_null(

@@ -18,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from scipy.interpolate import CubicHermiteSpline
 
 from guidance.errors import ConfigError
 from guidance.files import private_file, writing
@@ -266,7 +267,7 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     Raises:
         OutputError: If the file cannot be written.
     """
-    P, E = (_vector(start[0]) for start in starts([scenario]))
+    P, E = (start[0] for start in starts([scenario]))
     played_s, pursuer, evader = played(scenario)
     batch, meeting_m = stack([scenario]), opening([scenario]).meeting_point_m[0]
     curve, target_m = isochron(game_of(batch, batch.believed_m_s), P, E), target_game_m(scenario)
@@ -299,13 +300,11 @@ def played(scenario: Scenario) -> tuple[float, Array, Array]:
 
 def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Array:
     """Return a track through places (m), with more points between them; the rates (m/s) are those of the steps."""
-    places_m, rates_m_s = np.array(places), np.array(rates)
-    s = np.arange(_POINTS_A_STEP)[None, :, None] / _POINTS_A_STEP
-    run = np.diff(now_s)[:, None, None] * rates_m_s[:, None][:-1]
-    later = np.diff(now_s)[:, None, None] * rates_m_s[:, None][1:]
-    begin, way = places_m[:-1, None], np.diff(places_m, axis=0)[:, None]
-    curved = begin + s * way + s * (1.0 - s) * ((1.0 - s) * (run - way) - s * (later - way))
-    return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
+    if len(places) == 1:  # the game ends where it begins
+        return np.array(places)
+    steps = np.arange(len(now_s))
+    at_s = np.interp(np.linspace(0, steps[-1], _POINTS_A_STEP * steps[-1] + 1), steps, now_s)
+    return np.asarray(CubicHermiteSpline(now_s, places, rates)(at_s))
 
 
 def _courses(batch: Batch, until_s: float) -> Iterator[Shape]:
@@ -314,11 +313,6 @@ def _courses(batch: Batch, until_s: float) -> Iterator[Shape]:
         if course is not None:
             places_m = course.places_m[0][np.concatenate([[True], course.times_s[0, :-1] <= until_s])]
             yield Shape(places_m, COURSE, f"course of {name}", is_framed=False, dimensions=(2,))
-
-
-def _vector(place: Array) -> Vector:
-    x, y, z = (float(part) for part in place)
-    return (x, y, z)
 
 
 def draw_teams(scenario: TeamScenario, path: Path) -> None:

@@ -22,7 +22,6 @@ from PIL import Image
 
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, writing
-from guidance.log import SettingsOf
 from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted
 from guidance.viz import figures
 from guidance.viz import story as stories
@@ -54,14 +53,14 @@ def tracks(story: Story) -> Figure:
     return figures.chase_figure(chase_of(story), with_whole_fence=True, columns=5)
 
 
-def draw_flight(record: Path, path: Path, settings_of: SettingsOf, title: str) -> None:
+def draw_flight(record: Path, path: Path, title: str) -> None:
     """Draw a recorded flight in space and from above.
 
     Raises:
         ConfigError: If the record cannot be read.
         OutputError: If the file cannot be written.
     """
-    figure = figures.chase_figure(chase_of(stories.story_of(record, settings_of)))
+    figure = figures.chase_figure(chase_of(stories.story_of(record)))
     figure.suptitle(title)
     with contextlib.suppress(OSError):  # `save` says what cannot be written
         private_file(path)
@@ -303,20 +302,19 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
 PICTURES: Final = {"tracks": tracks, "game": game, "velocities": velocities, "ages": ages, "events": events}
 
 
-def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: bool = False) -> list[Path]:
+def write_report(path: Path, folder: Path, *, animate: bool = False) -> list[Path]:
     """Write `report.html` and one PNG per picture into `folder`; return the files, the page first.
 
     Args:
         path: The record.
         folder: Made if it does not exist. An earlier report of the same record is replaced.
-        settings_of: Makes settings from the metadata of a record.
         animate: Write `flight.webp` too, a moving picture of the flight.
 
     Raises:
         ConfigError: If the record cannot be read.
         OutputError: If the folder cannot be written, or contains the report of another record.
     """
-    story = stories.story_of(path, settings_of)
+    story = stories.story_of(path)
     drawn = ((name, draw(story)) for name, draw in PICTURES.items())
     written = write_page(folder, [story], drawn, stories.opening(story), stories.summary(story))
     if animate:
@@ -326,14 +324,14 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf, *, animate: 
     return written
 
 
-def write_team_report(records: Mapping[str, Path], folder: Path, settings_of: SettingsOf) -> list[Path]:
+def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
     """Write one report of the records of a team, by vehicle; return the files, the page first.
 
     Raises:
         ConfigError: If a record cannot be read, or is not of a team.
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
-    team = stories.team_story(records, settings_of)
+    team = stories.team_story(records)
     drawn = [("plan", plan(team))]
     return write_page(
         folder, list(team.flights.values()), drawn, stories.team_opening(team), stories.team_summary(team)

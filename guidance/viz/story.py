@@ -19,10 +19,11 @@ from guidance.flight.settings import TeamSection
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
 from guidance.game import solve
-from guidance.log import Aggregator, Comparison, Cycle, SettingsOf, Survey, compare, metadata_of, scan, title_of
+from guidance.log import Aggregator, Comparison, Cycle, Survey, compare, metadata_of, scan, title_of
 from guidance.log.entries import ASSIGNED, EVENT_TOPIC, CycleEntry, EventEntry
 from guidance.log.scene import Array
 from guidance.messages import Home, Role
+from guidance.session.flight_files import recorded_settings
 from guidance.session.result import least_distance_m
 from guidance.team.messages import Promise, RolesMessage
 
@@ -100,14 +101,14 @@ class Story(NamedTuple):
         return first_s.get(State.ON_STATION, math.nan) - first_s.get(State.ENGAGED, math.nan)
 
 
-def story_of(path: Path, settings_of: SettingsOf) -> Story:
+def story_of(path: Path) -> Story:
     """Read a record into arrays.
 
     Raises:
         ConfigError: If it cannot be read, or holds no cycle.
     """
     metadata, survey = metadata_of(path), Survey()
-    flight = Aggregator(settings_of, metadata, str(path))
+    flight = Aggregator(recorded_settings, metadata, str(path))
     story = Story(path, title_of(metadata), survey, flight.settings, flight, [], [], [], [], {})
     for item in scan(path, survey):
         entry = flight.take(item)
@@ -323,13 +324,13 @@ class TeamStory(NamedTuple):
         )
 
 
-def team_story(records: Mapping[str, Path], settings_of: SettingsOf) -> TeamStory:
+def team_story(records: Mapping[str, Path]) -> TeamStory:
     """Read the records of a team, by vehicle, and replay them.
 
     Raises:
         ConfigError: If a record cannot be read, or is not of a team.
     """
-    flights = {name: story_of(path, settings_of) for name, path in records.items()}
+    flights = {name: story_of(path) for name, path in records.items()}
     captures, told = dict[str, Capture](), list[tuple[float, RolesMessage]]()
     for name, flight in flights.items():
         if flight.settings.team is None:
@@ -347,7 +348,7 @@ def team_story(records: Mapping[str, Path], settings_of: SettingsOf) -> TeamStor
     causes = {one.evader: one.cause for _, roles in told for one in roles.promises}
     return TeamStory(
         flights,
-        {name: compare(path, settings_of)[0] for name, path in records.items()},
+        {name: compare(path, recorded_settings)[0] for name, path in records.items()},
         {one.evader: one.model_copy(update={"cause": causes[one.evader]}) for ones in offered[-1:] for one in ones},
         captures,
         began_s,

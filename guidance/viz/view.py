@@ -22,10 +22,11 @@ from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, writing
 from guidance.game import Winner
-from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, metadata_of, scan, title_of
+from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, metadata_of, scan, title_of
 from guidance.log.broadcast import LiveFlight
 from guidance.log.reader import Idle
 from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted, target_edge
+from guidance.session.flight_files import recorded_settings
 from guidance.viz.serving import recording_server, recording_uri, web_page
 
 APPLICATION: Final = "guidance"
@@ -302,7 +303,6 @@ class RecordFile(NamedTuple):
 def view(
     sources: Mapping[str, RecordFile | LiveFlight],
     destination: Destination,
-    settings_of: SettingsOf,
     say: Callable[[str], None],
     ended: threading.Event,
 ) -> int:
@@ -312,7 +312,6 @@ def view(
         sources: The flight, or the flights of a team by vehicle; closed at the end. Unreadable items are errors in a
             record; on a bus, where anyone can publish, they are ignored.
         destination: A file or a page.
-        settings_of: Returns the flight's settings for its metadata.
         say: Receives the page's address.
         ended: Ends the viewer.
 
@@ -338,11 +337,11 @@ def view(
                 private_folder(destination.save.parent)
                 sink = rr.FileSink(private_file(destination.save))  # Rerun only logs a failure
         vehicles = tuple(sources) if len(sources) > 1 else ("",)
-        with_target = settings_of(first).cycle.target_game_m is not None
+        with_target = recorded_settings(first).cycle.target_game_m is not None
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
         painters = [
-            Painter(recording, Aggregator(settings_of, metadata, sources[name].name), vehicle)
+            Painter(recording, Aggregator(recorded_settings, metadata, sources[name].name), vehicle)
             for (name, metadata), vehicle in zip(told.items(), vehicles, strict=True)
         ]
         with ThreadPoolExecutor(len(painters)) as pool:  # a record that still grows keeps its thread

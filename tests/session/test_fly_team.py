@@ -9,7 +9,6 @@ from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
 from guidance.session import fly
-from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
 from guidance.session.result import team_rows
 from guidance.sim.scenario_file import load_any
@@ -33,7 +32,7 @@ def guard(tmp_path_factory):
 def story(guard):
     """Return what the vehicles' records tell together."""
     flown, folder = guard
-    return team_story({name: folder / name / "record.mcap" for name in flown.vehicles}, recorded_settings)
+    return team_story({name: folder / name / "record.mcap" for name in flown.vehicles})
 
 
 @pytest.mark.flight
@@ -84,7 +83,7 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
         rows = list(cycles_of(path))
         assert any(row.inputs.mates for row in rows)
         assert [row.inputs.role.evader for row in rows if row.inputs.role is not None]
-        comparison, _ = compare(path, recorded_settings)
+        comparison, _ = compare(path)
         sent = flown.vehicles[pursuit.vehicle].setpoints_sent
         assert (comparison.differing, comparison.setpoints) == (0, sent)
 
@@ -103,7 +102,7 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
     assert f"{flown.least_distance_m(3.0):.1f} m apart" in words
     assert "replays bit for bit" in words
     records = {name: folder / name / "record.mcap" for name in flown.vehicles}
-    page, picture = write_team_report(records, tmp_path, recorded_settings)
+    page, picture = write_team_report(records, tmp_path)
     assert picture.name == "plan.png"
     assert words in page.read_text(encoding="utf-8")
 

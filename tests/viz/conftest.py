@@ -5,7 +5,6 @@ import subprocess
 
 import pytest
 
-from guidance.session.flight_files import recorded_settings
 from guidance.sim.scenario import Scenario
 from guidance.viz import report
 from guidance.viz.report import write_report
@@ -18,7 +17,7 @@ def pe(short_flight, tmp_path_factory):
     folder = tmp_path_factory.mktemp("pe")
     result, path = short_flight
     shutil.copy(path, folder / "r.mcap")
-    write_report(folder / "r.mcap", folder, recorded_settings)
+    write_report(folder / "r.mcap", folder)
     return result, folder / "r.mcap", folder
 
 
@@ -31,7 +30,7 @@ def tad(tmp_path_factory):
     result = flown(scenario, folder / "r.mcap")
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(report, "PICTURES", {"tracks": report.PICTURES["tracks"]})  # those of PE are all drawn
-        write_report(folder / "r.mcap", folder, recorded_settings)
+        write_report(folder / "r.mcap", folder)
     return result, folder / "r.mcap", folder
 
 

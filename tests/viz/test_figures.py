@@ -5,7 +5,7 @@ import pytest
 from guidance.errors import ConfigError, OutputError
 from guidance.log.scene import circle
 from guidance.sweeps.drawing import _figure
-from guidance.viz.figures import MOST_POINTS, check_picture, draw_fence, draw_scenario, figure_of, save, thinned
+from guidance.viz.figures import MOST_POINTS, check_picture, draw_fence, draw_scenario, figure_of, played, save, thinned
 from tests.harness.flights import NEAR
 
 IN_VIEW, FAR = circle((0.0, 0.0, 0.0), 8.0), circle((0.0, 0.0, 0.0), 300.0)
@@ -79,3 +79,12 @@ def test_the_whole_fence_is_shown_where_that_is_asked_for():
     draw_fence(plan, [FAR], 0.0, 2, whole=True)
     assert plan.get_xlim()[0] < -299.0
     assert plan.get_xlim()[1] > 299.0
+
+
+def test_a_scenario_that_ends_where_it_begins_is_drawn(tmp_path):
+    evader = NEAR.evader.position_m
+    above = NEAR.pursuer.model_copy(update={"position_m": (*evader[:2], NEAR.standoff.height_m)})
+    scenario = NEAR.model_copy(update={"pursuer": above})
+    assert len(played(scenario)[1]) == 1
+    draw_scenario(scenario, tmp_path / "scenario.png")
+    assert (tmp_path / "scenario.png").stat().st_size > 0

@@ -15,7 +15,7 @@ from guidance.errors import OutputError
 from guidance.log import cycles_of
 from guidance.log.reader import Item
 from guidance.session.control_bus import free_endpoint
-from guidance.session.flight_files import RECORD, recorded_settings
+from guidance.session.flight_files import RECORD
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
 from guidance.viz.panel import records, snapshot
 from guidance.viz.panel.hub import DaemonBus, Hub
@@ -129,7 +129,7 @@ def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
 def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path):
     endpoint = free_endpoint()
     bus = DaemonBus(endpoint, None, MonotonicClock())
-    hub = Hub([bus], recorded_settings, MonotonicClock())
+    hub = Hub([bus], MonotonicClock())
     heard = SimpleNamespace(cycles=0)
 
     def look(_):

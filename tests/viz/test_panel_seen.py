@@ -27,7 +27,7 @@ from guidance.viz.panel.snapshot import HISTORY, Level, SnapshotFold, history_ro
 
 def folded(path, until=lambda row: False):
     """Read a record up to the first cycle that meets a condition."""
-    fold = SnapshotFold(recorded_settings, metadata_of(path), "test")
+    fold = SnapshotFold(metadata_of(path), "test")
     for item in scan(path):
         entry = fold.take(item)
         if item.topic == CYCLE_TOPIC and until(entry):
@@ -76,7 +76,7 @@ class StubBus:
 def told(record):
     """A hub with one daemon, a function that adds news, and one that reads the messages for pages."""
     bus, clock = StubBus(), VirtualClock(100.0)
-    hub = Hub([bus], recorded_settings, clock)
+    hub = Hub([bus], clock)
 
     def tell(*news):
         bus.waiting += news
@@ -149,7 +149,7 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
 
 
 def test_unknown_values_are_null_before_the_first_message(record):
-    fold = SnapshotFold(recorded_settings, metadata_of(record), "test")
+    fold = SnapshotFold(metadata_of(record), "test")
     assert fold.snapshot() is None
     assert fold.scene["fence_m"] == []
     first = folded(record, lambda _: True).snapshot()

@@ -21,7 +21,6 @@ from guidance.errors import ConfigError, OutputError
 from guidance.log import cycles_of, metadata_of
 from guidance.log.writer import Recorder
 from guidance.messages import Home
-from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.viz import report as written
 from guidance.viz.report import PICTURES, tracks, write_report
@@ -78,7 +77,7 @@ def page_in(folder):
 @functools.cache
 def told(path):
     """The story of a record. Read only."""
-    return story_of(path, recorded_settings)
+    return story_of(path)
 
 
 def looked_at(page, folder):
@@ -167,7 +166,7 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
         assert f"<p>{html.escape(said)}</p>" in page_in(folder)
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(pe[1].read_bytes()[:150_000])
-    assert "No game was played" in opening(story_of(torn, recorded_settings))
+    assert "No game was played" in opening(story_of(torn))
 
 
 def test_the_picture_of_a_flight_is_drawn_also_of_one_that_never_engaged(pe, tad, tmp_path):
@@ -175,7 +174,7 @@ def test_the_picture_of_a_flight_is_drawn_also_of_one_that_never_engaged(pe, tad
     torn.write_bytes(pe[1].read_bytes()[:150_000])
     for number, record in enumerate((pe[1], tad[1], torn)):
         path = tmp_path / f"{number}.png"
-        written.draw_flight(record, path, recorded_settings, r"a title $\frac{$")
+        written.draw_flight(record, path, r"a title $\frac{$")
         assert path.read_bytes().startswith(b"\x89PNG")
         assert path.stat().st_size > 20_000
 
@@ -261,9 +260,9 @@ def test_the_worst_of_each_second_is_kept():
 def test_a_flight_that_never_engaged_or_was_torn_is_reported_too(pe, tmp_path):
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(pe[1].read_bytes()[:150_000])
-    written = write_report(torn, tmp_path / "report", recorded_settings)
+    written = write_report(torn, tmp_path / "report")
     assert [path.name for path in written] == ["report.html", *(f"{name}.png" for name in PICTURES)]
-    rows = dict(summary(story_of(torn, recorded_settings)))
+    rows = dict(summary(story_of(torn)))
     assert rows["outcome"].startswith("no game was played")
     assert rows["record"].startswith("torn (")
 
@@ -278,7 +277,7 @@ def test_a_title_cannot_break_out_of_the_page(pe, tmp_path, monkeypatch):
     for cycle in cycles_of(torn_copy(pe[1], tmp_path)):
         recorder.cycle(cycle)
     recorder.close()
-    write_report(path, tmp_path, recorded_settings)
+    write_report(path, tmp_path)
     assert "script" not in parsed(page_in(tmp_path)).seen
 
 
@@ -294,20 +293,20 @@ def test_a_record_without_a_cycle_and_a_folder_that_cannot_be_written_are_refuse
     recorder.event(0.0, "vehicle heard")
     recorder.close()
     with pytest.raises(ConfigError, match="contains no guidance cycle"):
-        write_report(path, tmp_path, recorded_settings)
+        write_report(path, tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        write_report(torn_copy(pe[1], tmp_path), tmp_path / "file" / "deep", recorded_settings)
+        write_report(torn_copy(pe[1], tmp_path), tmp_path / "file" / "deep")
 
 
 def test_a_report_never_replaces_that_of_another_record(pe, tad, tmp_path, monkeypatch):
     monkeypatch.setattr(written, "PICTURES", {})
     torn = torn_copy(pe[1], tmp_path)
     for _ in range(2):
-        write_report(torn, tmp_path, recorded_settings)
+        write_report(torn, tmp_path)
     before = page_in(tmp_path)
     with pytest.raises(OutputError, match="is the report of another record"):
-        write_report(tad[1], tmp_path, recorded_settings)
+        write_report(tad[1], tmp_path)
     assert page_in(tmp_path) == before
 
 

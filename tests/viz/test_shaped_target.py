@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 import pytest
 
-from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.sim.maths import play
 from guidance.sim.scenario import Scenario
@@ -58,5 +57,5 @@ def test_the_page_shows_the_hall_with_its_margin(flight):
 @pytest.mark.flight
 def test_the_pictures_of_the_scenario_and_of_the_flight_are_drawn(flight, tmp_path):
     draw_scenario(SCENARIO, tmp_path / "scenario.png")
-    draw_flight(flight[1], tmp_path / "flight.png", recorded_settings, SCENARIO.title)
+    draw_flight(flight[1], tmp_path / "flight.png", SCENARIO.title)
     assert all((tmp_path / name).stat().st_size > 20_000 for name in ("scenario.png", "flight.png"))

@@ -161,9 +161,7 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
             return False
 
     monkeypatch.setattr("os.nice", lambda _: None)
-    count = view(
-        {"": RecordFile(growing, live=True)}, Destination(tmp_path / "g.rrd"), recorded_settings, print, Ended()
-    )
+    count = view({"": RecordFile(growing, live=True)}, Destination(tmp_path / "g.rrd"), print, Ended())
     followed = Seeing(tmp_path / "g.rrd")
     assert count == sum(item.topic == CYCLE_TOPIC for item in scan(record))
     for entity in ("/game/pursuer", "/game/evader"):

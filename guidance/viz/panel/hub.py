@@ -20,7 +20,7 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_wire import is_over
-from guidance.log import EventEntry, Item, SettingsOf
+from guidance.log import EventEntry, Item
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER
 from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session, order_team
@@ -174,9 +174,8 @@ class DaemonBus:
 class DaemonView:
     """Data of one daemon, and which of it the pages do not have yet."""
 
-    def __init__(self, name: str, bus: DaemonBus, settings_of: SettingsOf, now_s: float) -> None:
+    def __init__(self, name: str, bus: DaemonBus, now_s: float) -> None:
         self.name, self.bus, self.key = name, bus, f"{name}@{bus.endpoint}"
-        self._settings_of = settings_of
         self._heard_s = now_s
         self._fold: SnapshotFold | None = None
         self._over: Plain | None = None
@@ -202,7 +201,7 @@ class DaemonView:
         """Start again with the metadata of a flight."""
         self._fold, self._over, self._sent = None, None, {}
         self._rows.clear()
-        self._fold = SnapshotFold(self._settings_of, found.metadata, self.key)
+        self._fold = SnapshotFold(found.metadata, self.key)
         if found.last_cycle is not None:
             self._fold.take(found.last_cycle)
 
@@ -262,12 +261,11 @@ class Hub:
 
     Args:
         buses: Connections to the daemons.
-        settings_of: Makes settings from the metadata of a flight.
         clock: The panel's clock.
     """
 
-    def __init__(self, buses: Sequence[DaemonBus], settings_of: SettingsOf, clock: Clock) -> None:
-        self._buses, self._settings_of, self._clock = buses, settings_of, clock
+    def __init__(self, buses: Sequence[DaemonBus], clock: Clock) -> None:
+        self._buses, self._clock = buses, clock
         self._views: dict[str, DaemonView] = {}
 
     def receive(self) -> None:
@@ -276,7 +274,7 @@ class Hub:
             for news in bus.news():
                 key = f"{news.name}@{bus.endpoint}"
                 if key not in self._views and len(self._views) < MAX_DAEMONS:
-                    self._views[key] = DaemonView(news.name, bus, self._settings_of, self._clock.now_s())
+                    self._views[key] = DaemonView(news.name, bus, self._clock.now_s())
                 if key in self._views:
                     self._views[key].take(news)
 

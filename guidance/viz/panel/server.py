@@ -18,7 +18,6 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import LinkError
 from guidance.links.zenoh_access import read_credentials
-from guidance.log import SettingsOf
 from guidance.viz.panel.access import DEFAULT_TILES, Access, Listener, PasswordThrottle, listen, map_of, remote_access
 from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder
@@ -59,12 +58,11 @@ class PanelOptions(NamedTuple):
     zenoh: Path | None = None
 
 
-def serve_panel(options: PanelOptions, settings_of: SettingsOf, say: Callable[[str], None]) -> None:
+def serve_panel(options: PanelOptions, say: Callable[[str], None]) -> None:
     """Serve until SIGINT or SIGTERM.
 
     Args:
         options: Options of the command line.
-        settings_of: Makes settings from the metadata of a record.
         say: Prints a line.
 
     Raises:
@@ -79,7 +77,7 @@ def serve_panel(options: PanelOptions, settings_of: SettingsOf, say: Callable[[s
         os.nice(NICE)
         clock = MonotonicClock()
         buses = [DaemonBus(one, options.token_file, clock, credentials) for one in options.endpoints]
-        with contextlib.closing(Hub(buses, settings_of, clock)) as hub:
+        with contextlib.closing(Hub(buses, clock)) as hub:
             asyncio.run(_serve(PanelServer(hub, access, clock, options, say), listening))
 
 

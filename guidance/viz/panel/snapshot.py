@@ -26,7 +26,7 @@ from guidance.flight.detection import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
 from guidance.flight.table import SETPOINT_STATES, state_words
 from guidance.frames import ned_from_game
 from guidance.game import Winner
-from guidance.log import Aggregator, CycleEntry, EventEntry, Item, SettingsOf, metadata_of, record_errors, scan
+from guidance.log import Aggregator, CycleEntry, EventEntry, Item, metadata_of, record_errors, scan
 from guidance.log.codec import plain
 from guidance.log.entries import CYCLE_TOPIC, EVENT, EVENT_TOPIC
 from guidance.log.reader import Survey, entry_of, survey_of, title_of
@@ -154,8 +154,8 @@ class SnapshotFold:
         ConfigError: If the metadata has no settings.
     """
 
-    def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
-        self._flight = Aggregator(settings_of, metadata, source)
+    def __init__(self, metadata: Mapping[str, str], source: str) -> None:
+        self._flight = Aggregator(recorded_settings, metadata, source)
         self._begin()
 
     def _begin(self) -> None:
@@ -347,7 +347,7 @@ def frames_of(path: Path) -> Plain:
     """
     with record_errors(path):
         metadata, survey = metadata_of(path), survey_of(path)
-        fold = SnapshotFold(recorded_settings, metadata, str(path))
+        fold = SnapshotFold(metadata, str(path))
         step_s, last_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES), -math.inf
         frames, events, scenes = list[Any](), list[Any](), list[Any]()
         for item in scan(path):
