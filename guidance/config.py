@@ -232,10 +232,8 @@ def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
 
 def _plain_words(message: str) -> str:
     """Rephrase pydantic's message as what the value must be."""
-    message = message[0].lower() + message[1:]
-    size = re.fullmatch(r"(?:tuple|list) should have at (most|least) (\d+) items? after validation, not \d+", message)
-    if size is not None:
-        return f"must have {size[2]} values at {size[1]}"
+    size = r"^(?:tuple|list) should have at (most|least) (\d+) items? after validation, not \d+$"
+    message = re.sub(size, r"must have \2 values at \1", message[0].lower() + message[1:])
     return re.sub(r"^input should be ", "must be ", message)
 
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.certificate import Certificate, Players, Vehicle, certify, without_game
-from guidance.control import Acceleration, Envelope, Situation, Wall
-from guidance.control.braking_law import held_back
+from guidance.control import Acceleration, Envelope, Situation
+from guidance.control.braking_law import Wall, held_back
 from guidance.control.capability import SpeedMemory, observe_speed
 from guidance.control.follow import Following, FollowMemory, Pace, follow, gaps_to_disc, observe_drift
 from guidance.control.servo import AltitudeHold, NorthEast, hold_altitude, keep_station
@@ -83,7 +83,7 @@ class CycleInputs(NamedTuple):
     Attributes:
         dt_s: Time since the last cycle.
         situation: State of the vehicle, and of the evader if there is one.
-        walls: All walls around the vehicle, see `guidance.control.measure_walls`.
+        walls: All walls around the vehicle, see `guidance.control.braking_law`.
         evader: The estimated evader.
         game_frame: The game's frame, if it is known.
         guided: Whether a HEARTBEAT of this cycle shows the guided mode, so the vehicle has followed the setpoints.

@@ -3,7 +3,9 @@
 from dataclasses import replace
 
 from guidance.autopilots import PX4
-from guidance.control import Polygon, Situation, measure_walls
+from guidance.control import Situation
+from guidance.control.braking_law import measure_walls
+from guidance.control.polygon import Polygon
 from guidance.cycle import CycleInputs, CycleMemory, play
 from guidance.estimation import EvaderEstimate
 from guidance.frames import GameFrame

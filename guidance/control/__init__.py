@@ -8,17 +8,15 @@ What the vehicle can do (`capability`):
     Acceleration, late_start: cost of accelerating.
 
 Limiting, always last (`braking_law`, `setpoint_limiter`):
-    Situation: state of the vehicle and the evader. `measure_walls` returns every `Wall` there.
+    Situation: state of the vehicle and the evader; `braking_law.measure_walls` returns every wall there.
     Limits: the section of a file. Envelope: the same with the vehicle's Dynamics.
     Limiter: names of the limits.
-    Polygon: corners of a fence, in metres about home.
 """
 
-from guidance.control.braking_law import Situation, Wall, measure_walls
+from guidance.control.braking_law import Situation
 from guidance.control.capability import Acceleration, late_start
 from guidance.control.follow import Approach, Following, Gaps
 from guidance.control.limits import Dynamics, Envelope, Limiter, Limits, Speeds
-from guidance.control.polygon import Polygon
 from guidance.control.servo import ServoGains
 
 __all__ = [
@@ -30,11 +28,8 @@ __all__ = [
     "Gaps",
     "Limiter",
     "Limits",
-    "Polygon",
     "ServoGains",
     "Situation",
     "Speeds",
-    "Wall",
     "late_start",
-    "measure_walls",
 ]

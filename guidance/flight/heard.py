@@ -11,8 +11,7 @@ from typing import Final
 
 from guidance import messages
 from guidance.autopilots import Mode
-from guidance.control import Situation, measure_walls
-from guidance.control.braking_law import Separation
+from guidance.control.braking_law import Separation, Situation, measure_walls
 from guidance.cycle import CycleInputs
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking

@@ -13,8 +13,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from guidance.control import Envelope, Polygon, Situation
+from guidance.control import Envelope, Situation
 from guidance.control.limits import StandOffLimit
+from guidance.control.polygon import Polygon
 from guidance.control.setpoint_limiter import limit
 from guidance.estimation import Observer, predict
 from guidance.estimation.measurement import Measurement, TrackSettings

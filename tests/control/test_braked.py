@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
-from guidance.control import Envelope, Limiter, Polygon, Situation, Wall, measure_walls, setpoint_limiter
-from guidance.control.braking_law import approach_speed, braked, held_back
+from guidance.control import Envelope, Limiter, Situation, setpoint_limiter
+from guidance.control.braking_law import Wall, approach_speed, braked, held_back, measure_walls
+from guidance.control.polygon import Polygon
 from guidance.control.servo import ServoMemory, serve
 from guidance.control.setpoint_limiter import limit
 from guidance.messages import Setpoint

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.control import Envelope, Limiter, Situation, Wall
-from guidance.control.braking_law import ROUNDING_M, Constraint, constraints_of, reduced, surge
+from guidance.control import Envelope, Limiter, Situation
+from guidance.control.braking_law import ROUNDING_M, Constraint, Wall, constraints_of, reduced, surge
 
 parts = st.floats(-10.0, 10.0)
 vectors = st.tuples(parts, parts, parts)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.control import Envelope, Limits, Polygon, Situation, Speeds
+from guidance.control import Envelope, Limits, Situation, Speeds
+from guidance.control.polygon import Polygon
 from guidance.errors import ConfigError
 from tests.control.scenes import OPEN
 

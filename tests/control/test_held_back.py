@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.control import Envelope, Limiter, Polygon, Situation, measure_walls
-from guidance.control.braking_law import RETURN_M_S, RETURN_PER_S, held_back
+from guidance.control import Envelope, Limiter, Situation
+from guidance.control.braking_law import RETURN_M_S, RETURN_PER_S, held_back, measure_walls
+from guidance.control.polygon import Polygon
 
 PLAIN = {
     "floor_m": 3.0,

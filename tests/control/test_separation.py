@@ -6,8 +6,8 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds, measure_walls
-from guidance.control.braking_law import Separation
+from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds
+from guidance.control.braking_law import Separation, measure_walls
 from guidance.control.setpoint_limiter import limit
 from guidance.game import StandOff
 from guidance.messages import Setpoint

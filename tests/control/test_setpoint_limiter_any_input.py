@@ -7,8 +7,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from guidance.control import Limiter, Polygon, Situation
+from guidance.control import Limiter, Situation
 from guidance.control.limits import StandOffLimit
+from guidance.control.polygon import Polygon
 from guidance.control.servo import AltitudeHold, hold_altitude
 from guidance.control.setpoint_limiter import NOTED, LimitMemory, limit
 from guidance.messages import Setpoint

@@ -7,8 +7,10 @@ from itertools import pairwise
 
 import pytest
 
-from guidance.control import Limiter, Polygon, Situation, Wall, measure_walls
+from guidance.control import Limiter, Situation
+from guidance.control.braking_law import Wall, measure_walls
 from guidance.control.limits import StandOffLimit
+from guidance.control.polygon import Polygon
 from guidance.control.servo import AltitudeHold, hold_altitude
 from guidance.control.setpoint_limiter import limit
 from guidance.messages import Setpoint

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from guidance.control import Dynamics, Limiter, Limits, Polygon, Situation, Speeds, measure_walls
-from guidance.control.braking_law import COVER_M, surge
+from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds
+from guidance.control.braking_law import COVER_M, measure_walls, surge
 from guidance.control.limits import StandOffLimit
+from guidance.control.polygon import Polygon
 from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.frames import clamp
 from guidance.game import StandOff

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from guidance.clock import VirtualClock
-from guidance.control import Polygon
+from guidance.control.polygon import Polygon
 from guidance.flight import FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
 from guidance.links.carriers import GlobalPositionInt

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from guidance.control import Polygon
+from guidance.control.polygon import Polygon
 from guidance.flight import FINAL, Event, Outputs, State
 from guidance.flight.detection import TELEMETRY_LIMIT_S
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES, TRANSITIONS

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from guidance.config import parse
-from guidance.control import Situation, measure_walls
+from guidance.control import Situation
+from guidance.control.braking_law import measure_walls
 from guidance.cycle import CycleInputs, CycleMemory, play
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate

@@ -22,7 +22,8 @@ from pymavlink.dialects.v20 import all as dialect
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.control import Limits, Polygon
+from guidance.control import Limits
+from guidance.control.polygon import Polygon
 from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
