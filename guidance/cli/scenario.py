@@ -215,9 +215,9 @@ def show(
     """
     if out is not None:
         require(f"--out {out}", "plot")
-        from guidance.viz.figures import check_picture  # noqa: PLC0415 - matplotlib is optional
+        from guidance.viz import figures  # noqa: PLC0415 - matplotlib is optional
 
-        check_picture(out)
+        figures.check_picture(out)
     path, shown = load_any(name)
     title, about = shown.title, " ".join(shown.description.split())
     facts = list(facts_of(shown))
@@ -232,7 +232,10 @@ def show(
         there.print(f"  ({printable(path.name)})\n{printable(about)}\n", markup=False)
         there.print(pairs((fact, Text(printable(words))) for fact, words in facts))
     if out is not None:
-        _draw(shown, out)
+        if isinstance(shown, TeamScenario):
+            figures.draw_teams(shown, out)
+        else:
+            figures.draw_scenario(shown, out)
         there.print(f"picture  {out}", soft_wrap=True, markup=False)
 
 
@@ -252,15 +255,6 @@ def listing(width: int) -> Table:
     """Return the table of `guidance scenario list`; expectations are shown from 120 columns on."""
     shown = len(_LISTED) if width >= _WIDE else len(_LISTED) - 1
     return sheet(_LISTED[:shown], (row[:shown] for row in listed()), left=range(shown))
-
-
-def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:
-    from guidance.viz.figures import draw_scenario, draw_teams  # noqa: PLC0415 - matplotlib is optional
-
-    if isinstance(scenario, TeamScenario):
-        draw_teams(scenario, path)
-    else:
-        draw_scenario(scenario, path)
 
 
 def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
