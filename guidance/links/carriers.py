@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, NamedTuple
 
+from pymavlink.dialects.v20 import common as mavlink
+
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, Ellipsoid, LocalFrame, Vector
 from guidance.links import codec
@@ -16,7 +18,6 @@ from guidance.links.frames import Fields
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 from guidance.vehicle import FARTHEST_M, is_plausible
 
-MAV_FRAME_BODY_FRD: Final = 12
 CAPABILITY_VELOCITY: Final = 1 << 1
 _DIAGONAL: Final = (0, 6, 11)  # of the upper right triangle of a 6 x 6 matrix, row by row
 
@@ -123,15 +124,15 @@ class OdometryCarrier:
 
     def report(self, m: Fields, received_s: float) -> EvaderReport:
         """Convert a message."""
-        if m.frame_id != codec.MAV_FRAME_LOCAL_NED:
+        if m.frame_id != mavlink.MAV_FRAME_LOCAL_NED:
             raise Refused("frame")
         position = (m.x, m.y, m.z)
         if not all(abs(part) <= FARTHEST_M for part in position):  # NaN fails this too
             raise Refused("position")
         latitude, longitude, altitude = self.frame.wgs84_from_ned(position)
         velocity = known_velocity((m.vx, m.vy, m.vz))
-        if m.child_frame_id != codec.MAV_FRAME_LOCAL_NED:
-            velocity = rotate(m.q, velocity) if m.child_frame_id == MAV_FRAME_BODY_FRD else UNKNOWN_VELOCITY
+        if m.child_frame_id != mavlink.MAV_FRAME_LOCAL_NED:
+            velocity = rotate(m.q, velocity) if m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD else UNKNOWN_VELOCITY
         place = latitude, longitude, altitude.metres
         sd_m = standard_deviation(*(m.pose_covariance[index] for index in _DIAGONAL))
         sd_m_s = standard_deviation(*(m.velocity_covariance[index] for index in _DIAGONAL))
@@ -165,14 +166,14 @@ class AdsbVehicle:
         for refused, reason in (
             (m.ICAO_address != self.icao_address, "other_id"),
             (m.tslc > self.oldest_s, "old"),
-            (not m.flags & codec.VALID_COORDINATES, "position"),
-            (not m.flags & codec.VALID_ALTITUDE, "altitude"),
+            (not m.flags & mavlink.ADSB_FLAGS_VALID_COORDS, "position"),
+            (not m.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE, "altitude"),
         ):
             if refused:
                 raise Refused(reason)
         given_m = m.altitude / 1e3
         altitude, said = Amsl(given_m), AltitudeSaid(given_m, Datum.AMSL)
-        if m.altitude_type == codec.ALTITUDE_GEOMETRIC:
+        if m.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC:
             altitude, said = self.frame.amsl(Ellipsoid(given_m)), AltitudeSaid(given_m, Datum.ELLIPSOID)
         place = *codec.degrees(m.lat, m.lon), altitude.metres
         known = m.flags & codec.VALID_MOTION == codec.VALID_MOTION

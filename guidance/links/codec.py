@@ -12,13 +12,7 @@ from guidance.frames import Vector
 from guidance.links.frames import MAGIC_V1, Fields, Frame
 from guidance.vehicle import is_plausible
 
-MAV_AUTOPILOT_PX4: Final = 12
-MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
 INT32_MAX: Final = 2**31 - 1
-MAV_PARAM_TYPE_INT32: Final = 6
-MAV_MISSION_TYPE_FENCE: Final = 1
-
-MAV_FRAME_LOCAL_NED: Final = 1
 FLOAT32_MAX: Final = 3.4028234663852886e38
 _MAX_BYTEWISE: Final = 0x7F7FFFFF
 """Largest integer whose bytes form a finite float. Those of a negative integer form a NaN, which JSON cannot carry."""
@@ -29,11 +23,8 @@ IGNORE_ACCELERATION: Final = 64 | 128 | 256
 IGNORE_YAW: Final = 1024
 IGNORE_YAW_RATE: Final = 2048
 
-VALID_COORDINATES: Final = 1
-VALID_ALTITUDE: Final = 2
-VALID_MOTION: Final = 4 | 8 | 128  # heading, velocity, vertical velocity
-ALTITUDE_GEOMETRIC: Final = 1
-"""Flags and altitude type of ADSB_VEHICLE."""
+VALID_MOTION: Final = 4 | 8 | 128
+"""Flags of ADSB_VEHICLE: heading, velocity and vertical velocity are valid."""
 
 ADSB_ERROR_M: Final = 30.0
 """Largest error of an aircraft's reported place, and of its pressure altitude."""
@@ -92,9 +83,9 @@ def velocity_over_ground(course_cdeg: float, speed_cm_s: float, climb_cm_s: floa
 
 def _adsb_vehicle(m: Fields, received_s: float) -> messages.Message:
     """An ellipsoidal altitude counts as unknown: the undulation is not known here."""
-    if not m.flags & VALID_COORDINATES:
+    if not m.flags & mavlink.ADSB_FLAGS_VALID_COORDS:
         raise ValueError("an aircraft without a place")
-    known = m.flags & VALID_ALTITUDE and m.altitude_type != ALTITUDE_GEOMETRIC
+    known = m.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE and m.altitude_type != mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
     moves = m.flags & VALID_MOTION == VALID_MOTION
     return messages.Aircraft(
         received_s,
@@ -124,7 +115,7 @@ def other_aircraft(frame: Frame, received_s: float) -> messages.Aircraft:
 
 DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     "HEARTBEAT": lambda m, at_s: messages.Heartbeat(
-        at_s, m.custom_mode, bool(m.base_mode & MAV_MODE_FLAG_SAFETY_ARMED), m.system_status, m.autopilot
+        at_s, m.custom_mode, bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), m.system_status, m.autopilot
     ),
     "SYS_STATUS": _system_status,
     "GPS_RAW_INT": _gps_fix,
@@ -160,8 +151,10 @@ def decode(frame: Frame, received_s: float) -> messages.Message:
         ValueError: If a value is unknown, or implausible by `guidance.vehicle.is_plausible`.
     """
     name, fields = frame.name, frame.fields
-    if name.startswith("MISSION_") and fields.mission_type != MAV_MISSION_TYPE_FENCE:
-        raise ValueError(f"mission_type {fields.mission_type}: only the fence ({MAV_MISSION_TYPE_FENCE}) is read")
+    if name.startswith("MISSION_") and fields.mission_type != mavlink.MAV_MISSION_TYPE_FENCE:
+        raise ValueError(
+            f"mission_type {fields.mission_type}: only the fence ({mavlink.MAV_MISSION_TYPE_FENCE}) is read"
+        )
     value = DECODERS[name](fields, received_s)
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")
@@ -187,7 +180,7 @@ def parameter(frame: Frame, received_s: float, *, autopilot: int) -> messages.Pa
 
 def is_bytewise(param_type: int, *, autopilot: int) -> bool:
     """Return whether a parameter's float carries the bytes of an integer (PX4: MAV_PARAM_TYPE_INT32 only)."""
-    return autopilot == MAV_AUTOPILOT_PX4 and param_type == MAV_PARAM_TYPE_INT32
+    return (autopilot, param_type) == (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_PARAM_TYPE_INT32)
 
 
 def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, component_id: int) -> Fields:
@@ -212,7 +205,7 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, compo
     mask = IGNORE_POSITION | IGNORE_YAW_RATE
     mask |= IGNORE_ACCELERATION if acceleration is None else 0
     mask |= IGNORE_YAW if yaw_rad is None else 0
-    target = int(now_s * 1e3) % 2**32, system_id, component_id, MAV_FRAME_LOCAL_NED, mask
+    target = int(now_s * 1e3) % 2**32, system_id, component_id, mavlink.MAV_FRAME_LOCAL_NED, mask
     return mavlink.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
 
 
@@ -239,11 +232,11 @@ def request(
             value = _parameter_value(request, autopilot)
             return mavlink.MAVLink_param_set_message(*to, _parameter_name(request.name), value, request.param_type)
         case messages.FenceRequest(None):
-            return mavlink.MAVLink_mission_request_list_message(*to, MAV_MISSION_TYPE_FENCE)
+            return mavlink.MAVLink_mission_request_list_message(*to, mavlink.MAV_MISSION_TYPE_FENCE)
         case messages.FenceRequest(int(sequence)):
-            return mavlink.MAVLink_mission_request_int_message(*to, sequence, MAV_MISSION_TYPE_FENCE)
+            return mavlink.MAVLink_mission_request_int_message(*to, sequence, mavlink.MAV_MISSION_TYPE_FENCE)
         case messages.FenceReceived():
-            return mavlink.MAVLink_mission_ack_message(*to, 0, MAV_MISSION_TYPE_FENCE)
+            return mavlink.MAVLink_mission_ack_message(*to, 0, mavlink.MAV_MISSION_TYPE_FENCE)
         case messages.Command():
             return _command(request, to, attempt)
 

@@ -5,10 +5,11 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from typing import Final, NamedTuple, TypeVar
 
+from pymavlink.dialects.v20 import common as mavlink
+
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import LocalFrame
 from guidance.links.carriers import CARRIERS, EvaderIdentity
-from guidance.links.codec import MAV_MODE_FLAG_SAFETY_ARMED
 from guidance.links.frames import Frame, FrameReader, SignatureCheck, SigningKey, Station
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
@@ -21,10 +22,6 @@ from guidance.links.zenoh_evader import KEYS, ZenohEvader
 from guidance.links.zenoh_wire import Session, ZenohWire, open_session
 
 KINDS: Final = ("mavsdk", "pymavlink")
-MAV_AUTOPILOT_INVALID: Final = 8
-"""HEARTBEAT.autopilot of ground stations, companion computers and cameras."""
-
-MAV_TYPE_GCS: Final = 6
 _LOOK_EVERY_S: Final = 0.02
 _HEARTBEAT_EVERY_S: Final = 1.0
 _OWN: Final = (255, 191)
@@ -218,9 +215,11 @@ def _waited(look: Callable[[], T], beat: Callable[[], None], clock: Clock, timeo
 
 def _found(frame: Frame) -> Found | None:
     beat = frame.fields
-    if frame.name != "HEARTBEAT" or beat.autopilot == MAV_AUTOPILOT_INVALID or beat.type == MAV_TYPE_GCS:
+    if frame.name != "HEARTBEAT" or beat.type == mavlink.MAV_TYPE_GCS:
         return None
-    armed = bool(beat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
+    if beat.autopilot == mavlink.MAV_AUTOPILOT_INVALID:  # a ground station, companion computer or camera
+        return None
+    armed = bool(beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
     return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type, armed)
 
 

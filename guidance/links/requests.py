@@ -23,7 +23,6 @@ REPEAT_S: Final = 0.5
 MAX_SENDS: Final = 4
 IN_PROGRESS_TIMEOUT_S: Final = 10.0
 QUEUE_LENGTH: Final = 64
-MAV_RESULT_IN_PROGRESS: Final = 5
 _REPEATABLE: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
 
 TIMESYNC_EVERY_S: Final = 1.0
@@ -96,7 +95,7 @@ class RequestQueue:
         lane = self.waiting.get(("command", command))
         if not lane or lane[0].sends == 0:
             return
-        if result == MAV_RESULT_IN_PROGRESS:
+        if result == mavlink.MAV_RESULT_IN_PROGRESS:
             lane[0].sends = lane[0].max_sends
             lane[0].next_send_s = now_s + IN_PROGRESS_TIMEOUT_S
             return
