@@ -18,7 +18,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from scipy.interpolate import CubicHermiteSpline
 
 from guidance.errors import ConfigError
 from guidance.files import private_file, writing
@@ -300,11 +299,13 @@ def played(scenario: Scenario) -> tuple[float, Array, Array]:
 
 def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Array:
     """Return a track through places (m), with more points between them; the rates (m/s) are those of the steps."""
-    if len(places) == 1:  # the game ends where it begins
-        return np.array(places)
-    steps = np.arange(len(now_s))
-    at_s = np.interp(np.linspace(0, steps[-1], _POINTS_A_STEP * steps[-1] + 1), steps, now_s)
-    return np.asarray(CubicHermiteSpline(now_s, places, rates)(at_s))
+    places_m, rates_m_s = np.array(places), np.array(rates)
+    s = np.arange(_POINTS_A_STEP)[None, :, None] / _POINTS_A_STEP
+    run = np.diff(now_s)[:, None, None] * rates_m_s[:, None][:-1]
+    later = np.diff(now_s)[:, None, None] * rates_m_s[:, None][1:]
+    begin, way = places_m[:-1, None], np.diff(places_m, axis=0)[:, None]
+    curved = begin + s * way + s * (1.0 - s) * ((1.0 - s) * (run - way) - s * (later - way))
+    return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
 
 
 def _courses(batch: Batch, until_s: float) -> Iterator[Shape]:

@@ -1,5 +1,8 @@
 """Pictures show any name as plain text."""
 
+import subprocess
+import sys
+
 import pytest
 
 from guidance.errors import ConfigError, OutputError
@@ -88,3 +91,9 @@ def test_a_scenario_that_ends_where_it_begins_is_drawn(tmp_path):
     assert len(played(scenario)[1]) == 1
     draw_scenario(scenario, tmp_path / "scenario.png")
     assert (tmp_path / "scenario.png").stat().st_size > 0
+
+
+def test_pictures_need_no_more_than_their_extra():
+    code = "import sys, guidance.viz.figures; print({'scipy', 'pyarrow', 'rerun', 'aiohttp'} & set(sys.modules))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert said.stdout.strip() == "set()"
