@@ -49,6 +49,7 @@ from guidance.log.reader import CONFIG as CONFIG_KEY
 from guidance.log.reader import Item
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Daemon, Equipment
+from guidance.session.flight_files import recorded_settings
 from guidance.session.loop import run
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
@@ -251,7 +252,7 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
             f"files of the record    {len(person.parts)}, {person.written_mb:.0f} MB, each read by itself: {whole} "
             f"whole; cycles in them {kept} of {person.cycles}; {person.written_mb / (60.0 * flown_h):.2f} MB a minute"
         )
-        comparison, survey = compare(path)
+        comparison, survey = compare(path, recorded_settings)
         print(
             f"replay across a seam   {comparison.cycles} cycles of the first files, {comparison.differing} differ, "
             f"{survey.missing} messages missing"

@@ -9,6 +9,7 @@ from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
 from guidance.session import fly
+from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
 from guidance.session.result import team_rows
 from guidance.sim.scenario_file import load_any
@@ -83,7 +84,7 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
         rows = list(cycles_of(path))
         assert any(row.inputs.mates for row in rows)
         assert [row.inputs.role.evader for row in rows if row.inputs.role is not None]
-        comparison, _ = compare(path)
+        comparison, _ = compare(path, recorded_settings)
         sent = flown.vehicles[pursuit.vehicle].setpoints_sent
         assert (comparison.differing, comparison.setpoints) == (0, sent)
 

@@ -225,7 +225,7 @@ def test_a_new_page_gets_everything_and_then_only_changes(told, record):
 def test_events_before_a_page_opened_are_sent_once(told):
     event = {"now_s": 2.0, "event": "checks passed", "detail": "checking -> ready"}
     told.tell(News("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
-    told.hub.mark_sent()  # no page is open
+    told.hub.message()  # no page is open
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["events"] == [event]
     assert "events" not in told.read()["daemons"][0]

@@ -39,9 +39,6 @@ class StubHub:
     def receive(self):
         self.number += 1
 
-    def mark_sent(self):
-        pass
-
     def message(self, *, whole=False):
         return json.dumps({"whole": whole, "number": self.number, "filling": "x" * self.size})
 

@@ -237,23 +237,21 @@ class DaemonView:
         return self._told | ({} if self._fold is None else {"scene": self._fold.scene, "snapshot": self._fold.last})
 
     def message(self, now_s: float, *, whole: bool) -> Plain:
-        """Return the parts that changed since `mark_sent`, or everything."""
-        whole = whole or not self._sent
+        """Return the parts that changed since the last message of changes, or everything (`whole`)."""
+        full = whole or not self._sent
         silent_s = max(0.0, now_s - self._heard_s)
         message: Plain = {"key": self.key, "name": self.name, "endpoint": self.bus.endpoint, "over": self._over}
         message |= {"silent_s": round(silent_s, 1), "contact": level_of(silent_s, 0.5 * NO_CONTACT_S, NO_CONTACT_S)}
-        message |= {name: part for name, part in self._parts().items() if whole or part is not self._sent.get(name)}
+        message |= {name: part for name, part in self._parts().items() if full or part is not self._sent.get(name)}
         if self._fold is not None and "snapshot" in message:
             message["snapshot"] = self._fold.snapshot()
-        if whole:
+        if full:
             message["history"] = {"columns": HISTORY, "rows": list(self._rows)}
-        if whole or self._unsent_events:
-            message["events"] = list(self._events)[0 if whole else -self._unsent_events :]
+        if full or self._unsent_events:
+            message["events"] = list(self._events)[0 if full else -self._unsent_events :]
+        if not whole:
+            self._sent, self._unsent_events = self._parts(), 0
         return message
-
-    def mark_sent(self) -> None:
-        """Mark everything as sent."""
-        self._sent, self._unsent_events = self._parts(), 0
 
 
 class Hub:
@@ -278,17 +276,10 @@ class Hub:
                 if key in self._views:
                     self._views[key].take(news)
 
-    def mark_sent(self) -> None:
-        """Mark everything as sent, without a message: no page is open, and a new one gets a snapshot."""
-        for view in self._views.values():
-            view.mark_sent()
-
     def message(self, *, whole: bool = False) -> str:
         """Return JSON: the changes since the last message of changes, or everything (`whole`)."""
         now_s = self._clock.now_s()
         daemons = [view.message(now_s, whole=whole) for view in self._views.values()]
-        if not whole:
-            self.mark_sent()
         buses = [{"endpoint": bus.endpoint, "reason": bus.reason} for bus in self._buses]
         return json.dumps({"whole": whole, "daemons": daemons, "buses": buses}, separators=(",", ":"), allow_nan=False)
 

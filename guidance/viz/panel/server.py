@@ -243,7 +243,7 @@ class PanelServer:
             return web.Response(status=503)
         page = web.WebSocketResponse(heartbeat=15.0, max_msg_size=_MAX_BYTES)
         await page.prepare(request)
-        self._send()
+        self._send()  # the others get the changes up to now: then everything is the same for all
         queue: asyncio.Queue[str] = asyncio.Queue(MAX_QUEUED)
         queue.put_nowait(self._hub.message(whole=True))
         sending = asyncio.create_task(_send_queued(page, queue))
@@ -279,14 +279,12 @@ class PanelServer:
         while True:
             self._listener.close_late()
             self._hub.receive()
-            self._send()
+            if self._pages:
+                self._send()
             await asyncio.sleep(SEND_INTERVAL_S)
 
     def _send(self) -> None:
         """Queue the changes for all pages. A page with a full queue is closed."""
-        if not self._pages:
-            self._hub.mark_sent()
-            return
         changes = self._hub.message()
         for page, (queue, sending) in list(self._pages.items()):
             if queue.full():
