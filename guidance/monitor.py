@@ -65,14 +65,10 @@ class Alarm(NamedTuple):
     @property
     def by(self) -> str:
         """The amount with its unit; empty at the barrier."""
-        match self.violation:
-            case Violation.CAPTURE_LATER | Violation.STALE:
-                return f"{self.amount:.2f} s"
-            case Violation.EVADER_CLOSER:
-                return f"{self.amount:.2f} m"
-            case Violation.TOO_SLOW:
-                return f"this vehicle reaches {self.amount:.1f} of {self.of:g} m/s; set speed_m_s accordingly"
-        return ""
+        if self.violation is Violation.TOO_SLOW:
+            return f"this vehicle reaches {self.amount:.1f} of {self.of:g} m/s; set speed_m_s accordingly"
+        units = {Violation.CAPTURE_LATER: "s", Violation.STALE: "s", Violation.EVADER_CLOSER: "m"}
+        return f"{self.amount:.2f} {units[self.violation]}" if self.violation in units else ""
 
     @property
     def words(self) -> str:

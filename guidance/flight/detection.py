@@ -146,10 +146,6 @@ class Stage:
     operator_s: float = math.inf
     battery_was_low: bool = False
 
-    def operator_silence_s(self, now_s: float) -> float:
-        """Return the time since the operator's last sign of life; 0 before the first one."""
-        return max(0.0, now_s - self.operator_s)
-
 
 class NoCertificate(NamedTuple):
     """What holds while there is no certificate."""
@@ -261,7 +257,7 @@ def _beyond(allowed_m: float, *limiters: Limiter) -> "Condition":
 
 def _operator_silent(now: Moment, longer_s: float = 0.0) -> bool:
     timeout_s = now.settings.operator_timeout_s
-    return timeout_s is not None and now.stage.operator_silence_s(now.now_s) > timeout_s + longer_s
+    return timeout_s is not None and now.now_s - now.stage.operator_s > timeout_s + longer_s
 
 
 def is_low(vehicle: VehicleState, needed: float) -> bool:

@@ -101,7 +101,7 @@ class Flight:
 
     def operator_silence_s(self, now_s: float) -> float:
         """Seconds since the operator's last order or sign of life; 0 before the first one."""
-        return self._stage.operator_silence_s(now_s)
+        return max(0.0, now_s - self._stage.operator_s)
 
     def checks(self, now_s: float) -> tuple[Check, ...]:
         """Return the readiness checks."""

@@ -114,9 +114,8 @@ class Recorder:
         self._chunk_ends_s = -math.inf
         self._waiting: deque[_Waiting] = deque()
         self._closed = threading.Event()
-        self._thread: threading.Thread | None = None
-        if threaded:
-            self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True) if threaded else None
+        if self._thread is not None:
             self._thread.start()
 
     def cycle(self, entry: CycleEntry) -> None:
