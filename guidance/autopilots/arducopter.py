@@ -58,7 +58,6 @@ HANDLING: Final = Handling(
     ),
 )
 
-_OFF_ON: Final = {0: "off", 1: "on"}
 _FENCE_ACTIONS: Final = dict(enumerate(("report only", "RTL or Land", "Land", "SmartRTL", "Brake", "SmartRTL or Land")))
 _FENCE_TYPES: Final = {0: "height", 1: "circle", 2: "polygon", 3: "floor"}
 _HEIGHT: Final = 1
@@ -108,7 +107,6 @@ _OPTIONS: Final = rules.mask(
     clear_bits=48,
     otherwise=Verdict.REFUSE,
 )
-_FENCE_ON: Final = rules.one_of({1}, "1 (on)", 1, "the autopilot's fence is off")
 _FENCE_ACTION: Final = rules.one_of(range(1, 10), "1 (RTL or Land), 2 or 4 (Brake)", 1, "the fence would only report")
 _RADIO_LOSS: Final = rules.one_of(range(1, 10), "1 (RTL)", 1, "nothing happens on radio loss", otherwise=Verdict.WARN)
 _ESTIMATOR: Final = rules.one_of(
@@ -118,7 +116,7 @@ _ESTIMATOR: Final = rules.one_of(
 RULES: Final = (
     Rule("GUID_TIMEOUT", _TIMEOUT, "{:g} s".format),
     Rule("GUID_OPTIONS", _OPTIONS, bits(_OPTION_NAMES), needed=False),
-    Rule("FENCE_ENABLE", _FENCE_ON, named(_OFF_ON)),
+    Rule("FENCE_ENABLE", rules.one_of({1}, "1 (on)", 1, "the autopilot's fence is off"), named({0: "off", 1: "on"})),
     Rule("FENCE_ACTION", _FENCE_ACTION, named(_FENCE_ACTIONS)),
     Rule("FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
     Rule("FENCE_RADIUS", _fence_radius, "{:g} m".format),

@@ -74,11 +74,8 @@ HANDLING: Final = Handling(
     ),
 )
 
-_LOSS_ACTIONS: Final = dict(
-    enumerate(
-        ("disabled", "Position", "Altitude", "Stabilized", "Return", "Land", "Hold", "Terminate", "Disarm"), start=-1
-    )
-)
+_LOSS_NAMES: Final = ("disabled", "Position", "Altitude", "Stabilized", "Return", "Land", "Hold", "Terminate", "Disarm")
+_LOSS_ACTIONS: Final = dict(enumerate(_LOSS_NAMES, start=-1))
 _FENCE_ACTIONS: Final = {0: "none", 1: "warning", 2: "Hold", 3: "Return", 4: "Terminate", 5: "Land"}
 _RADIO_LOSS_ACTIONS: Final = {0: "disabled", 1: "Hold", 2: "Return", 3: "Land", 5: "Terminate", 6: "Disarm"}
 _BATTERY_ACTIONS: Final = {0: "warning", 2: "Land", 3: "Return, then Land"}
@@ -141,13 +138,8 @@ _OVERRIDE: Final = rules.mask(
     "with Offboard", "the sticks do not end OFFBOARD: a pilot takes over by the mode switch", set_bits=2
 )
 _RADIO_LOSS: Final = rules.one_of({1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, otherwise=Verdict.WARN)
-_BATTERY: Final = rules.one_of(
-    range(1, 10),
-    "3 (Return, then Land)",
-    3,
-    "only our own limit returns; it does not when we are silent",
-    otherwise=Verdict.WARN,
-)
+_SILENT: Final = "only our own limit returns; it does not when we are silent"
+_BATTERY: Final = rules.one_of(range(1, 10), "3 (Return, then Land)", 3, _SILENT, otherwise=Verdict.WARN)
 
 _M_S: Final = "{:g} m/s".format
 

@@ -72,47 +72,32 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
 
 
 def _authority(validity: Validity) -> KeyPair:
-    key = ec.generate_private_key(_CURVE)
-    name = _named("pursuit guidance test authority")
     unused = dict.fromkeys((*_NO_USES, "encipher_only", "decipher_only"), False)
     uses = x509.KeyUsage(key_cert_sign=True, crl_sign=True, **unused)
-    built = _builder(name, name, key, validity, x509.BasicConstraints(ca=True, path_length=0))
-    return KeyPair(key, built.add_extension(uses, critical=True).sign(key, hashes.SHA256()))
+    constraints = x509.BasicConstraints(ca=True, path_length=0)
+    return _certified(None, "pursuit guidance test authority", validity, [(constraints, True), (uses, True)])
 
 
 def _signed(
     authority: KeyPair, common_name: str, hosts: Sequence[str], use: x509.ObjectIdentifier, validity: Validity
 ) -> KeyPair:
-    key = ec.generate_private_key(_CURVE)
     called = x509.SubjectAlternativeName([_general(host) for host in hosts or (common_name,)])
     constraints = x509.BasicConstraints(ca=False, path_length=None)
-    built = _builder(_named(common_name), authority.certificate.subject, key, validity, constraints)
-    for extension in (called, x509.ExtendedKeyUsage([use])):
-        built = built.add_extension(extension, critical=False)
-    return KeyPair(key, built.sign(authority.key, hashes.SHA256()))
+    extensions = [(constraints, True), (called, False), (x509.ExtendedKeyUsage([use]), False)]
+    return _certified(authority, common_name, validity, extensions)
 
 
-def _named(common_name: str) -> x509.Name:
-    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
-
-
-def _builder(
-    name: x509.Name,
-    issuer: x509.Name,
-    key: ec.EllipticCurvePrivateKey,
-    validity: Validity,
-    constraints: x509.BasicConstraints,
-) -> x509.CertificateBuilder:
-    return (
-        x509.CertificateBuilder()
-        .subject_name(name)
-        .issuer_name(issuer)
-        .public_key(key.public_key())
-        .serial_number(x509.random_serial_number())
-        .not_valid_before(validity.begin)
-        .not_valid_after(validity.end)
-        .add_extension(constraints, critical=True)
-    )
+def _certified(
+    authority: KeyPair | None, name: str, validity: Validity, extensions: Sequence[tuple[x509.ExtensionType, bool]]
+) -> KeyPair:
+    """Return a new key and its certificate, self-signed without an authority. Extensions may be critical (True)."""
+    key, subject = ec.generate_private_key(_CURVE), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    issuer = subject if authority is None else authority.certificate.subject
+    number = x509.random_serial_number()
+    built = x509.CertificateBuilder(issuer, subject, key.public_key(), number, validity.begin, validity.end)
+    for extension, critical in extensions:
+        built = built.add_extension(extension, critical=critical)
+    return KeyPair(key, built.sign(key if authority is None else authority.key, hashes.SHA256()))
 
 
 def _general(host: str) -> x509.GeneralName:
