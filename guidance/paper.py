@@ -45,11 +45,7 @@ SYMBOLS = {"optimal": ("u*", "v*")}
 TableRow = tuple[str, str, str]
 """Strategies of pursuer and evader, and the published number."""
 
-TABLE_1 = (
-    ("pure_pursuit", "optimal", "11.05"),
-    ("optimal", "pure_evade", "10.43"),
-    ("optimal", "optimal", "10.43"),
-)
+TABLE_1 = (("pure_pursuit", "optimal", "11.05"), ("optimal", "pure_evade", "10.43"), ("optimal", "optimal", "10.43"))
 TABLE_2 = (
     ("optimal", "task_oriented", "4.2341"),
     ("optimal", "pure_evade", "19.4309"),

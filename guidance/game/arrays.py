@@ -307,6 +307,21 @@ def cross2(a: Plane, b: Plane) -> Real:
     return a[0] * b[1] - a[1] * b[0]
 
 
+def along2(n: Plane, v: Plane) -> Plane:
+    """Return the components of a plane vector along and across a direction."""
+    return v[0] * n[0] + v[1] * n[1], v[1] * n[0] - v[0] * n[1]
+
+
+def in_plane(n: Plane, v: Plane) -> Plane:
+    """Return a vector that is given by its components along and across n."""
+    return v[0] * n[0] - v[1] * n[1], v[0] * n[1] + v[1] * n[0]
+
+
+def times2(factor: Real, a: Plane) -> Plane:
+    """Return factor·a."""
+    return factor * a[0], factor * a[1]
+
+
 def plus2(a: Plane, factor: Real, b: Plane) -> Plane:
     """Return a + factor·b."""
     return a[0] + factor * b[0], a[1] + factor * b[1]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth
+from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, along2, times2
 from guidance.game.records import is_finite, require
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -157,7 +157,7 @@ def to_set(xp: Library, extent: Extent, place: Plane) -> Plane:
     length = xp.norm2(way)
     outside = length > extent.radius_m
     share = xp.select(outside, 1.0 - extent.radius_m / xp.select(outside, length, 1.0), 0.0 * length)
-    return share * way[0], share * way[1]
+    return times2(share, way)
 
 
 def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane], Real]) -> Plane:
@@ -175,12 +175,12 @@ def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane],
     """
     way = to_set(xp, extent, place)
     ahead = xp.unit2(way, xp.norm2(way))
-    corners = [_along(ahead, (x - place[0], y - place[1])) for x, y in extent.corners_m]
+    corners = [along2(ahead, (x - place[0], y - place[1])) for x, y in extent.corners_m]
     low, high = _slopes(xp, extent.radius_m, corners)
 
     def entered(slope: Real) -> Plane:
         far = _entry(xp, extent.radius_m, corners, slope)
-        x, y = _along((ahead[0], -ahead[1]), (far, far * slope))
+        x, y = along2((ahead[0], -ahead[1]), (far, far * slope))
         return place[0] + x, place[1] + y
 
     best: Plane = (place[0] + way[0], place[1] + way[1])
@@ -209,11 +209,6 @@ def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane],
         closer = reached < least
         best, least = xp.select2(closer, point, best), xp.select(closer, reached, least)
     return best
-
-
-def _along(ahead: Plane, v: Plane) -> Plane:
-    """Return the components of a vector along and across a direction."""
-    return v[0] * ahead[0] + v[1] * ahead[1], v[1] * ahead[0] - v[0] * ahead[1]
 
 
 def _slopes(xp: Library, radius: float, corners: list[Plane]) -> tuple[Real, Real]:

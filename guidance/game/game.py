@@ -12,16 +12,7 @@ from typing import Literal, TypeAlias, TypeVar
 from guidance.errors import ConfigError
 from guidance.game.arrays import Plane, Real, is_array, less_length, pair_length
 from guidance.game.extent import POINT, Extent
-from guidance.game.records import (
-    is_zero,
-    record_hash,
-    require,
-    require_kind,
-    same_record,
-    take,
-    take_fields,
-    take_pair,
-)
+from guidance.game.records import Numbers, is_zero, require, require_kind, take, take_pair
 
 STILL = (0.0, 0.0)
 
@@ -29,7 +20,7 @@ Record = TypeVar("Record", "StandOff", "Game", "Ball | Cylinder")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ball:
+class Ball(Numbers):
     """The paper's speed set, eq. (2): the pursuer flies in any direction at up to `speed_m_s`.
 
     Raises:
@@ -37,11 +28,6 @@ class Ball:
     """
 
     speed_m_s: Real
-    __eq__ = same_record
-    __hash__ = record_hash
-
-    def __post_init__(self) -> None:
-        take_fields(self)
 
     @property
     def horizontal_m_s(self) -> Real:
@@ -50,7 +36,7 @@ class Ball:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cylinder:
+class Cylinder(Numbers):
     """A multicopter's speed set: horizontal and vertical speed bounded each by itself, climb and descent apart.
 
     PX4 calls the bounds MPC_XY_VEL_MAX (12 m/s), MPC_Z_VEL_MAX_UP (3 m/s) and MPC_Z_VEL_MAX_DN (1.5 m/s). The capture
@@ -63,11 +49,6 @@ class Cylinder:
     horizontal_m_s: Real
     climb_m_s: Real
     descent_m_s: Real
-    __eq__ = same_record
-    __hash__ = record_hash
-
-    def __post_init__(self) -> None:
-        take_fields(self)
 
 
 SpeedSet: TypeAlias = Ball | Cylinder
@@ -122,7 +103,7 @@ class Reason(Code):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StandOff:
+class StandOff(Numbers):
     """The disc that the pursuer aims for: `radius_m` around the evader, `height_m` above its plane.
 
     Zero for both is the paper's point capture. A vehicle must never play it, because it ends on the ground.
@@ -131,17 +112,14 @@ class StandOff:
         ConfigError: a length is negative or not finite.
     """
 
+    zero_allowed = True
+
     radius_m: Real = 0.0
     height_m: Real = 0.0
-    __eq__ = same_record
-    __hash__ = record_hash
-
-    def __post_init__(self) -> None:
-        take_fields(self, zero_allowed=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Game:
+class Game(Numbers):
     """One pursuer against one evader in a plane (Li, Wang & Xie, section II-A), with the extensions of a vehicle.
 
     Speeds, lengths and the age may be arrays of the leading shape of the states, one number for each game of a batch.
@@ -180,8 +158,6 @@ class Game:
     """True if a parameter is an array."""
     calm: bool = field(init=False, repr=False)
     """True without wind."""
-    __eq__ = same_record
-    __hash__ = record_hash
 
     def __post_init__(self) -> None:
         speed_sets = "a speed set, Ball(speed_m_s) or Cylinder(horizontal_m_s, climb_m_s, descent_m_s)"

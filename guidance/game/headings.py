@@ -14,7 +14,7 @@ lies less than 90° off that direction (‖X − E‖ ≤ 2 n·(T − E)), so |s
 
 from typing import NamedTuple
 
-from guidance.game.arrays import Library, Plane, Real, Truth, dot2
+from guidance.game.arrays import Library, Plane, Real, Truth, along2, cross2, dot2, in_plane, plus2, times2
 from guidance.game.extent import Extent, from_set, nearest
 from guidance.game.game import STILL, Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import Geometry, ball_time
@@ -135,14 +135,14 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     square = s * s
     scale = 1.0 / (1.0 + square)
     cosine, sine = (1.0 - square) * scale, (s + s) * scale
-    n = (cosine * hunt.ahead[0] - sine * hunt.ahead[1], cosine * hunt.ahead[1] + sine * hunt.ahead[0])
-    whole = (dot2(hunt.to_evader, n) + hunt.lag, across(hunt.to_evader, n))
+    n = in_plane(hunt.ahead, (cosine, sine))
+    whole = (dot2(hunt.to_evader, n) + hunt.lag, cross2(n, hunt.to_evader))
     air, hand = (v, 0.0), hunt.hand
     if wind is not None:
-        air, hand = (v - dot2(wind, n), across(n, wind)), hand + 2.0 * v * head_wind(wind, n)
+        air, hand = (v - dot2(wind, n), cross2(wind, n)), hand + 2.0 * v * head_wind(wind, n)
     flat = is_zero(hunt.radius)
-    disc = (0.0, 0.0) if flat else (dot2(aim.disc, n), across(aim.disc, n))
-    y = whole if flat else (whole[0] - hunt.radius * disc[0], whole[1] - hunt.radius * disc[1])
+    disc = STILL if flat else along2(n, aim.disc)
+    y = whole if flat else plus2(whole, -hunt.radius, disc)
     beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
     t, delta = ball_time(xp, hand, _along(hunt, air, y) - hunt.u * hunt.capture, beyond)
     if held:
@@ -157,9 +157,7 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
         some = far > 0
         inverse = 1.0 / xp.select(some, far, 1.0)
         disc, bent = (xp.select(some, whole[0] * inverse, 1.0), whole[1] * inverse), hunt.radius * inverse
-        free = far - hunt.radius
-        flown = (free * disc[0], free * disc[1])
-        to = in_plane(n, disc)
+        flown, to = times2(far - hunt.radius, disc), in_plane(n, disc)
         slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, air, flown)
         delta = xp.select(delta < float("inf"), slower, delta) if held else slower
     rho = v * t + hunt.lag
@@ -169,9 +167,7 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
 
 def aimed_at(xp: Library, hunt: Hunt, t: Real, place: Plane) -> tuple[Plane, Truth]:
     """Return the vector from E to the target's point nearest to a place after t, and whether that is on a line."""
-    x, y = hunt.target
-    if hunt.drift is not None:
-        x, y = x + hunt.drift[0] * t, y + hunt.drift[1] * t
+    x, y = hunt.target if hunt.drift is None else plus2(hunt.target, t, hunt.drift)
     if len(hunt.extent.corners_m) == 1:
         return from_set((x, y), hunt.extent.corners_m[0]), False
     near, flat = nearest(xp, hunt.extent, (place[0] - x, place[1] - y))
@@ -182,14 +178,11 @@ def left_over(xp: Library, hunt: Hunt, n: Plane, rho: Real, t: Real) -> tuple[Pl
     """Return the vector from the target to the end of a run, along and across it; see `Way`."""
     if len(hunt.extent.corners_m) == 1:
         place = from_set(hunt.target, hunt.extent.corners_m[0])
-        left = (rho - dot2(place, n), across(n, place))
-        if hunt.drift is not None:
-            left = (left[0] - dot2(hunt.drift, n) * t, left[1] - across(hunt.drift, n) * t)
-        return left, False
-    end = (rho * n[0], rho * n[1])
+        left = (rho - dot2(place, n), cross2(place, n))
+        return (left if hunt.drift is None else plus2(left, -t, along2(n, hunt.drift))), False
+    end = times2(rho, n)
     goal, flat = aimed_at(xp, hunt, t, end)
-    way = (end[0] - goal[0], end[1] - goal[1])
-    return (dot2(way, n), across(way, n)), flat
+    return along2(n, plus2(end, -1.0, goal)), flat
 
 
 def _along(hunt: Hunt, air: Plane, p: Plane) -> Real:
@@ -215,18 +208,17 @@ def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
     pushed = v * aside if calm else v * aside + rho * way.air[1]
     second = rho * (rho - along) + first * (2.0 * pushed - way.hand * first)
     if not is_zero(hunt.radius):
-        swing = rho * way.disc[0] - (v * way.disc[1] if calm else across(way.disc, way.air)) * first
+        swing = rho * way.disc[0] - (v * way.disc[1] if calm else cross2(way.air, way.disc)) * first
         second = second - way.bent * swing * swing
     second = second / way.delta
     edge, bend = (v * first, rho), (v * second - rho, 2.0 * v * first)
     if hunt.drift is not None:
-        pulled = (dot2(hunt.drift, way.n), across(hunt.drift, way.n))
-        edge = (edge[0] - pulled[0] * first, edge[1] - pulled[1] * first)
-        bend = (bend[0] - pulled[0] * second, bend[1] - pulled[1] * second)
+        pulled = along2(way.n, hunt.drift)
+        edge, bend = plus2(edge, -first, pulled), plus2(bend, -second, pulled)
     slope, square = dot2(left, edge), dot2(edge, edge)
-    before = left[0] * edge[1] - left[1] * edge[0]
+    before = cross2(left, edge)
     turns = square if way.flat is False else square * (1.0 - 1.0 * way.flat)  # seen from a line it keeps its direction
-    rate = turns + before * (bend[0] * edge[1] - bend[1] * edge[0]) / square
+    rate = turns + before * cross2(bend, edge) / square
     return -slope / rate, slope, (rate > 0) & (before <= 0)
 
 
@@ -238,13 +230,3 @@ def turned(aim: Aim, way: Way, turn: Real) -> Aim:
 def bounded(xp: Library, s: Real) -> Real:
     """Keep a heading within 90° of straight ahead."""
     return xp.select(s > 1.0, 1.0, xp.select(s < -1.0, -1.0, s))
-
-
-def across(v: Plane, n: Plane) -> Real:
-    """Component of a plane vector across a direction, to its left."""
-    return v[1] * n[0] - v[0] * n[1]
-
-
-def in_plane(n: Plane, v: Plane) -> Plane:
-    """Return a vector that is given by its components along and across n."""
-    return v[0] * n[0] - v[1] * n[1], v[0] * n[1] + v[1] * n[0]

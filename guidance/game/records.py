@@ -5,31 +5,33 @@ Records are equal, and have the same hash, if their numbers are equal, whatever 
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Real, as_reals, is_array
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """A record of numbers that are checked; two are equal if they hold the same, arrays compared as a whole."""
 
-def same_record(one: "DataclassInstance", other: object) -> bool:
-    """Return whether two records hold the same numbers; arrays are compared as a whole."""
-    return type(one) is type(other) and _numbers(one) == _numbers(other)
+    zero_allowed = False
 
+    def __post_init__(self) -> None:
+        for part in fields(self):
+            take(self, part.name, zero_allowed=self.zero_allowed)
 
-def record_hash(record: "DataclassInstance") -> int:
-    """Return a hash that equal records share."""
-    return hash(_numbers(record))
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self._key() == other._key()
 
+    def __hash__(self) -> int:
+        return hash(self._key())
 
-def _numbers(record: "DataclassInstance") -> tuple[Any, ...]:
-    """Return a record's numbers in a form that can be compared and hashed."""
-    return tuple(_key(getattr(record, part.name)) for part in fields(record) if part.init)
+    def _key(self) -> tuple[Any, ...]:
+        return tuple(_key(getattr(self, part.name)) for part in fields(self) if part.init)
 
 
 def _key(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds
@@ -52,13 +54,7 @@ def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 
     return value
 
 
-def take_fields(record: "DataclassInstance", *, zero_allowed: bool = False) -> None:
-    """Check every number of a record."""
-    for part in fields(record):
-        take(record, part.name, zero_allowed=zero_allowed)
-
-
-def take(record: "DataclassInstance", name: str, *, zero_allowed: bool = False) -> None:
+def take(record: Numbers, name: str, *, zero_allowed: bool = False) -> None:
     """Check a number of a record and keep it as a float; `solve` checks arrays row by row."""
     value = getattr(record, name)
     if type(value) is not float:
@@ -67,7 +63,7 @@ def take(record: "DataclassInstance", name: str, *, zero_allowed: bool = False) 
         require(name, value, zero_allowed=zero_allowed)
 
 
-def take_pair(record: "DataclassInstance", name: str, *, rows_allowed: bool = False) -> None:
+def take_pair(record: Numbers, name: str, *, rows_allowed: bool = False) -> None:
     """Check a velocity in the plane and keep it as two floats, or as rows of them."""
     pair = getattr(record, name)
     try:

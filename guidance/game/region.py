@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import Array, Library, Plane, Real, Truth, dot2
+from guidance.game.arrays import Array, Library, Plane, Real, Truth, cross2, dot2, in_plane, plus2, times2
 from guidance.game.game import STILL, Game
-from guidance.game.headings import Aim, Hunt, Way, across, aimed_at, bounded, follow, hunt_for, in_plane, judge, turned
+from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, follow, hunt_for, judge, turned
 from guidance.game.pe import Geometry
 from guidance.game.records import is_zero, rows_of
 
@@ -90,18 +90,17 @@ def _closest(xp: Library, hunt: Hunt) -> Closest:
     far = xp.norm2(met)
     straight = xp.unit2(met, far)
     rho = hunt.v * hunt.met_s + hunt.lag
-    y = _plus(hunt.to_evader, rho, straight)
+    y = plus2(hunt.to_evader, rho, straight)
     if hunt.wind is not None:
-        y = _plus(y, -hunt.met_s, hunt.wind)
+        y = plus2(y, -hunt.met_s, hunt.wind)
     within = dot2(y, y) <= hunt.met_m * hunt.met_m
     if xp.differentiates:
         # Rows within do not use the search; a state with finite derivatives replaces theirs.
         beyond = hunt.met_m + hunt.lag + hunt.v * hunt.met_s + 1.0
         hunt = hunt._replace(to_evader=xp.select2(within, (beyond, 0.0 * beyond), hunt.to_evader))
     way = follow(xp, hunt, _search(xp, hunt, within))
-    run = (way.rho * way.n[0], way.rho * way.n[1])
     return Closest(
-        xp.select2(within, (rho * straight[0], rho * straight[1]), run),
+        xp.select2(within, times2(rho, straight), times2(way.rho, way.n)),
         xp.select(within, hunt.met_s, way.t),
         xp.select(within, abs(far - rho), xp.norm2(way.left)),
     )
@@ -158,28 +157,28 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     """
     hand = (hunt.u - hunt.v) * (hunt.u + hunt.v)
     to_target, _ = aimed_at(xp, hunt, 0.0, HERE)
-    end = (hunt.to_evader[0] + to_target[0], hunt.to_evader[1] + to_target[1])
+    end = plus2(hunt.to_evader, 1.0, to_target)
     disc = xp.unit2(end, xp.norm2(end))
     if _is_bare(hunt):
-        away, goal, height = _times(hand, hunt.to_evader), _times(hand, to_target), hand * hunt.z2
+        away, goal, height = times2(hand, hunt.to_evader), times2(hand, to_target), hand * hunt.z2
         for _ in range(ROUNDS):
-            run = _circle(xp, hunt, _plus(hunt.to_evader, -hunt.radius, disc), height, goal)
-            end = (run[0] + away[0], run[1] + away[1])
+            run = _circle(xp, hunt, plus2(hunt.to_evader, -hunt.radius, disc), height, goal)
+            end = plus2(run, 1.0, away)
             disc = xp.unit2(end, xp.norm2(end))
         return Aim(_half_angle(xp, hunt, run), disc)
     way = follow(xp, hunt, Aim(0.0 * end[0], disc))
     e0, z2 = _virtual(xp, hunt, way)
-    lag = (hunt.lag * way.n[0], hunt.lag * way.n[1])
-    goal = _plus(to_target, -1.0, lag)
+    lag = times2(hunt.lag, way.n)
+    goal = plus2(to_target, -1.0, lag)
     if hunt.drift is not None:
-        goal = _plus(goal, way.t, hunt.drift)
-    run = _plus(_circle(xp, hunt, _plus(e0, 1.0, lag), hand * z2, _times(hand, goal)), hand, lag)
+        goal = plus2(goal, way.t, hunt.drift)
+    run = plus2(_circle(xp, hunt, plus2(e0, 1.0, lag), hand * z2, times2(hand, goal)), hand, lag)
     s = _half_angle(xp, hunt, run)
     if is_zero(hunt.radius):
         return Aim(s, way.to)
-    end = _plus(run, hand, hunt.to_evader)
+    end = plus2(run, hand, hunt.to_evader)
     if hunt.wind is not None:
-        end = _plus(end, -hand * way.t, hunt.wind)
+        end = plus2(end, -hand * way.t, hunt.wind)
     return Aim(s, xp.unit2(end, xp.norm2(end)))
 
 
@@ -189,39 +188,30 @@ def _circle(xp: Library, hunt: Hunt, to_evader: Plane, height: Real, goal: Plane
     `height`, the square of the pursuer's height, and the vector `goal` from E are given times that, too.
     """
     u, v = hunt.u, hunt.v
-    centre = _times(v * v, to_evader)
-    back = (centre[0] - goal[0], centre[1] - goal[1])
+    centre = times2(v * v, to_evader)
+    back = plus2(centre, -1.0, goal)
     span = v * xp.sqrt(height + (u * u) * dot2(to_evader, to_evader))
     length = xp.norm2(back)
-    return _plus(centre, -span / xp.select(length > 0, length, 1.0), back)
+    return plus2(centre, -span / xp.select(length > 0, length, 1.0), back)
 
 
 def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
     """Return the heading of a run, at most 90° from straight ahead."""
     over = xp.norm2(run) + dot2(run, hunt.ahead)
-    return bounded(xp, across(run, hunt.ahead) / xp.select(over > 0, over, 1.0))
+    return bounded(xp, cross2(hunt.ahead, run) / xp.select(over > 0, over, 1.0))
 
 
 def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
     """Return the vector from the virtual pursuer without lead to the evader, and its height squared."""
     e0, z2 = hunt.to_evader, hunt.z2
     if not is_zero(hunt.radius):
-        e0 = _plus(e0, -hunt.radius, way.to)
+        e0 = plus2(e0, -hunt.radius, way.to)
     if not is_zero(hunt.capture):
         near = xp.norm2(way.flown)
         distance = xp.sqrt(near * near + z2)
         share = hunt.capture / xp.select(distance > 0, distance, 1.0)
-        e0, z2 = _plus(e0, -share, in_plane(way.n, way.flown)), ((1.0 - share) * (1.0 - share)) * z2
-    return e0 if hunt.wind is None else _plus(e0, -way.t, hunt.wind), z2
-
-
-def _times(factor: Real, a: Plane) -> Plane:
-    return factor * a[0], factor * a[1]
-
-
-def _plus(a: Plane, factor: Real, b: Plane) -> Plane:
-    """Return a + factor·b."""
-    return a[0] + factor * b[0], a[1] + factor * b[1]
+        e0, z2 = plus2(e0, -share, in_plane(way.n, way.flown)), ((1.0 - share) * (1.0 - share)) * z2
+    return e0 if hunt.wind is None else plus2(e0, -way.t, hunt.wind), z2
 
 
 def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
