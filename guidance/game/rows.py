@@ -29,10 +29,17 @@ def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
     if game.varies:
         shapes |= {name: tuple(getattr(value, "shape", ())) for name, value in parameters(game).items()}
     different = set(shapes.values())
-    if len(different) == 1:
-        return different.pop()
+    return different.pop() if len(different) == 1 else fitting(shapes)
+
+
+def fitting(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the common shape of leading axes.
+
+    Raises:
+        ConfigError: they do not fit each other.
+    """
     try:
-        return np.broadcast_shapes(*different)
+        return np.broadcast_shapes(*shapes.values())
     except ValueError:
         raise ConfigError(f"the leading shapes do not fit each other: {shapes}") from None
 

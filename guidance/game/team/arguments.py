@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
+from guidance.game.arrays import Array
 from guidance.game.game import Game, Reason, StandOff, parameters
 from guidance.game.records import is_zero
-from guidance.game.rows import for_rows, simplified
-from guidance.game.team.regions import Array
+from guidance.game.rows import fitting, for_rows, simplified
 
 Answer = TypeVar("Answer", bound=Any)
 
@@ -101,18 +101,6 @@ def vectors(name: str, array: ArrayLike, shape: str) -> Array:
     if found.ndim < axes or nobody or found.shape[-1:] != (3,) or found.dtype.kind not in "fiu":
         raise ConfigError(f"{name} = {array!r}: must be an array of numbers of shape {shape}")
     return found if found.dtype.kind == "f" else found.astype(np.float64)
-
-
-def fitting(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the common shape of leading axes.
-
-    Raises:
-        ConfigError: If they do not fit each other.
-    """
-    try:
-        return np.broadcast_shapes(*shapes.values())
-    except ValueError:
-        raise ConfigError(f"the leading shapes do not fit each other: {shapes}") from None
 
 
 def in_play_of(given: ArrayLike | None, m: int) -> Array:

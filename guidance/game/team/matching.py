@@ -23,12 +23,12 @@ from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.extras import how_to_add
+from guidance.game.arrays import NUMPY, Array
 from guidance.game.game import Reason, Winner
 from guidance.game.records import is_zero, require
 from guidance.game.team.arguments import Games, judged
-from guidance.game.team.regions import Array, length
-from guidance.game.team.several import Play, longest_run, nearest_run, placed, played
-from guidance.game.team.table import Kept, Meeting, Table, kept_of, pairs_with, place_of, table_of, taken
+from guidance.game.team.several import TeamSolution, assembled, longest_run, nearest_run, placed
+from guidance.game.team.table import Kept, Meeting, Table, are, kept_of, pairs_with, place_of, table_of, taken
 
 
 class Matching(NamedTuple):
@@ -179,7 +179,7 @@ def _assigned(profit: Array, first: Array | None = None) -> Array:
 def _chased(table: Table, first: Array) -> Matching:
     """Put the answer in PE together, (b, ...)."""
     run = longest_run(table.all)
-    play = played(table.all, table.evaders, run, run, table.all.alone.pursuer_velocity_m_s)
+    play = assembled(table.all, table.evaders, run, run, np.zeros(1, dtype=bool))
     value = np.where(first < 0, np.inf, -taken(table.worth, first))
     return _answer(table, first, np.full_like(first, -1), play._replace(value=value))
 
@@ -187,16 +187,13 @@ def _chased(table: Table, first: Array) -> Matching:
 def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
     """Put the answer in TAD together, (b, ...)."""
     team, alone, guarded = table.all, table.all.alone, first >= 0
-    every, beside = np.arange(table.worth.shape[-1]), np.where(second < 0, first, second)
-    at = place_of(beside)
+    beside = np.where(second < 0, first, second)
+    at, two = place_of(beside), place_of(np.stack([first, beside], axis=-1), 2)
     best = run = placed(team, table.evaders, Meeting(*(part[at] for part in pairs)))
-    if not is_zero(team.regions.safe):
-        two = team.pick(place_of(np.stack([first, beside], axis=-1), 2))
-        run = nearest_run(two, table.evaders, best, guarded)
-    decides = (best.first == best.second)[..., None] & (every == best.first[..., None])
-    flies = ((every == first[..., None]) | (every == second[..., None])) & ~decides
-    flown = np.where(flies[..., None], team.straight((best.x, best.y)), alone.pursuer_velocity_m_s)
-    play = played(team, table.evaders, run, best, flown)
+    if team.goal is not None and not is_zero(team.regions.safe):
+        ends = alone.meeting_point_m[two] - table.evaders[..., None, :]
+        run = nearest_run(team.goal, team.regions.pick(two), ends, best, guarded)
+    play = assembled(team, table.evaders, run, best, are(table.worth.shape[-1], first, second))
     play = play._replace(
         value=np.where(guarded, play.value, 0.0),
         lower_bound=np.where(guarded, play.lower_bound, 0.0),
@@ -207,7 +204,7 @@ def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second:
     return _answer(table, first, second, play)
 
 
-def _answer(table: Table, first: Array, second: Array, play: Play) -> Matching:
+def _answer(table: Table, first: Array, second: Array, play: TeamSolution) -> Matching:
     """Put the answer together, (b, ...), from each evader's game."""
     alone, present, guarded = table.all.alone, table.present, first >= 0
     there = np.where(present, 0.0, np.nan)
@@ -234,8 +231,7 @@ def _answer(table: Table, first: Array, second: Array, play: Play) -> Matching:
 
 def _evader_of(table: Table, first: Array, second: Array) -> Array:
     """Return the evader of each pursuer: its own, or else the one that it is closest to capturing."""
-    every = np.arange(table.worth.shape[-1])
-    mine = (every == first[..., None]) | (every == second[..., None])
+    mine = are(table.worth.shape[-1], first, second)
     left = table.present & (first < 0)
     pool = np.where(left.any(axis=1, keepdims=True), left, table.present)[..., None]
     score = table.worth if table.target is None else table.all.alone.margin_s
@@ -249,7 +245,7 @@ def _to_target(table: Table, target: Array) -> Array:
     """Return the velocities of evaders that run straight to their targets, (b, m, 3), m/s."""
     to = target - table.evaders
     to[..., 2] = 0.0
-    far = length((to[..., 0], to[..., 1]))
+    far = NUMPY.norm2((to[..., 0], to[..., 1]))
     return np.asarray(np.where(far > 0, table.all.v / far, 0.0 * far)[..., None] * to)
 
 

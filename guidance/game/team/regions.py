@@ -21,14 +21,11 @@ crossing (`corner`). Functions of two regions give the same bits when the region
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from guidance.game.arrays import NUMPY, is_array
+from guidance.game.arrays import NUMPY, Array, cross2, in_plane, is_array
 from guidance.game.game import Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import level_time
 from guidance.game.records import is_zero
-
-Array: TypeAlias = NDArray[Any]
 
 Point: TypeAlias = tuple[Any, Any]
 """x and y, from the evader, m; or a direction."""
@@ -98,7 +95,7 @@ class Edge(NamedTuple):
 
     def turn(self, heading: Point) -> Array:
         """Return the derivative of the length of the run by its heading, m/rad."""
-        return np.asarray(self.reach * cross(heading, self.away) / self.root)
+        return np.asarray(self.reach * cross2(heading, self.away) / self.root)
 
 
 def regions_of(game: Game, P: Array, E: Array) -> Regions:
@@ -132,13 +129,13 @@ def edge(regions: Regions, heading: Point) -> Edge:
         reach = np.where(ahead, power, both) / np.where(ahead, both, curvature)
         away = reach * nx - behind_x, reach * ny - behind_y
         if over:
-            far = length(away)
+            far = NUMPY.norm2(away)
             share = radius / np.where(far > 0, far, 1.0)
             x, y = behind_x + share * away[0], behind_y + share * away[1]
     if over:
         met = np.maximum(abs(z) - capture, 0.0) / ratio
         within = radius + np.sqrt(np.maximum(-beyond, 0.0))
-        above = length((met * nx - behind_x, met * ny - behind_y)) <= within
+        above = NUMPY.norm2((met * nx - behind_x, met * ny - behind_y)) <= within
         share = np.where(above, 0.0, np.maximum(1.0 - share, 0.0))
         reach, away = np.where(above, met, reach), (share * away[0], share * away[1])
     return Edge(np.maximum(reach, 0.0), away, root)
@@ -159,7 +156,7 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
         middle: the heading halfway between them, on the side where the edges cross.
     """
     mx, my = middle
-    low, high = (cross(middle, to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
+    low, high = (cross2(middle, to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
     s, done, half = _without_disc(pairs, middle), low == high, NUMPY.half_of_digits(mx)
     s = np.where((s - low) * (s - high) < 0, s, 0.0)
     for _ in range(STEPS):
@@ -191,9 +188,9 @@ def _without_disc(pairs: Regions, middle: Point) -> Array:
     curvature, x, y, power = (part[..., 0] + part[..., 1] for part in (curvature, pairs.x, pairs.y, power))
     half, lead = ax * y - ay * x, curvature * b
     root = np.sqrt(half * half + curvature * (power * (ax * ax + ay * ay) - b * (lead + 2.0 * (ax * x + ay * y))))
-    along = np.copysign(root, cross((ax, ay), middle)) - half
+    along = np.copysign(root, cross2((ax, ay), middle)) - half
     to = lead * ax - along * ay, lead * ay + along * ax
-    return np.asarray(cross(middle, to) / (length(to) + middle[0] * to[0] + middle[1] * to[1]))
+    return np.asarray(cross2(middle, to) / (NUMPY.norm2(to) + middle[0] * to[0] + middle[1] * to[1]))
 
 
 def halfway(begin: Point, end: Point) -> Point:
@@ -206,21 +203,10 @@ def halfway(begin: Point, end: Point) -> Point:
 def _turned(middle: Point, s: Array) -> Point:
     """Return a heading by the tangent of half its angle from another."""
     scale = 1.0 / (1.0 + s * s)
-    cosine, sine = (1.0 - s * s) * scale, (s + s) * scale
-    return cosine * middle[0] - sine * middle[1], cosine * middle[1] + sine * middle[0]
-
-
-def cross(a: Point, b: Point) -> Array:
-    """Return the cross product of plane vectors: positive if b lies to the left of a."""
-    return np.asarray(a[0] * b[1] - a[1] * b[0])
-
-
-def length(v: Point) -> Array:
-    """Return the length of plane vectors."""
-    return np.asarray(np.sqrt(v[0] * v[0] + v[1] * v[1]))
+    return in_plane(middle, ((1.0 - s * s) * scale, (s + s) * scale))
 
 
 def unit(v: Point) -> Point:
     """Return the direction of plane vectors."""
-    size = length(v)
+    size = NUMPY.norm2(v)
     return v[0] / size, v[1] / size

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import NUMPY, components
+from guidance.game.arrays import NUMPY, Array, components
 from guidance.game.game import Game, Reason
 from guidance.game.pe import to_target
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, policy_of
@@ -24,7 +24,6 @@ from guidance.game.rollout import NANOSECOND_S, SPARE_STEPS, Ahead, End, look_ah
 from guidance.game.rows import for_rows
 from guidance.game.team.arguments import Games, joined
 from guidance.game.team.matching import Matching, match_teams
-from guidance.game.team.regions import Array
 from guidance.game.team.table import place_of, taken
 
 OPTIMAL = "optimal"

@@ -44,14 +44,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import NUMPY, Plane
+from guidance.game.arrays import NUMPY, Array, Plane, cross2, dot2, plus2
 from guidance.game.extent import POINT, least_at, to_set
-from guidance.game.game import STILL, Game, Reason
+from guidance.game.game import Game, Reason
 from guidance.game.records import is_zero
-from guidance.game.solution import solve
-from guidance.game.team.arguments import Games, fitting, joined, judged, pair_axes, vectors
-from guidance.game.team.regions import Array, Point, Regions, cross, crossing, edge, halfway, length, survived, unit
-from guidance.game.team.table import Goal, Meeting, Team, place_of, taken, team_of, together
+from guidance.game.rows import fitting
+from guidance.game.team.arguments import Games, joined, judged, pair_axes, vectors
+from guidance.game.team.regions import Point, Regions, crossing, edge, halfway, survived, unit
+from guidance.game.team.table import Goal, Meeting, Team, are, place_of, taken, team_of, together
 
 FEW = 8
 """Up to this number of pursuers every crossing of two edges is tried."""
@@ -99,17 +99,6 @@ class TeamSolution(NamedTuple):
     reason: Array
 
 
-class Play(NamedTuple):
-    """The fields of `TeamSolution` that a matching has, too."""
-
-    value: Array
-    lower_bound: Array
-    meeting_point_m: Array
-    pursuer_velocity_m_s: Array
-    evader_velocity_m_s: Array
-    reason: Array
-
-
 def solve_team(
     game: Games,
     pursuers: ArrayLike,
@@ -146,25 +135,21 @@ def solve_team(
     if np.ndim(v) and np.ptp(v, axis=-1).any():
         raise ConfigError(f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader")
     if target is not None and game.target_extent != POINT:
-        rest["target"] = _most_in_danger(
-            game, P, *(np.broadcast_to(rest[name], (*shape, 3)) for name in ("evader", "target"))
-        )
+        E, T = (np.broadcast_to(rest[name], (*shape, 3)) for name in ("evader", "target"))
+        rest["target"] = _most_in_danger(game, P, E, T)
         game = replace(game, target_extent=POINT)
     lone = {name: np.broadcast_to(one, (*shape, 3))[..., None, :] for name, one in rest.items()}
-    E, T = lone["evader"], lone.get("target")
-    alone = solve(game, P, E, T, evader_velocity_m_s=lone.get("evader_velocity_m_s"))
     with np.errstate(all="ignore"):
-        team = team_of(game, P, E, T, alone)
-        answer, best = (chase if T is None else defence)(team, E[..., 0, :], _best_pair(team))
+        team = team_of(game, P, lone["evader"], lone.get("target"), lone.get("evader_velocity_m_s"))
+        answer, best = (chase if target is None else defence)(team, lone["evader"][..., 0, :], _best_pair(team))
         late = np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0)
         answer = answer._replace(multipliers=late)
-    worst, none = np.max(alone.reason, axis=-1), int(Reason.NOT_FINITE)
+    worst, none = np.max(team.alone.reason, axis=-1), int(Reason.NOT_FINITE)
     fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
 
     def refused() -> str:
-        wrong = [
-            f"{name} = {array!r}" for name, array in {"pursuers": P, **rest}.items() if not np.isfinite(array).all()
-        ]
+        places = {"pursuers": P} | rest
+        wrong = [f"{name} = {array!r}" for name, array in places.items() if not np.isfinite(array).all()]
         return f"{', '.join(wrong) or 'the team'}: has"
 
     return judged(answer, np.asarray(fault), refused)
@@ -215,21 +200,17 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
     least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
     first, second = np.where(won, best.first, least), np.where(won, best.second, least)
     best = placed(team, evader, Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second))
-    single = (first == second)[..., None] & (np.arange(alone.value.shape[-1]) == first[..., None])
-    straight = won[..., None] & ~single
-    flown = np.where(straight[..., None], team.straight((best.x, best.y)), alone.pursuer_velocity_m_s)
-    run = best if is_zero(team.regions.safe) else nearest_run(team, evader, best, won)
-    return assembled(team, evader, run, best, flown), best
+    run = best
+    if team.goal is not None and not is_zero(team.regions.safe):
+        run = nearest_run(team.goal, team.regions, alone.meeting_point_m - evader[..., None, :], best, won)
+    return assembled(team, evader, run, best, won[..., None]), best
 
 
 def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
     """Play PE: see `solve_team` and `defence`."""
     run = longest_run(team)
-    best = placed(team, evader, _chosen(run.worth <= best.worth * (1.0 - ROUNDING), run, best))
-    every, both = np.arange(team.own.shape[-1]), (best.first != best.second)[..., None]
-    flies = both & ((every == best.first[..., None]) | (every == best.second[..., None]))
-    flown = np.where(flies[..., None], team.straight((best.x, best.y)), team.alone.pursuer_velocity_m_s)
-    return assembled(team, evader, run, best, flown), best
+    best = placed(team, evader, NUMPY.select_all(run.worth <= best.worth * (1.0 - ROUNDING), run, best))
+    return assembled(team, evader, run, best, are(team.own.shape[-1], best.first, best.second)), best
 
 
 def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
@@ -238,18 +219,23 @@ def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
     return best._replace(x=np.where(single, end[..., 0], best.x), y=np.where(single, end[..., 1], best.y))
 
 
-def nearest_run(team: Team, evader: Array, best: Meeting, won: Array) -> Meeting:
+def nearest_run(goal: Goal, regions: Regions, ends: Array, best: Meeting, won: Array) -> Meeting:
     """Return the straight run of TAD that ends closest to the target, and its worth.
 
     Runs are tried to the pursuers' own ends of the game, to that of the best pair, and straight to the target until a
     pursuer reaches its height. Worth that differs from that of the best pair by rounding is the same.
+
+    Args:
+        goal: the target.
+        regions: of some pursuers, (..., n).
+        ends: of each one's own game, from the evader, (..., n, 3), m.
+        best: what two of them guarantee.
+        won: where they win, (...); elsewhere the run is that of `best`.
     """
-    ends = np.moveaxis(team.alone.meeting_point_m - evader[..., None, :], -1, 0)
-    goal = team.goal if team.goal is not None else Goal(ends[0][..., 0], ends[1][..., 0], POINT, STILL)
-    straight = goal.towards(team.regions.safe)
-    x, y = (np.concatenate([ends[axis], best[axis][..., None], straight[axis]], axis=-1) for axis in (0, 1))
+    straight = goal.towards(regions.safe)
+    x, y = (np.concatenate([ends[..., i], best[i][..., None], straight[i]], axis=-1) for i in (0, 1))
     to = unit((x, y))
-    far = np.min(survived(team.regions.beside(), (to[0][..., None], to[1][..., None])), axis=-1)
+    far = np.min(survived(regions.beside(), (to[0][..., None], to[1][..., None])), axis=-1)
     x, y = far * to[0], far * to[1]
     left = np.fmin(goal.left((x, y)), np.inf)
     least = place_of(np.argmin(left, axis=-1))
@@ -257,7 +243,7 @@ def nearest_run(team: Team, evader: Array, best: Meeting, won: Array) -> Meeting
     worth = np.where(worth <= best.worth * (1.0 + ROUNDING), best.worth, worth)
     open_ = np.where(worth > best.worth, -1, best.first)
     run = Meeting(x[least], y[least], worth, open_, np.where(worth > best.worth, -2, best.second))
-    return _chosen(won, run, best)
+    return NUMPY.select_all(won, run, best)
 
 
 def longest_run(team: Team) -> Meeting:
@@ -275,7 +261,7 @@ def longest_run(team: Team) -> Meeting:
     chosen = np.argmin(reach, axis=-1)[..., None]
     found = _among(team, headings, reach, chosen)
     while chosen.shape[-1] < count:
-        far = length((found.x, found.y))
+        far = NUMPY.norm2((found.x, found.y))
         x, y = found.x / far, found.y / far
         ends = survived(team.regions, (x[..., None], y[..., None]))
         np.put_along_axis(ends, chosen, np.inf, axis=-1)
@@ -284,7 +270,7 @@ def longest_run(team: Team) -> Meeting:
         if not cut.any():
             break
         chosen = np.concatenate([chosen, np.where(cut, worst, chosen[..., 0])[..., None]], axis=-1)
-        found = _chosen(cut, _among(team, headings, reach, chosen), found)
+        found = NUMPY.select_all(cut, _among(team, headings, reach, chosen), found)
     return found
 
 
@@ -344,44 +330,35 @@ def _crossings(regions: Regions, own: Sequence[Array], rows: Sequence[Array], pa
     return crossing(two, begin, end, (side * middle[0], side * middle[1]))
 
 
-def _chosen(rows: Array, one: Meeting, other: Meeting) -> Meeting:
-    """Return one meeting in some rows, and another in the rest."""
-    return Meeting(*(np.where(rows, a, b) for a, b in zip(one, other, strict=True)))
-
-
-def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flown: Array) -> TeamSolution:
-    """Return an answer.
+def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Array) -> TeamSolution:
+    """Return an answer, without multipliers.
 
     Args:
         team: the pursuers.
         evader: position of the evader, (..., 3), m.
         run: the run of the evader, and what it guarantees to it.
         best: what the pursuers guarantee.
-        flown: velocities of the pursuers, m/s.
+        flies: which pursuers fly to that together, (..., n); the others play their own game.
     """
-    alone, every, time = team.alone, np.arange(team.own.shape[-1]), length((run.x, run.y)) / team.v
-    return TeamSolution(
-        **played(team, evader, run, best, flown)._asdict(),
-        winner=alone.winner.max(axis=-1),
-        margin_s=alone.margin_s.max(axis=-1),
-        meeting_time_s=np.where(run.first == run.second, taken(alone.meeting_time_s, run.first), time),
-        binds=(every == best.first[..., None]) | (every == best.second[..., None]),
-        multipliers=np.zeros(alone.value.shape),
-    )
-
-
-def played(team: Team, evader: Array, run: Meeting, best: Meeting, flown: Array) -> Play:
-    """Return both sides' play; see `assembled`."""
     alone, at, single = team.alone, place_of(run.first), run.first == run.second
-    far, sign = length((run.x, run.y)), 1.0 if team.goal is not None else -1.0
+    flies = flies & ~are(alone.value.shape[-1], np.where(best.first == best.second, best.first, -1))
+    flown = alone.pursuer_velocity_m_s
+    if flies.any():
+        flown = np.where(flies[..., None], team.straight((best.x, best.y)), flown)
+    far, sign = NUMPY.norm2((run.x, run.y)), 1.0 if team.goal is not None else -1.0
     to = np.zeros(evader.shape, evader.dtype)
     to[..., 0], to[..., 1] = run.x, run.y
     velocity = (team.v / np.where(far > 0, far, 1.0))[..., None] * to
     reason = np.where(single, alone.reason[at], np.int8(Reason.SOLVED))
-    return Play(
+    return TeamSolution(
+        winner=alone.winner.max(axis=-1),
         value=sign * best.worth,
         lower_bound=sign * run.worth,
+        margin_s=alone.margin_s.max(axis=-1),
         meeting_point_m=np.where(single[..., None], alone.meeting_point_m[at], evader + to),
+        meeting_time_s=np.where(single, alone.meeting_time_s[at], far / team.v),
+        binds=are(alone.value.shape[-1], best.first, best.second),
+        multipliers=np.zeros(alone.value.shape),
         pursuer_velocity_m_s=flown,
         evader_velocity_m_s=np.where(single[..., None], alone.evader_velocity_m_s[at], velocity),
         reason=np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
@@ -399,27 +376,25 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     If the height of the later of two Cylinders decides, X* is where the evader can be until then.
     """
     best, height = _at_height(team, best)
-    far = length((best.x, best.y))
+    far = NUMPY.norm2((best.x, best.y))
     run = best.x / far, best.y / far
     slow = run[0] / team.v, run[1] / team.v
     pull, goal = slow, team.goal
     if goal is not None:
         x, y = (part[..., 0] for part in goal.place((best.x[..., None], best.y[..., None])))
         pull = unit((goal.x - x, goal.y - y))
-        carried = pull[0] * goal.drift[0][..., 0] + pull[1] * goal.drift[1][..., 0]
-        pull = pull[0] - carried * run[0], pull[1] - carried * run[1]
+        pull = plus2(pull, -dot2(pull, (goal.drift[0][..., 0], goal.drift[1][..., 0])), run)
     met = edge(team.regions, (run[0][..., None], run[1][..., None]))
     u, v = team.regions.ratio, team.v[..., None]
     wind = team.regions.wind_x * v, team.regions.wind_y * v
-    size = np.sqrt(met.away[0] * met.away[0] + met.away[1] * met.away[1] + team.regions.z * team.regions.z)
-    rate = size * u * v + met.away[0] * wind[0] + met.away[1] * wind[1]
+    rate = NUMPY.norm3((*met.away, team.regions.z)) * u * v + dot2(met.away, wind)
     level = (met.reach <= team.regions.safe) | height[..., None]
     flown = [np.where(level, 0.0, part / np.where(rate > 0, rate, 1.0)) for part in met.away]
     q = [(slow[0] - taken(flown[0], who), slow[1] - taken(flown[1], who)) for who in best[3:]]
-    turn = cross(q[0], q[1])
+    turn = cross2(q[0], q[1])
     single = best.first == best.second
-    own = (pull[0] * q[0][0] + pull[1] * q[0][1]) / (q[0][0] * q[0][0] + q[0][1] * q[0][1])
-    first, second = np.where(single, own, cross(pull, q[1]) / turn), np.where(single, own, cross(q[0], pull) / turn)
+    own = dot2(pull, q[0]) / dot2(q[0], q[0])
+    first, second = np.where(single, own, cross2(pull, q[1]) / turn), np.where(single, own, cross2(q[0], pull) / turn)
     every = np.arange(team.own.shape[-1])
     found = np.where(every == best.second[..., None], second[..., None], 0.0)
     found = np.where(every == best.first[..., None], first[..., None], found)
@@ -437,7 +412,7 @@ def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
     decides = (best.first != best.second) & (reach > 0)[..., 0] & (best.worth == worth[..., 0])
     to = (best.x[..., None], best.y[..., None]) if team.goal is None else team.goal.towards(reach)
     x, y = (reach[..., 0] * part[..., 0] for part in unit(to))
-    return _chosen(decides, Meeting(x, y, best.worth, later[..., 0], later[..., 0]), best), decides
+    return NUMPY.select_all(decides, Meeting(x, y, best.worth, later[..., 0], later[..., 0]), best), decides
 
 
 @lru_cache

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import NUMPY
+from guidance.game.arrays import NUMPY, Array
 from guidance.game.extent import Extent, to_set
 from guidance.game.game import STILL, Ball, Game, StandOff
 from guidance.game.pe import steer
 from guidance.game.records import is_zero
-from guidance.game.rows import for_rows
+from guidance.game.rows import fitting
 from guidance.game.solution import Solution, solve
-from guidance.game.team.arguments import Games, fitting, in_play_of, joined, pair_axes, vectors
-from guidance.game.team.regions import Array, Point, Regions, crossing, edge, halfway, length, regions_of
+from guidance.game.team.arguments import Games, in_play_of, joined, pair_axes, vectors
+from guidance.game.team.regions import Point, Regions, crossing, edge, halfway, regions_of
 
 FAR_M = 1e150
 """How far an evader runs before a pursuer that does not play captures it; its square is finite."""
@@ -40,11 +40,11 @@ class Goal(NamedTuple):
     def left(self, point: Point) -> Array:
         """Return the distances, (..., k), m, of ends of runs from the target when the evader is there."""
         x, y = self.place(point)
-        return length(to_set(NUMPY, self.extent, (x - self.x[..., None], y - self.y[..., None])))
+        return NUMPY.norm2(to_set(NUMPY, self.extent, (x - self.x[..., None], y - self.y[..., None])))
 
     def place(self, point: Point) -> Point:
         """Return ends of runs, (..., k), from where the evader is carried with the target."""
-        far = length(point)
+        far = NUMPY.norm2(point)
         return point[0] - self.drift[0] * far, point[1] - self.drift[1] * far
 
     def towards(self, reach: Array) -> Point:
@@ -54,7 +54,7 @@ class Goal(NamedTuple):
 
     def beyond(self, reach: Array) -> Array:
         """Return the distances, (..., k), m, of the target from what the evader reaches in runs of some length."""
-        return np.asarray(np.maximum(length(self.towards(reach)) - reach, 0.0))
+        return np.asarray(np.maximum(NUMPY.norm2(self.towards(reach)) - reach, 0.0))
 
 
 class Team(NamedTuple):
@@ -84,21 +84,13 @@ class Team(NamedTuple):
     own: Array
     goal: Goal | None
 
-    def pick(self, index: Any) -> "Team":  # noqa: ANN401 - whatever indexes an array
-        """Return the team of some pursuers: those that an index takes from arrays (..., n)."""
-        shape = self.height.shape
-        game = for_rows(self.game, lambda value: np.broadcast_to(value, shape)[index])
-        regions, alone = self.regions.pick(index), Solution(*(part[index] for part in self.alone))
-        height, x, y, worth, own = (part[index] for part in (self.height, self.x, self.y, self.worth, self.own))
-        return Team(game, self.v, regions, height, x, y, worth, alone, own, self.goal)
-
     def straight(self, point: Point) -> Array:
         """Return the velocities, (..., n, 3), m/s, of pursuers that meet the evader at an end of its run, (...)."""
         x, y = (part[..., None] for part in point)
         to = x - self.regions.x, y - self.regions.y
-        gap = length(to) - self.game.standoff.radius_m - self.game.capture_radius_m
-        time = length((x, y)) / self.v[..., None]
-        return NUMPY.pack(gap.shape, gap, steer(NUMPY, self.game, to, gap, time, self.height, STILL))
+        gap = NUMPY.norm2(to) - self.game.standoff.radius_m - self.game.capture_radius_m
+        time = NUMPY.norm2((x, y)) / self.v[..., None]
+        return NUMPY.pack(self.height.shape, gap, steer(NUMPY, self.game, to, gap, time, self.height, STILL))
 
 
 class Meeting(NamedTuple):
@@ -119,7 +111,7 @@ class Meeting(NamedTuple):
     second: Array
 
 
-def team_of(game: Game, P: Array, E: Array, T: Array | None, alone: Solution) -> Team:
+def team_of(game: Game, P: Array, E: Array, T: Array | None, seen: Array | None = None) -> Team:
     """Return the team whose pursuers are along the last axis but one of P.
 
     Args:
@@ -127,8 +119,9 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, alone: Solution) ->
         P: positions of the pursuers, (..., n, 3), m.
         E: position of the evader, (..., 1, 3), m.
         T: position of its target, (..., 1, 3), m, or None for PE.
-        alone: each pursuer's own game, (..., n).
+        seen: velocity of the evader as observed, (..., 1, 3), m/s, or None.
     """
+    alone = solve(game, P, E, T, evader_velocity_m_s=seen)
     own, regions = worth_in(alone, T), regions_of(game, P, E)
     v = (game.evader_speed_m_s + 0.0 * regions.x)[..., 0]
     level, worth = alone, own
@@ -160,13 +153,9 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
         index: what takes them from arrays (..., n), if that is not simply `who` along the last axis.
     """
     index = (..., who) if index is None else index
-    regions, end, worth, own = (
-        team.regions.pick(index),
-        (team.x[index], team.y[index]),
-        team.worth[index],
-        team.own[index],
-    )
-    far = length(end)
+    regions, end = team.regions.pick(index), (team.x[index], team.y[index])
+    worth, own = team.worth[index], team.own[index]
+    far = NUMPY.norm2(end)
     heading = end[0] / far, end[1] / far
     crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
     bind = (crossed < far).all(axis=-1) & (who[..., 0] != who[..., 1])
@@ -181,7 +170,7 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
         to = crossing(two, begin, end, halfway(begin, end))
         far = edge(two, (to[0][:, None], to[1][:, None])).reach.min(axis=-1)
         x[rows], y[rows] = far * to[0], far * to[1]
-        far = length((x, y))
+        far = NUMPY.norm2((x, y))
         found = np.where(bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found)
     if not is_zero(regions.safe):
         safe = regions.safe.max(axis=-1)
@@ -265,13 +254,13 @@ def table_of(
     T = None if T is None else spread(T, m, 3)
     P, alike = P[:, None], E[:, :, None]
     goal = None if T is None else T[:, :, None]
-    alone = solve(team.game, P, alike, goal)
     with np.errstate(all="ignore"):
-        each = team_of(team.game, P, alike, goal, alone)
+        each = team_of(team.game, P, alike, goal)
     if not team.plays.all():
         each = _without(each, team.plays)
-    worth = each.own if T is None else np.where(team.plays, alone.value, -np.inf)
-    return Table(shape, E, T, present, team.plays, each, worth, (alone.winner > 0) & present[..., None] & team.plays)
+    worth = each.own if T is None else np.where(team.plays, each.alone.value, -np.inf)
+    beats = (each.alone.winner > 0) & present[..., None] & team.plays
+    return Table(shape, E, T, present, team.plays, each, worth, beats)
 
 
 def _without(team: Team, plays: Array) -> Team:
@@ -308,6 +297,11 @@ def pairs_with(table: Table, first: Array) -> Meeting:
     who = np.empty((b, m, n, 2), dtype=first.dtype)
     who[..., 0], who[..., 1] = own, np.where(busy, own, every)
     return together(table.all, who, place_of(who, 2))
+
+
+def are(count: int, *who: Array) -> Array:
+    """Return which of some players, (..., count), one of some numbers (...) stands for."""
+    return np.asarray((np.stack(who, axis=-1)[..., None] == np.arange(count)).any(axis=-2))
 
 
 def taken(array: Array, index: Array) -> Array:
