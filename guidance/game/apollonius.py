@@ -14,7 +14,7 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, Space, Truth, component, dot3, is_array, vectors
+from guidance.game.arrays import Array, Library, Real, Space, Truth, components, dot3, is_array, plus3, times3, vectors
 from guidance.game.game import Game
 from guidance.game.pe import Geometry, StateSolution, pursuit
 from guidance.game.records import is_finite
@@ -49,8 +49,7 @@ def apollonius_circle(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) 
     """
     xp, P, E, ratio = _given(pursuer, evader, speed_ratio)
     centre, hand = _centre(P, E, ratio), (ratio - 1.0) * (ratio + 1.0)
-    w = P - E
-    x, y, z = (component(w, index) for index in range(3))
+    x, y, z = components(P - E)
     radius = xp.sqrt(z * z * hand + ratio * ratio * (x * x + y * y)) / hand
     foot = xp.stack((centre[..., 0], centre[..., 1], 0.0 * centre[..., 2] + E[..., 2]), axis=-1)
     return Apollonius(foot, radius)
@@ -68,10 +67,7 @@ def apollonius_sphere(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) 
         ConfigError: δ is not a finite number above 1.
     """
     xp, P, E, ratio = _given(pursuer, evader, speed_ratio)
-    w = P - E
-    x, y, z = (component(w, index) for index in range(3))
-    hand = (ratio - 1.0) * (ratio + 1.0)
-    return Apollonius(_centre(P, E, ratio), ratio * xp.sqrt(x * x + y * y + z * z) / hand)
+    return Apollonius(_centre(P, E, ratio), ratio * xp.norm3(components(P - E)) / ((ratio - 1.0) * (ratio + 1.0)))
 
 
 def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_ratio: Real) -> Array:
@@ -86,10 +82,8 @@ def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_rati
         speed_ratio: δ = u/v.
     """
     _, taken = vectors({"pursuer": pursuer, "evader": evader, "target": target})
-    to_evader, to_pursuer = taken["evader"] - taken["target"], taken["pursuer"] - taken["target"]
-    near = sum(component(to_evader, index) * component(to_evader, index) for index in range(3))
-    far = sum(component(to_pursuer, index) * component(to_pursuer, index) for index in range(3))
-    return speed_ratio * speed_ratio * near - far
+    near, far = (components(taken[name] - taken["target"]) for name in ("evader", "pursuer"))
+    return speed_ratio * speed_ratio * dot3(near, near) - dot3(far, far)
 
 
 def _given(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) -> tuple[Library, Array, Array, Real]:
@@ -119,8 +113,8 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
         T: position of the target, m, or None for PE.
         seen: the evader's observed velocity, m/s, or None.
     """
-    to_evader = _minus(E, P)
-    first, far = _unit(xp, to_evader if T is None else _minus(T, E))
+    to_evader = plus3(E, -1.0, P)
+    first, far = _unit(xp, to_evader if T is None else plus3(T, -1.0, E))
     along = dot3(to_evader, first)
     second, across = _across(xp, to_evader, first, along)
     zero, still = 0.0 * along, (0.0, 0.0)
@@ -132,14 +126,9 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
         play = defence(xp, game, state, (far, zero))
 
     def unfold(v: Space) -> Space:
-        return (
-            v[0] * first[0] + v[1] * second[0],
-            v[0] * first[1] + v[1] * second[1],
-            v[0] * first[2] + v[1] * second[2],
-        )
+        return plus3(times3(v[0], first), v[1], second)
 
-    run = unfold(play.meeting_point_m)
-    meeting = (E[0] + run[0], E[1] + run[1], E[2] + run[2])
+    meeting = plus3(E, 1.0, unfold(play.meeting_point_m))
     flown = unfold(play.pursuer_velocity_m_s)
     if seen is not None:
         flown = _follow(xp, game, play.meeting_time_s <= 0, seen, flown)
@@ -149,25 +138,20 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
 
 def _across(xp: Library, v: Space, first: Space, along: Real) -> tuple[Space, Real]:
     """Return the direction and length of a vector's component across the first axis."""
-    second, across = _unit(xp, (v[0] - along * first[0], v[1] - along * first[1], v[2] - along * first[2]))
-    lean = dot3(second, first)
-    return (second[0] - lean * first[0], second[1] - lean * first[1], second[2] - lean * first[2]), across
+    second, across = _unit(xp, plus3(v, -along, first))
+    return plus3(second, -dot3(second, first), first), across
 
 
 def _follow(xp: Library, game: Game, caught: Truth, seen: Space, flown: Space) -> Space:
     """Follow a captured evader, at most at its speed bound."""
     direction, length = _unit(xp, seen)
     pace = xp.select(length > game.evader_speed_m_s, game.evader_speed_m_s, length)
-    return xp.select_all(caught, (pace * direction[0], pace * direction[1], pace * direction[2]), flown)
-
-
-def _minus(a: Space, b: Space) -> Space:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return xp.select_all(caught, times3(pace, direction), flown)
 
 
 def _unit(xp: Library, v: Space) -> tuple[Space, Real]:
     """Direction and length; the x axis where the length is zero."""
     length = xp.norm3(v)
     some = length > 0
-    inverse = 1.0 / xp.select(some, length, 1.0)
-    return (xp.select(some, v[0] * inverse, 1.0), v[1] * inverse, v[2] * inverse), length
+    x, y, z = times3(1.0 / xp.select(some, length, 1.0), v)
+    return (xp.select(some, x, 1.0), y, z), length

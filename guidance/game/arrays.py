@@ -251,11 +251,6 @@ def components(array: Array) -> Space:
     return component(array, 0), component(array, 1), component(array, 2)
 
 
-def components_or_none(array: Array | None) -> Space | None:
-    """Return all three components, or None."""
-    return None if array is None else components(array)
-
-
 def is_array(value: Real) -> bool:
     """Return whether a parameter is an array, with one number for each row of a batch."""
     return type(value) is not float and getattr(value, "shape", ()) != ()
@@ -300,6 +295,16 @@ def dot2(a: Plane, b: Plane) -> Real:
 def dot3(a: Space, b: Space) -> Real:
     """Scalar product of two vectors in space."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def plus3(a: Space, factor: Real, b: Space) -> Space:
+    """Return a + factor·b."""
+    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
+
+
+def times3(factor: Real, a: Space) -> Space:
+    """Return factor·a."""
+    return factor * a[0], factor * a[1], factor * a[2]
 
 
 def cross2(a: Plane, b: Plane) -> Real:

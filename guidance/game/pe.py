@@ -246,6 +246,12 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
     return *xp.select2(gap > TOUCH_M, flown, hold), xp.select(over > TOUCH_M, vertical, 0.0)
 
 
+def fly_to(xp: Library, game: Game, state: Geometry, to: Plane, t: Real) -> Space:
+    """Return the pursuer's velocity, m/s, that captures an evader in time `t` that is at `to` from the pursuer then."""
+    gap = xp.norm2(to) - game.standoff.radius_m - game.capture_radius_m
+    return steer(xp, game, to, gap, t, state.z, state.hold)
+
+
 def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Plane, Real]:
     """Point a Ball at the disc around y: horizontal and vertical velocity through the air."""
     radius, share = game.standoff.radius_m, None

@@ -12,10 +12,10 @@ from typing import Protocol, TypeAlias
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Plane, Real, Space
+from guidance.game.arrays import Array, Library, Plane, Real, Space, plus2
 from guidance.game.extent import POINT
 from guidance.game.game import Game
-from guidance.game.pe import steer, take_apart, to_target
+from guidance.game.pe import fly_to, take_apart, to_target
 from guidance.game.rows import vector_of
 from guidance.game.solution import Solution, solve
 from guidance.game.tad import catch_time, guard_time
@@ -74,10 +74,8 @@ def _goal(xp: Library, game: Game, E: Space, T: Space | None) -> Plane:
 def _fly(xp: Library, game: Game, P: Space, E: Space, aim: Plane, seen: Space | None) -> Space:
     """Fly the pursuer straight to the disc around `aim`; there hold, or follow `seen`."""
     state = take_apart(xp, game, P, E, seen)
-    goal = (aim[0] - state.evader[0], aim[1] - state.evader[1])
-    to = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
-    gap = xp.norm2(to) - game.standoff.radius_m - game.capture_radius_m
-    return steer(xp, game, to, gap, guard_time(xp, game, state, goal), state.z, state.hold)
+    goal = plus2(aim, -1.0, state.evader)
+    return fly_to(xp, game, state, plus2(state.to_evader, 1.0, goal), guard_time(xp, game, state, goal))
 
 
 def _run(xp: Library, game: Game, E: Space, point: Plane, *, away: bool) -> Space:
@@ -92,11 +90,8 @@ def _run(xp: Library, game: Game, E: Space, point: Plane, *, away: bool) -> Spac
 def _lead(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> Space:
     """Fly the pursuer to the point of capture of an evader that keeps its velocity."""
     state = take_apart(xp, game, P, E, seen or (0.0 * E[0], 0.0 * E[1], 0.0))
-    run, wind = state.hold, game.wind_m_s
-    t = catch_time(xp, game, state.to_evader, (run[0] - wind[0], run[1] - wind[1]), state.z)
-    to = (state.to_evader[0] + run[0] * t, state.to_evader[1] + run[1] * t)
-    gap = xp.norm2(to) - game.standoff.radius_m - game.capture_radius_m
-    return steer(xp, game, to, gap, t, state.z, state.hold)
+    t = catch_time(xp, game, state.to_evader, plus2(state.hold, -1.0, game.wind_m_s), state.z)
+    return fly_to(xp, game, state, plus2(state.to_evader, t, state.hold), t)
 
 
 def _stay(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> Space:

@@ -14,19 +14,7 @@ from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.apollonius import play_in_space
-from guidance.game.arrays import (
-    FLOATS,
-    NUMPY,
-    Array,
-    Library,
-    Real,
-    Space,
-    Truth,
-    components,
-    components_or_none,
-    is_array,
-    vectors,
-)
+from guidance.game.arrays import FLOATS, NUMPY, Array, Library, Real, Space, Truth, components, is_array, vectors
 from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
 from guidance.game.pe import StateSolution, pursuit, take_apart
 from guidance.game.records import is_finite
@@ -43,10 +31,6 @@ np.empty(64 * ROWS)  # glibc keeps freed memory for the next chunk only after it
 
 Place: TypeAlias = tuple[float, float, float]
 """A place or a velocity of one state: x, y and z."""
-
-
-KINDS = (np.int8, float, float, float, float, float, float, np.int8)
-"""Types of the fields of an answer."""
 
 
 class Solution(NamedTuple):
@@ -124,8 +108,8 @@ def solve(
 def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
     """Solve in one piece."""
     with xp.quiet():
-        P, E, T, seen = (given.get(name) for name in NAMES)
-        play = _play(xp, game, components(P), components(E), components_or_none(T), components_or_none(seen))
+        T, seen = (components(given[name]) if name in given else None for name in NAMES[2:])
+        play = _play(xp, game, components(given["pursuer"]), components(given["evader"]), T, seen)
         fault = _fault(xp, game, given, play)
         if shape == () and not is_jax_array(given["pursuer"]):
             _refuse(int(fault), given)
@@ -139,8 +123,7 @@ def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Sol
     places: dict[str, Any] = {name: tuple(value.tolist()) for name, value in given.items()}
     answer = solve_state(game, **places)
     _refuse(answer.reason, given)
-    if out is None:
-        return Solution(*map(np.array, answer, KINDS))
+    out = out or _empty((), given["pursuer"])
     for field, value in zip(out, answer, strict=True):
         field[...] = value
     return out

@@ -21,20 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from guidance.game import pe
 from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, Truth, dot2
 from guidance.game.extent import from_set, least_at, nearest, to_set
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
-from guidance.game.pe import (
-    Geometry,
-    StateSolution,
-    catch_in_ball,
-    climb,
-    cover_time,
-    level_time,
-    pursuit,
-    steer,
-    vertical_speed,
-)
+from guidance.game.pe import Geometry, StateSolution
 from guidance.game.records import is_zero
 from guidance.game.region import Closest, closest_point, is_circle
 
@@ -85,7 +76,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     heading = xp.unit2(xp.select2(moves, run, goal), length)
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
-    flown = steer(xp, game, to, _gap(xp, game, to), xp.select(won, lead.time, contest.guard), state.z, hold)
+    flown = pe.steer(xp, game, to, _gap(xp, game, to), xp.select(won, lead.time, contest.guard), state.z, hold)
     if not is_zero(age):
         flown = _close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown)
     return StateSolution(
@@ -108,7 +99,7 @@ def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Spac
     """
     if not xp.differentiates and not np.any(over):
         return flown
-    chased = pursuit(xp, game, state).pursuer_velocity_m_s
+    chased = pe.pursuit(xp, game, state).pursuer_velocity_m_s
     return *xp.select2(over, chased[:2], flown[:2]), xp.select(over, chased[2], flown[2])
 
 
@@ -230,7 +221,7 @@ def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
     v, age, adrift = game.evader_speed_m_s, game.information_age_s, game.target_velocity_m_s
     if adrift == STILL:
         return xp.maximum(xp.norm2(to_target) / v - age, 0.0), to_target
-    arrival = catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
+    arrival = pe.catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
     return arrival, (to_target[0] + adrift[0] * arrival, to_target[1] + adrift[1] * arrival)
 
 
@@ -246,12 +237,12 @@ def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Real:
     """
     pursuer, radius, capture = game.pursuer, game.standoff.radius_m, game.capture_radius_m
     if isinstance(pursuer, Cylinder):
-        level = catch_in_ball(xp, pursuer.horizontal_m_s, radius + capture, y, m, 0.0)
-        return xp.maximum(level, level_time(xp, game, pursuer, z))
+        level = pe.catch_in_ball(xp, pursuer.horizontal_m_s, radius + capture, y, m, 0.0)
+        return xp.maximum(level, pe.level_time(xp, game, pursuer, z))
     u = pursuer.speed_m_s
     if is_zero(radius):
-        return catch_in_ball(xp, u, capture, y, m, z)
-    return climb(xp, y, m, lambda n: cover_time(xp, game, dot2(n, y) - radius, u - dot2(n, m), z))[0]
+        return pe.catch_in_ball(xp, u, capture, y, m, z)
+    return pe.climb(xp, y, m, lambda n: pe.cover_time(xp, game, dot2(n, y) - radius, u - dot2(n, m), z))[0]
 
 
 def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
@@ -265,7 +256,7 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
     """
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if game.calm:
-        return cover_time(xp, game, xp.norm2(y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z)
+        return pe.cover_time(xp, game, xp.norm2(y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z)
     return catch_time(xp, game, y, (-game.wind_m_s[0], -game.wind_m_s[1]), state.z)
 
 
@@ -285,7 +276,7 @@ def _with_falling(
     xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest
 ) -> Closest:
     """Add to the planar region the disc that the evader reaches before the pursuer reaches its height."""
-    falling, adrift = xp.maximum(level_time(xp, game, pursuer, state.z), 0.0), game.target_velocity_m_s
+    falling, adrift = xp.maximum(pe.level_time(xp, game, pursuer, state.z), 0.0), game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)
     drifted = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
     near, _ = nearest(xp, game.target_extent, (-drifted[0], -drifted[1]))
@@ -317,7 +308,7 @@ def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: R
         flown, above = game.pursuer.speed_m_s * arrival + game.capture_radius_m, state.z
     else:
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * arrival
-        above = abs(state.z) - game.capture_radius_m - vertical_speed(xp, game.pursuer, state.z) * arrival
+        above = abs(state.z) - game.capture_radius_m - pe.vertical_speed(xp, game.pursuer, state.z) * arrival
         flown, above = 0.0, xp.maximum(above, 0.0)
     short = xp.norm2((xp.select(lost, xp.maximum(beside, 0.0), 1.0), above)) - flown
     return xp.select(lost, short, 0.0)

@@ -15,11 +15,11 @@ from guidance.strategies.catalogue import (
     OPTIMAL,
     PURSUER_STRATEGIES,
     Strategy,
-    StrategyMemory,
     evade,
     pursue,
 )
 from guidance.strategies.course import Course, bounded, normal, random_turns, recorded, uniform, waypoints
+from guidance.strategies.navigation import StrategyMemory
 
 __all__ = [
     "COURSES",

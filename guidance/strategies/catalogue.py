@@ -1,7 +1,7 @@
 """Strategies of either player by name, with their memory; for a flight's cycle and for a batch."""
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game, SpeedSet
 from guidance.game.arrays import Array, Real
 from guidance.strategies.course import Course, bounded
-from guidance.strategies.navigation import proportional_navigation
+from guidance.strategies.navigation import StrategyMemory, proportional_navigation
 
 OPTIMAL: Final = "optimal"
 PROPORTIONAL: Final = "proportional_navigation"
@@ -45,18 +45,6 @@ class Strategy:
             )
 
 
-class StrategyMemory(NamedTuple):
-    """A strategy's last command (..., 3), None at the start, and the time since its start (...).
-
-    `turning_rad_s` is the mean rate of turn since the last command, (..., 3), where a simulation knows it; only
-    proportional navigation uses it.
-    """
-
-    velocity_m_s: Array | None = None
-    played_s: Real = 0.0
-    turning_rad_s: Array | None = None
-
-
 def pursue(
     strategy: Strategy,
     game: Game,
@@ -83,16 +71,7 @@ def pursue(
     if strategy.course is not None:
         return _flyable(game.pursuer, strategy.course.velocity_m_s(memory.played_s, pursuer))
     if strategy.name == PROPORTIONAL:
-        return proportional_navigation(
-            game,
-            pursuer,
-            evader,
-            seen_m_s,
-            memory.velocity_m_s,
-            dt_s=dt_s,
-            gain=strategy.gain,
-            turning_rad_s=memory.turning_rad_s,
-        )
+        return proportional_navigation(game, pursuer, evader, seen_m_s, memory, dt_s=dt_s, gain=strategy.gain)
     return PURSUER_POLICIES[strategy.name](game, pursuer, evader, target, seen_m_s)
 
 

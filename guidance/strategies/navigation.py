@@ -12,11 +12,25 @@ The additional term of augmented navigation, N/2 times the evader's acceleration
 turns at once and runs straight between its turns.
 """
 
-from guidance.game.arrays import Array, Library, Real, Space, dot2, dot3
+from typing import NamedTuple
+
+from guidance.game.arrays import Array, Library, Real, Space, dot2, dot3, plus2, plus3, times2, times3
 from guidance.game.game import Ball, Game
 from guidance.game.pe import Geometry, steer, take_apart
 from guidance.game.rows import vector_of
 from guidance.game.tad import guard_time
+
+
+class StrategyMemory(NamedTuple):
+    """A strategy's last command (..., 3), None at the start, and the time since its start (...).
+
+    `turning_rad_s` is the mean rate of turn since the last command, (..., 3), where a simulation knows it; only
+    proportional navigation uses it.
+    """
+
+    velocity_m_s: Array | None = None
+    played_s: Real = 0.0
+    turning_rad_s: Array | None = None
 
 
 def proportional_navigation(
@@ -24,11 +38,10 @@ def proportional_navigation(
     pursuer: Array,
     evader: Array,
     evader_velocity_m_s: Array,
-    previous_m_s: Array | None,
+    memory: StrategyMemory,
     *,
     dt_s: Real,
     gain: float,
-    turning_rad_s: Array | None = None,
 ) -> Array:
     """Turn `gain` times as fast as the line of sight does: (..., 3), m/s.
 
@@ -39,23 +52,23 @@ def proportional_navigation(
         pursuer: P, (..., 3), m.
         evader: E, (..., 3), m.
         evader_velocity_m_s: The evader's velocity as observed, (..., 3).
-        previous_m_s: The last command, (..., 3); None at the start.
-        dt_s: Time since then, (...).
+        memory: The last command; without a mean rate of turn since then, that of this state is used.
+        dt_s: Time since the last command, (...).
         gain: The navigation constant N, 3 to 5 as a rule; 1 is pure pursuit.
-        turning_rad_s: The mean rate of turn since the last command, (..., 3); that of this state by default.
     """
 
     def turned(
         xp: Library, game: Game, P: Space, E: Space, seen: Space, previous: Space | None, rate: Space | None
     ) -> Space:
         state, before = take_apart(xp, game, P, E, seen), previous or (0.0, 0.0, 0.0)
-        turn = _scaled(dt_s, rate or _rate(xp, game, state, before, gain))
+        turn = times3(dt_s, rate or _rate(xp, game, state, before, gain))
         if isinstance(game.pursuer, Ball):
             return _in_space(xp, game, game.pursuer, state, before, turn)
         return _in_the_plane(xp, game, state, before, turn)
 
     given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s}
-    return vector_of(turned, game, given | {"previous_m_s": previous_m_s, "turning_rad_s": turning_rad_s})
+    last = {"previous_m_s": memory.velocity_m_s, "turning_rad_s": memory.turning_rad_s}
+    return vector_of(turned, game, given | last)
 
 
 def turning(
@@ -77,7 +90,7 @@ def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float
     if isinstance(game.pursuer, Ball):
         sight, climb = _sight(xp, game, state), z
     square = dot3(sight, sight)
-    return _scaled(gain / (square + (square == 0)), _cross(sight, (run - x, rise - y, 0.0 - climb)))
+    return times3(gain / (square + (square == 0)), _cross(sight, (run - x, rise - y, 0.0 - climb)))
 
 
 def _sight(xp: Library, game: Game, state: Geometry) -> Space:
@@ -104,9 +117,9 @@ def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, tur
     zero = 0.0 * state.z
     course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), turn)
     distance = xp.norm2(state.to_evader)
-    to = (course[0] * distance, course[1] * distance)
+    to = times2(distance, course[:2])
     gap = distance - game.standoff.radius_m - game.capture_radius_m
-    t = guard_time(xp, game, state, (to[0] - state.to_evader[0], to[1] - state.to_evader[1]))
+    t = guard_time(xp, game, state, plus2(to, -1.0, state.to_evader))
     return steer(xp, game, to, gap, t, state.z, state.hold)
 
 
@@ -116,20 +129,14 @@ def _turned(xp: Library, sight: Space, previous: Space, turn: Space) -> Space:
     The turn is Rodrigues' by the tangent of its half angle, which is exact for small angles and keeps the length.
     """
     far = xp.norm3(sight)
-    ahead = _scaled(1.0 / xp.select(far > 0, far, 1.0), sight)
-    half, speed = _scaled(0.5, turn), xp.norm3(previous)
-    course = _scaled(1.0 / xp.select(speed > 0, speed, 1.0), previous)
+    ahead = times3(1.0 / xp.select(far > 0, far, 1.0), sight)
+    half, speed = times3(0.5, turn), xp.norm3(previous)
+    course = times3(1.0 / xp.select(speed > 0, speed, 1.0), previous)
     once = _cross(half, course)
-    twice = _cross(half, (course[0] + once[0], course[1] + once[1], course[2] + once[2]))
+    twice = _cross(half, plus3(course, 1.0, once))
     share = 2.0 / (1.0 + dot3(half, half))
-    closes = dot3(previous, sight) > 0
-    turned = (course[0] + share * twice[0], course[1] + share * twice[1], course[2] + share * twice[2])
-    return xp.select_all(closes, turned, ahead)
+    return xp.select_all(dot3(previous, sight) > 0, plus3(course, share, twice), ahead)
 
 
 def _cross(a: Space, b: Space) -> Space:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _scaled(factor: Real, v: Space) -> Space:
-    return factor * v[0], factor * v[1], factor * v[2]

@@ -24,7 +24,7 @@ from guidance.game import (
     solve,
 )
 from guidance.game.records import is_zero
-from guidance.strategies.navigation import proportional_navigation
+from guidance.strategies.navigation import StrategyMemory, proportional_navigation
 from tests.game.gradient import hji_residual, value_gradient
 
 PAPER = Game(Ball(2.0), 1.0)
@@ -67,7 +67,7 @@ def test_every_function_takes_whole_numbers():
     assert same(value_gradient(PAPER, *whole), value_gradient(PAPER, *real))
     assert hji_residual(PAPER, *whole) == hji_residual(PAPER, *real)
     assert rollout(PAPER, *whole).time_s == rollout(PAPER, *real).time_s
-    steered = [proportional_navigation(PAPER, *three, None, dt_s=0.1, gain=3.0) for three in (whole, real)]
+    steered = [proportional_navigation(PAPER, *three, StrategyMemory(), dt_s=0.1, gain=3.0) for three in (whole, real)]
     np.testing.assert_array_equal(*steered)
 
 

@@ -30,7 +30,7 @@ def lead(game, P, E, run, previous, step_s):
 
 def navigation(gain):
     def law(game, P, E, run, previous, step_s):
-        return proportional_navigation(game, P, E, run, previous, dt_s=step_s, gain=gain)
+        return proportional_navigation(game, P, E, run, StrategyMemory(previous), dt_s=step_s, gain=gain)
 
     return law
 
@@ -48,7 +48,7 @@ def test_proportional_navigation_turns_gain_times_as_fast_as_the_line_of_sight()
     run, previous = np.array([0.0, 1.0, 0.0]), np.array([2.0, 0.0, 0.0])
     rate = 1.0 / 20.0
     for gain in (1.0, 3.0, 5.0):
-        v = proportional_navigation(POINT, P, E, run, previous, dt_s=1e-3, gain=gain)
+        v = proportional_navigation(POINT, P, E, run, StrategyMemory(previous), dt_s=1e-3, gain=gain)
         assert np.arctan2(v[1], v[0]) == pytest.approx(gain * rate * 1e-3, rel=1e-6)
 
 
@@ -60,7 +60,7 @@ def test_in_space_a_ball_turns_its_whole_velocity_by_the_laws_own_equation():
     previous *= 2.0 / np.linalg.norm(previous, axis=-1, keepdims=True)
     r = E - P
     closes = np.sum(r * previous, axis=-1) > 0
-    v = proportional_navigation(POINT, P, E, run, previous, dt_s=1e-6, gain=4.0)
+    v = proportional_navigation(POINT, P, E, run, StrategyMemory(previous), dt_s=1e-6, gain=4.0)
     rate = 4.0 * np.cross(r, run - previous) / np.sum(r * r, axis=-1, keepdims=True)
     np.testing.assert_allclose(((v - previous) / 1e-6)[closes], np.cross(rate, previous)[closes], atol=1e-5)
     np.testing.assert_allclose(v[~closes], 2.0 * (r / np.linalg.norm(r, axis=-1, keepdims=True))[~closes])
@@ -72,8 +72,10 @@ def test_from_above_it_keeps_the_velocity_that_has_the_evader():
     game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 5.0))
     P, E, run = np.array([0.0, 0.0, 40.0]), np.array([20.0, 7.0, 0.0]), np.array([0.6, 0.8, 0.0])
     led = lead_pursuit(POINT, P, E, None, run)
-    np.testing.assert_allclose(proportional_navigation(POINT, P, E, run, led, dt_s=0.02, gain=4.0), led, atol=1e-12)
-    begun = proportional_navigation(game, P, E, run, None, dt_s=0.02, gain=4.0)
+    np.testing.assert_allclose(
+        proportional_navigation(POINT, P, E, run, StrategyMemory(led), dt_s=0.02, gain=4.0), led, atol=1e-12
+    )
+    begun = proportional_navigation(game, P, E, run, StrategyMemory(), dt_s=0.02, gain=4.0)
     distance = np.hypot(20.0, 7.0)
     rim = np.array([*(E[:2] * (1.0 - 3.0 / distance)), 5.0])
     np.testing.assert_allclose(begun, 2.0 * (rim - P) / np.linalg.norm(rim - P))
@@ -82,7 +84,7 @@ def test_from_above_it_keeps_the_velocity_that_has_the_evader():
 def test_in_wind_its_course_is_over_the_ground_and_its_speed_through_the_air():
     game = Game(Ball(2.0), 1.0, wind_m_s=(0.3, -0.4), standoff=StandOff(3.0, 5.0))
     P, E = np.array([-4.0, 9.0, 30.0]), np.array([20.0, 0.0, 0.0])
-    v = proportional_navigation(game, P, E, np.zeros(3), None, dt_s=0.02, gain=3.0)
+    v = proportional_navigation(game, P, E, np.zeros(3), StrategyMemory(), dt_s=0.02, gain=3.0)
     sight = np.array([24.0, -9.0, 0.0])
     sight *= 1.0 - 3.0 / np.linalg.norm(sight)
     sight[2] = -25.0
@@ -94,7 +96,9 @@ def test_on_the_disc_a_ball_only_follows():
     game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 5.0), capture_radius_m=0.1)
     run = np.array([0.5, -0.2, 0.0])
     for P in (np.array([2.0, 0.0, 5.0]), np.array([3.05, 0.0, 5.05])):
-        v = proportional_navigation(game, P, np.zeros(3), run, np.array([1.0, 0.0, -1.0]), dt_s=0.02, gain=3.0)
+        v = proportional_navigation(
+            game, P, np.zeros(3), run, StrategyMemory(np.array([1.0, 0.0, -1.0])), dt_s=0.02, gain=3.0
+        )
         np.testing.assert_array_equal(v, run)
 
 
@@ -109,14 +113,14 @@ def test_from_above_it_loses_less_than_pure_pursuit_to_an_evader_that_runs_its_b
 def test_on_a_collision_course_it_keeps_its_heading():
     P, E, run = np.zeros(3), np.array([20.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     previous = np.array([np.sqrt(3.0), 1.0, 0.0])
-    v = proportional_navigation(POINT, P, E, run, previous, dt_s=0.02, gain=4.0)
+    v = proportional_navigation(POINT, P, E, run, StrategyMemory(previous), dt_s=0.02, gain=4.0)
     np.testing.assert_allclose(v, previous, atol=1e-12)
 
 
 def test_it_starts_on_the_line_of_sight_and_returns_to_it_from_any_course():
     P, E = np.zeros(3), np.array([0.0, 20.0, 0.0])
     for previous in (None, np.array([0.0, -2.0, 0.0]), np.zeros(3)):
-        v = proportional_navigation(POINT, P, E, np.zeros(3), previous, dt_s=0.02, gain=3.0)
+        v = proportional_navigation(POINT, P, E, np.zeros(3), StrategyMemory(previous), dt_s=0.02, gain=3.0)
         np.testing.assert_allclose(v, [0.0, 2.0, 0.0], atol=1e-12)
 
 
@@ -139,10 +143,10 @@ def test_a_batch_of_either_law_is_its_rows_bit_for_bit():
     dt = rng.uniform(0.0, 0.02, 40)
     for game in (POINT, COPTER):
         led = lead_pursuit(game, P, E, None, run)
-        navigated = proportional_navigation(game, P, E, run, previous, dt_s=dt, gain=3.0)
+        navigated = proportional_navigation(game, P, E, run, StrategyMemory(previous), dt_s=dt, gain=3.0)
         for i in range(40):
             np.testing.assert_array_equal(lead_pursuit(game, P[i], E[i], None, run[i]), led[i])
-            alone = proportional_navigation(game, P[i], E[i], run[i], previous[i], dt_s=dt[i], gain=3.0)
+            alone = proportional_navigation(game, P[i], E[i], run[i], StrategyMemory(previous[i]), dt_s=dt[i], gain=3.0)
             np.testing.assert_array_equal(alone, navigated[i])
 
 
