@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.errors import ConfigError
+from guidance.game.arrays import along2, dot2, in_plane, plus2
 
 Point = tuple[float, float]
 
@@ -95,13 +96,9 @@ def solve_accelerating(
     if math.hypot(*away) <= capture_radius_m:
         return AcceleratingSolution(0.0, math.atan2(away[1], away[0]), evader_m, (0.0, 0.0))
     heading, met = chase.solved()
-    north, east = math.cos(heading), math.sin(heading)
-    run_m = evader_speed_m_s * met.end_s
-    meeting = (evader_m[0] + run_m * north, evader_m[1] + run_m * east)
-    along, across = met.acceleration_m_s2
-    return AcceleratingSolution(
-        met.end_s, heading, meeting, (along * north - across * east, along * east + across * north)
-    )
+    ahead = math.cos(heading), math.sin(heading)
+    meeting = plus2(evader_m, evader_speed_m_s * met.end_s, ahead)
+    return AcceleratingSolution(met.end_s, heading, meeting, in_plane(ahead, met.acceleration_m_s2))
 
 
 class _Escape(NamedTuple):
@@ -178,10 +175,9 @@ class _Chase(NamedTuple):
 
     def escape(self, heading: float) -> _Escape:
         """Return when the evader is out of the pursuer's reach along a heading."""
-        north, east = math.cos(heading), math.sin(heading)
-        gap_m = self.away_m[0] * north + self.away_m[1] * east - self.radius_m
-        along = self.flown_m_s[0] * north + self.flown_m_s[1] * east
-        across = self.flown_m_s[1] * north - self.flown_m_s[0] * east
+        ahead = math.cos(heading), math.sin(heading)
+        gap_m = dot2(self.away_m, ahead) - self.radius_m
+        along, across = along2(ahead, self.flown_m_s)
         behind = self.v - along
         square = behind * behind + 2.0 * self.a * gap_m
         if gap_m <= 0.0 and (behind <= 0.0 or square <= 0.0):

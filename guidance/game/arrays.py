@@ -7,8 +7,8 @@ sum over the last axis, `hypot`, `sin` or a BLAS dot product would not give the 
 """
 
 import math
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
@@ -66,10 +66,7 @@ class Library:
 
     def select_all(self, condition: Truth, yes: Record, no: Record) -> Record:
         """Choose between two numbers, or records of numbers and vectors, elementwise."""
-        if not isinstance(yes, tuple):
-            return cast("Record", self.select(condition, yes, no))
-        parts = [self.select_all(condition, *both) for both in zip(yes, no, strict=True)]
-        return cast("Record", type(yes)(*parts) if hasattr(yes, "_fields") else tuple(parts))
+        return cast("Record", mapped(partial(self.select, condition), yes, no))
 
     def norm2(self, v: Plane) -> Real:
         """Return the length of a plane vector."""
@@ -89,13 +86,10 @@ class Library:
         """Return √ε: after a Newton step this small the next is below ε, so none is needed."""
         return 2.0**-26 if isinstance(value, float) else math.sqrt(self.finfo(value.dtype).eps)
 
-    def quiet(self) -> AbstractContextManager[object]:
-        """Silence NumPy's warnings about rows that `Reason` reports."""
-        return nullcontext()
-
     def constant(self, like: Array, value: Real | Sequence[float]) -> Array:
         """Return a value as an array in the precision and on the device of `like`; an array stays as it is."""
-        return value if hasattr(value, "dtype") else self.asarray(value, dtype=like.dtype, **_place(like))
+        place = {} if is_jax_array(like) else {"device": device_of(like)}
+        return value if hasattr(value, "dtype") else self.asarray(value, dtype=like.dtype, **place)
 
     def pack(self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0) -> Array:
         """Spread a number over the leading shape, or put n components together into (*shape, n).
@@ -109,11 +103,6 @@ class Library:
         if isinstance(value, tuple):
             return self.stack([self.pack(shape, like, part, plus) for part in value], axis=-1)
         return self.broadcast_to(self.constant(like, value + plus), shape)
-
-
-def _place(like: Array) -> dict[str, Any]:
-    """Return the argument that makes a new array on the device of `like`; JAX needs none."""
-    return {} if is_jax_array(like) else {"device": device_of(like)}
 
 
 class Differentiating(Library):
@@ -132,11 +121,6 @@ class Differentiating(Library):
         """Return the larger of two numbers elementwise; the second may be a float."""
         return self.module.maximum(a, self.constant(a, b))
 
-    def codes(self, shape: tuple[int, ...], like: Array, value: Real) -> Array:
-        """Spread integers of eight bits over the leading shape, on the device of `like`."""
-        array = value if hasattr(value, "dtype") else self.asarray(value, **_place(like))
-        return self.broadcast_to(self.astype(array, self.int8), shape)
-
 
 class NumPy(Library):
     """NumPy, which fills arrays in place."""
@@ -151,10 +135,6 @@ class NumPy(Library):
         if count == 0:
             return no
         return yes if count == condition.size else np.where(condition, yes, no)
-
-    def quiet(self) -> AbstractContextManager[object]:
-        """Silence warnings."""
-        return np.errstate(all="ignore")
 
     def pack(self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0) -> Array:
         """Make an array and fill it."""
@@ -239,6 +219,15 @@ def as_reals(array: Array) -> Array:
     if not xp.isdtype(array.dtype, "real floating"):
         raise TypeError(f"{array.dtype} are no real numbers")
     return array
+
+
+def mapped(function: Callable[..., Real], *records: Any) -> Any:  # noqa: ANN401 - numbers, or tuples of them
+    """Return a record of what a function makes of the numbers at the same place of each record."""
+    first = records[0]
+    if not isinstance(first, tuple):
+        return function(*records)
+    parts = [mapped(function, *each) for each in zip(*records, strict=True)]
+    return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
 
 
 def component(array: Array, index: int) -> Real:

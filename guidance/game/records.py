@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Real, as_reals, is_array
+from guidance.game.arrays import Array, Real, as_reals, is_array, mapped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,12 +45,10 @@ def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 
     if is_array(value):
         return rows(value)
     if isinstance(value, tuple):
-        parts = [rows_of(part, rows) for part in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+        return mapped(lambda part: rows_of(part, rows), value)
     if is_dataclass(value) and not isinstance(value, type):
-        return replace(
-            value, **{part.name: rows_of(getattr(value, part.name), rows) for part in fields(value) if part.init}
-        )
+        few = {part.name: rows_of(getattr(value, part.name), rows) for part in fields(value) if part.init}
+        return replace(value, **few)
     return value
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import Array, Library, Plane, Real, Truth, cross2, dot2, in_plane, plus2, times2
+from guidance.game.arrays import Array, Library, Plane, Real, Truth, cross2, dot2, in_plane, mapped, plus2, times2
 from guidance.game.game import STILL, Game
 from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, follow, hunt_for, judge, turned
 from guidance.game.pe import Geometry
@@ -251,10 +251,11 @@ def _rows(value: Any, shape: tuple[int, ...], rows: tuple[Array, ...]) -> Any:  
 
 def _put(whole: Any, shape: tuple[int, ...], rows: tuple[Array, ...], part: Any) -> Any:  # noqa: ANN401 - as above
     """Return a record with some rows replaced."""
-    if isinstance(whole, tuple):
-        parts = [_put(one, shape, rows, other) for one, other in zip(whole, part, strict=True)]
-        return type(whole)(*parts) if hasattr(whole, "_fields") else tuple(parts)
-    filled = np.empty(shape, dtype=np.result_type(part))
-    filled[...] = whole
-    filled[rows] = part
-    return filled
+
+    def filled(all_rows: Real, some: Array) -> Array:
+        found = np.empty(shape, dtype=np.result_type(some))
+        found[...] = all_rows
+        found[rows] = some
+        return found
+
+    return mapped(filled, whole, part)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, NamedTuple, TypeAlias
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
@@ -156,7 +157,7 @@ def rollout(
     end = xp.where(zero == 0, int(End.RUNNING), int(End.NO_ANSWER))
     start = Sample(zero, P + wide, E + wide, None if T is None else T + wide, end)
     path = []
-    with xp.quiet():
+    with np.errstate(all="ignore"):
         for last in _samples(xp, game, start, velocities, stepping, duration_s):
             if keep_path:
                 path.append(last)

@@ -52,7 +52,7 @@ def vector_of(kernel: Callable[..., Space], game: Game, given: Mapping[str, Arra
     """
     xp, arrays = vectors({name: value for name, value in given.items() if value is not None})
     shape = leading_shape(game, arrays)
-    with xp.quiet():
+    with np.errstate(all="ignore"):
         parts = (components(arrays[name]) if name in arrays else None for name in given)
         return xp.pack(shape, next(iter(arrays.values())), kernel(xp, game, *parts))
 

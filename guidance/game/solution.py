@@ -107,7 +107,7 @@ def solve(
 
 def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
     """Solve in one piece."""
-    with xp.quiet():
+    with np.errstate(all="ignore"):
         T, seen = (components(given[name]) if name in given else None for name in NAMES[2:])
         play = _play(xp, game, components(given["pursuer"]), components(given["evader"]), T, seen)
         fault = _fault(xp, game, given, play)
@@ -265,8 +265,8 @@ def _put_together(
     winner = xp.select(sound, play.winner, int(Winner.UNDECIDED))
     reason = xp.select(sound, _doubted(xp, game, play), fault)
     if xp is not NUMPY:
-        numbers = [xp.pack(shape, like, part, spoil) for part in play[1:-1]]
-        return Solution(*[xp.codes(shape, like, winner), *numbers, xp.codes(shape, like, reason)])
+        winner, reason = (xp.astype(xp.pack(shape, like, code), xp.int8) for code in (winner, reason))
+        return Solution(*[winner, *(xp.pack(shape, like, part, spoil) for part in play[1:-1]), reason])
     out = out or _empty(shape, like)
     for field, part in zip(out, (winner, *play[1:-1], reason), strict=True):
         NUMPY.fill(field, part, 0 if field.dtype == np.int8 else spoil)

@@ -21,6 +21,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Literal, NamedTuple, TypeAlias
 
+import numpy as np
 from array_api_compat import is_jax_array, is_torch_array
 from numpy.typing import ArrayLike
 
@@ -66,7 +67,7 @@ def value_gradient(game: Game, pursuer: ArrayLike, evader: ArrayLike, target: Ar
     xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
     shape, like = leading_shape(game, given), given["pursuer"]
     solution = solve(game, like, given["evader"], given.get("target"))
-    with xp.quiet():
+    with np.errstate(all="ignore"):
         state = take_apart(xp, game, components(like), components(given["evader"]), None)
         by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, given.get("target"))
     return Gradient(

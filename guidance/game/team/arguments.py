@@ -90,10 +90,7 @@ def vectors(name: str, array: ArrayLike, shape: str) -> Array:
     Raises:
         ConfigError: If it is not an array of numbers of this shape, has masked elements, or holds no player.
     """
-    try:
-        found = np.asarray(array)
-    except ValueError:  # lists of different lengths
-        found = np.empty(0)
+    found = _array(array)
     axes = shape.count(",")
     nobody = axes > 1 and 0 in found.shape[-2:-1]
     if isinstance(array, np.ma.MaskedArray):
@@ -103,14 +100,18 @@ def vectors(name: str, array: ArrayLike, shape: str) -> Array:
     return found if found.dtype.kind == "f" else found.astype(np.float64)
 
 
+def _array(given: ArrayLike) -> Array:
+    try:
+        return np.asarray(given)
+    except ValueError:  # lists of different lengths
+        return np.empty(0)
+
+
 def in_play_of(given: ArrayLike | None, m: int) -> Array:
     """Return which evaders are in play, as truths."""
     if given is None:
         return np.ones(m, dtype=bool)
-    try:
-        present = np.asarray(given)
-    except ValueError:  # lists of different lengths
-        present = np.empty(0)
+    present = _array(given)
     truths = (present == 0) | (present == 1)
     if isinstance(given, np.ma.MaskedArray) or present.shape[-1:] != (m,) or not truths.all():
         raise ConfigError(
