@@ -57,10 +57,7 @@ def is_circle(game: Game) -> Truth:
     lengths = (game.capture_radius_m, game.standoff.radius_m, game.information_age_s)
     if all(is_zero(length) for length in lengths):
         return True
-    plain: Truth = True
-    for length in lengths:
-        plain = plain & (length == 0)
-    return plain
+    return (lengths[0] == 0) & (lengths[1] == 0) & (lengths[2] == 0)
 
 
 def closest_point(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plane, wanted: Truth) -> Closest:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, Space, components, vectors
+from guidance.game.arrays import Array, Library, Real, Space, components, dot3, vectors
 from guidance.game.game import Game, Reason, parameters, speed_in_hand
 from guidance.game.records import rows_of
 
@@ -102,17 +102,10 @@ def refused_rows(xp: Library, game: Game, fault: Real) -> Real:
 
 def squares(given: dict[str, Array]) -> Real:
     """Return the sum of the squares of all components, row by row."""
-    total: Real = 0.0
-    for array in given.values():
-        x, y, z = components(array)
-        total = total + (x * x + y * y + z * z)
-    return total
+    return sum(dot3(place, place) for place in map(components, given.values()))
 
 
 def most_squares(given: dict[str, Array]) -> Real:
     """Return an upper bound of `squares` for all rows of NumPy arrays, which takes a tenth of the time."""
-    total: Real = 0.0
-    for array in given.values():
-        most = 2.0 * np.abs(array).max(initial=0.0)
-        total = total + most * most
-    return total
+    largest = [2.0 * np.abs(array).max(initial=0.0) for array in given.values()]
+    return sum(most * most for most in largest)

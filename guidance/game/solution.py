@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.apollonius import play_in_space
-from guidance.game.arrays import FLOATS, NUMPY, Array, Library, Real, Space, Truth, components, is_array, vectors
+from guidance.game.arrays import FLOATS, NUMPY, Array, Library, Real, Space, Truth, components, dot3, is_array, vectors
 from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
 from guidance.game.pe import StateSolution, pursuit, take_apart
 from guidance.game.records import is_finite
@@ -28,6 +28,9 @@ ROWS = 12288
 """Rows of a chunk: about forty intermediate arrays of 96 KiB stay in the processor's cache."""
 
 np.empty(64 * ROWS)  # glibc keeps freed memory for the next chunk only after it has seen a block of this size freed
+
+KINDS = (np.int8, float, float, float, float, float, float, np.int8)
+"""Types of the fields of an answer."""
 
 Place: TypeAlias = tuple[float, float, float]
 """A place or a velocity of one state: x, y and z."""
@@ -123,7 +126,8 @@ def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Sol
     places: dict[str, Any] = {name: tuple(value.tolist()) for name, value in given.items()}
     answer = solve_state(game, **places)
     _refuse(answer.reason, given)
-    out = out or _empty((), given["pursuer"])
+    if out is None:
+        return Solution(*map(np.array, answer, KINDS))
     for field, value in zip(out, answer, strict=True):
         field[...] = value
     return out
@@ -150,7 +154,7 @@ def solve_state(
     if game.varies:
         raise ConfigError(f"game = {game!r}: solve_state takes single numbers; use solve for arrays")
     known = (pursuer, evader, target, evader_velocity_m_s)
-    squares = sum(place[0] * place[0] + place[1] * place[1] + place[2] * place[2] for place in known if place)
+    squares = sum(dot3(place, place) for place in known if place)
     try:
         play = _play(FLOATS, game, *known)
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero

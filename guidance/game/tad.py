@@ -76,7 +76,9 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     heading = xp.unit2(xp.select2(moves, run, goal), length)
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
-    flown = pe.steer(xp, game, to, _gap(xp, game, to), xp.select(won, lead.time, contest.guard), state.z, hold)
+    reach = game.standoff.radius_m + game.capture_radius_m
+    gap = 0.0 if isinstance(game.pursuer, Ball) else xp.norm2(to) - reach  # a Ball does not use it
+    flown = pe.steer(xp, game, to, gap, xp.select(won, lead.time, contest.guard), state.z, hold)
     if not is_zero(age):
         flown = _close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown)
     return StateSolution(
@@ -101,13 +103,6 @@ def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Spac
         return flown
     chased = pe.pursuit(xp, game, state).pursuer_velocity_m_s
     return *xp.select2(over, chased[:2], flown[:2]), xp.select(over, chased[2], flown[2])
-
-
-def _gap(xp: Library, game: Game, to: Plane) -> Real:
-    """Return the horizontal distance left to the disc, m; zero for a Ball, which does not use it."""
-    if isinstance(game.pursuer, Ball):
-        return 0.0
-    return xp.norm2(to) - (game.standoff.radius_m + game.capture_radius_m)
 
 
 def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Plane:
