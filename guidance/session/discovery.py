@@ -104,6 +104,7 @@ def wait_until_placed(
     clock: Clock,
     show: Callable[[Progress], None],
     *,
+    vehicle: str = "",
     within_s: float = PLACED_WITHIN_S,
 ) -> tuple[Home, LocalFrame]:
     """Wait for the home and the local frame of a vehicle that is disarmed on the ground.
@@ -113,6 +114,7 @@ def wait_until_placed(
         profile: Of its autopilot.
         clock: The clock.
         show: Receives the progress.
+        vehicle: Its name, for the progress.
         within_s: Longest wait.
 
     Raises:
@@ -135,7 +137,7 @@ def wait_until_placed(
             return home, frame
         words = f"{', '.join(missing)} not received: no position fix yet?" + (f' It says "{said}"' if said else "")
         mode = "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
-        show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=words))
+        show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=words, vehicle=vehicle))
     raise FlightError(f"not ready within {within_s:g} s: {words} Nothing was armed")
 
 

@@ -128,7 +128,9 @@ class MockOptions:
         """Open the mocks, and take orders."""
         pursuits, clock = _pursuits(scenario), VirtualClock() if self.fast else MonotonicClock()
         check_faults(pursuits)
-        with _ordered(scenario, pursuits, onlooker) as (mailboxes, buses), contextlib.ExitStack() as stack:
+        mailboxes = {one.vehicle: Mailbox() for one in pursuits}
+        with contextlib.ExitStack() as stack:
+            buses = stack.enter_context(opened(mailboxes, onlooker.control, onlooker.on_control, team=_team(scenario)))
             used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
             live = partial(LiveWorld, link=self.link, port=self.port, over=self.over)
             world = stack.enter_context(closing((SteppedWorld if self.fast else live)(pursuits, clock)))
@@ -205,7 +207,9 @@ class Asked:
         if len(self.urls) != len(pursuits):
             words = f"the scenario has {len(pursuits)} vehicles: give one URL each"
             raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
-        with _ordered(scenario, pursuits, onlooker) as (mailboxes, buses), contextlib.ExitStack() as stack:
+        mailboxes = {one.vehicle: Mailbox() for one in pursuits}
+        with contextlib.ExitStack() as stack:
+            buses = stack.enter_context(opened(mailboxes, onlooker.control, onlooker.on_control, team=_team(scenario)))
             for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
                 for_whom = f"a HEARTBEAT at {url}, {FOUND_WITHIN_S:g} s at most"
                 onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
@@ -213,9 +217,9 @@ class Asked:
             reached = reach(pursuits, self, clock, _separation(scenario))
             (configs, world, radios), laid = stack.enter_context(reached), list[Pursuit]()
             for pursuit in pursuits:
-                autopilot = autopilot_named(configs[pursuit.vehicle].vehicle.autopilot)
-                show = partial(_shown_as, pursuit.vehicle, onlooker.show)
-                home, frame = wait_until_placed(world.links[pursuit.vehicle], autopilot, clock, show)
+                name = pursuit.vehicle
+                autopilot = autopilot_named(configs[name].vehicle.autopilot)
+                home, frame = wait_until_placed(world.links[name], autopilot, clock, onlooker.show, vehicle=name)
                 here = laid_about(pursuit.scenario, home, frame, autopilot.name)
                 site = laid[0].scenario.site if laid else here.site
                 laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
@@ -231,23 +235,12 @@ class Asked:
             yield Opened(laid, world, clock, buses, used, configs, policy, signals)
 
 
-def _shown_as(vehicle: str, show: Show, progress: Progress) -> None:
-    show(progress._replace(vehicle=vehicle))
-
-
 def _pursuits(scenario: Played) -> Sequence[Pursuit]:
     return (Pursuit(scenario),) if isinstance(scenario, Scenario) else pursuits_of_team(scenario)
 
 
-@contextlib.contextmanager
-def _ordered(
-    scenario: Played, pursuits: Sequence[Pursuit], onlooker: Onlooker
-) -> Iterator[tuple[Mapping[str, Mailbox], Mapping[str, ControlBus]]]:
-    """Take orders for every vehicle, if the onlooker wants that."""
-    mailboxes = {one.vehicle: Mailbox() for one in pursuits}
-    team = "" if isinstance(scenario, Scenario) else TEAM
-    with opened(mailboxes, onlooker.control, onlooker.on_control, team=team) as buses:
-        yield mailboxes, buses
+def _team(scenario: Played) -> str:
+    return "" if isinstance(scenario, Scenario) else TEAM
 
 
 def _check(option: str, value: str, allowed: Sequence[str]) -> None:

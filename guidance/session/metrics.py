@@ -6,7 +6,7 @@ import math
 import socket
 import threading
 from collections.abc import Mapping
-from typing import Final, TypedDict
+from typing import Any, Final
 
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
@@ -24,19 +24,12 @@ _GAME_METRICS: Final = (
 _BUCKETS_S: Final = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)
 
 
-class Into(TypedDict):
-    """Where metrics are registered, and the first part of their names."""
-
-    namespace: str
-    registry: CollectorRegistry
-
-
 class Metrics:
     """All metrics of one vehicle, in a separate registry."""
 
     def __init__(self, name: str) -> None:
         self._name, self.registry = name, CollectorRegistry()
-        into: Into = {"namespace": "guidance", "registry": self.registry}
+        into: dict[str, Any] = {"namespace": "guidance", "registry": self.registry}
         vehicle = ("vehicle",)
         self._state = Gauge("state", "1 for the state the flight is in", (*vehicle, "state"), **into)
         self._ages = Gauge("age_seconds", "age of the last message", (*vehicle, "what"), **into)

@@ -11,7 +11,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.links import carriers, mavlink_evader, opening, wires, world, zenoh_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.sim.evader_pilot import EvaderPilot
-from guidance.sim.mock_files import check_faults, faults_after, fleet, script, system_ids
+from guidance.sim.mock_files import faults_after, fleet, script, system_ids
 from guidance.sim.scenario import Flown, Scenario, pursuits_of
 from sitl_mock.child import RunningFleet, running
 from sitl_mock.errors import ConfigError as MockConfigError
@@ -39,7 +39,6 @@ class LiveWorld(world.World):
         self._sources: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
         self.evaders |= self._sources
         try:
-            check_faults(flown)
             self._mock = _mock(self.closing, flown, over, port)
             for scenario, vehicle, evader in self._pursuits:
                 self.links[vehicle] = self._open_link(link, self._wires(vehicle, 1)[0], vehicle)

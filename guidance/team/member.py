@@ -6,7 +6,7 @@ time from the caller. A wrong assignment costs captures, never distance: the veh
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from guidance.flight import Event, Flight, Outputs, State
 from guidance.frames import Amsl
@@ -29,14 +29,6 @@ _RELAYED_S: Final = 0.5
 _ROUNDING_S: Final = 1e-6
 _PLAYING: Final = frozenset({State.ENGAGED, State.PAUSED, State.ON_STATION})
 _READY: Final = frozenset({State.STANDING_BY, State.ENTERING})
-
-
-class TeamInputs(NamedTuple):
-    """Inputs of a cycle from the team: new states of mates, a new role if any, and reports of evaders."""
-
-    mates: tuple[MateState, ...] | None
-    role: Role | None
-    reports: list[EvaderReport]
 
 
 class Member:
@@ -81,8 +73,10 @@ class Member:
         self._heard_s: dict[str, float] = {}
         self._reports: dict[str, EvaderReport] = {}
 
-    def hear(self, now_s: float, flight: Flight, reports: Sequence[EvaderReport]) -> TeamInputs:
-        """Read the messages of the mates.
+    def hear(
+        self, now_s: float, flight: Flight, reports: Sequence[EvaderReport]
+    ) -> tuple[Sequence[MateState] | None, Role | None, list[EvaderReport]]:
+        """Read the messages of the mates: new states of mates, a new role if any, and reports of evaders.
 
         Args:
             now_s: The present.
@@ -96,7 +90,7 @@ class Member:
                 self._heard_s[report.evader], self._reports[report.evader] = now_s, report
         mates, relayed = self.board.news_of_players()
         unheard = [one for one in relayed if now_s - self._heard_s.get(one.evader or "", -math.inf) > _RELAYED_S]
-        return TeamInputs(mates or None, self._role(now_s, flight), unheard)
+        return mates or None, self._role(now_s, flight), unheard
 
     def _role(self, now_s: float, flight: Flight) -> Role | None:
         """Return a new role; None keeps the present one. An assignment to an unseen evader is ignored."""
