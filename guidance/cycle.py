@@ -4,7 +4,7 @@ Pure: the same inputs, settings and memory give the same setpoint, bit for bit: 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,7 @@ from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
 from guidance.frames import GameFrame, Place, Vector, difference, game_from_ned, ned_from_game, total
-from guidance.game import Ball, Extent, Game, Reason, SpeedSet, StandOff, guaranteed_age_s
-from guidance.game.extent import POINT
+from guidance.game import Ball, Game, Reason, guaranteed_age_s
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 
@@ -30,51 +29,34 @@ class CycleSettings:
     """Settings of every cycle of a flight.
 
     Attributes:
-        speed_set: Speeds of the pursuer in the game.
+        game: The game against the declared speed; each cycle plays it with the estimated speed.
         strategy: Strategy of the pursuer; one of `guidance.strategies.PURSUER_STRATEGIES`.
-        declared_evader_speed_m_s: Largest speed of the evader, as declared.
         speed_sigmas: k of the evader's speed bound max(declared, estimate + kσ). Too large a bound costs time too: the
             pursuer aims too far ahead.
-        standoff: The terminal disc: radius around the evader, height above its plane.
         tolerance_m: Distance from the disc, horizontally and vertically, that counts as captured.
         envelope: The limits.
         following: Settings for following the game's velocity; None sends it unchanged.
         acceleration: Guaranteed acceleration of the vehicle, for `time_needed_s`.
         target_game_m: The evader's target in the game frame (TAD); None in the PE game.
-        target_extent: Shape of that target about its place.
-        target_velocity_m_s: Velocity of that target from the beginning of play, x and y of the game frame.
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None for home.
         evader_timeout_s: The evader counts as lost when its last report is older than this.
-        game: The game against the declared speed, checked once; each cycle plays it with the estimated speed.
-        ground_speed_m_s: Speed of the game's pursuer over the ground.
-
-    Raises:
-        ConfigError: If this is not a game, for example because the evader is too fast.
     """
 
-    speed_set: SpeedSet
+    game: Game
     strategy: Strategy
-    declared_evader_speed_m_s: float
-    standoff: StandOff
     tolerance_m: float
     envelope: Envelope
     following: Following | None
     acceleration: Acceleration
     target_game_m: Vector | None = None
-    target_extent: Extent = POINT
     site: Place | None = None
     evader_timeout_s: float = 1.5
-    target_velocity_m_s: tuple[float, float] = (0.0, 0.0)
     speed_sigmas: float = 0.5
-    game: Game = field(init=False, repr=False)
-    ground_speed_m_s: float = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        speed_m_s, moving_m_s, extent = self.declared_evader_speed_m_s, self.target_velocity_m_s, self.target_extent
-        disc = self.standoff
-        game = Game(self.speed_set, speed_m_s, standoff=disc, target_velocity_m_s=moving_m_s, target_extent=extent)
-        object.__setattr__(self, "game", game)
-        object.__setattr__(self, "ground_speed_m_s", float(self.speed_set.horizontal_m_s))
+    @property
+    def ground_speed_m_s(self) -> float:
+        """Speed of the game's pursuer over the ground."""
+        return float(self.game.pursuer.horizontal_m_s)
 
 
 class CycleInputs(NamedTuple):
@@ -129,10 +111,10 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         raise ValueError("play needs an evader and a game frame; hover without them")
     P, flown_m_s = frame.position_from_ned(here.position_ned_m), game_from_ned(here.velocity_ned_m_s)
     E, seen_m_s = frame.position_from_ned(evader.position_ned_m), game_from_ned(evader.velocity_ned_m_s)
-    T, (x_m_s, y_m_s), played_s = settings.target_game_m, settings.target_velocity_m_s, memory.strategy.played_s
+    T, (x_m_s, y_m_s), played_s = settings.target_game_m, settings.game.target_velocity_m_s, memory.strategy.played_s
     T = None if T is None else (T[0] + x_m_s * played_s, T[1] + y_m_s * played_s, T[2])
     players = Players(P, flown_m_s, E, seen_m_s, T)
-    gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.standoff)
+    gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.game.standoff)
     try:
         game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one

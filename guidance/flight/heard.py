@@ -164,10 +164,10 @@ class Heard:
     def _play(self, role: Role) -> None:
         """Take a new role: another evader, or another height above the game's disc."""
         self.role, self.tracking.playing = role, role.evader
-        before, disc, envelope = self._settings.cycle, self._settings.cycle.standoff, self.cycle.envelope
-        speed_m_s = self._settings.evaders.get(role.evader, before.declared_evader_speed_m_s)
-        disc = StandOff(disc.radius_m, disc.height_m + role.above_m)
-        self.cycle = replace(before, declared_evader_speed_m_s=speed_m_s, standoff=disc, envelope=envelope)
+        game = self._settings.cycle.game
+        speed_m_s = self._settings.evaders.get(role.evader, game.evader_speed_m_s)
+        disc = StandOff(game.standoff.radius_m, game.standoff.height_m + role.above_m)
+        self.cycle = replace(self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc))
 
     def _place(self) -> None:
         """Compute the positions of vehicle, fences and start in the present local frame."""

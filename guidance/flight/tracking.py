@@ -47,9 +47,9 @@ class Tracking:
         self._site = settings.site
         self.evaders = evaders
         self.playing = ""
-        self._free = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
+        declared_m_s = settings.game.evader_speed_m_s
+        self._free = TrackSettings(declared_speed_m_s=declared_m_s, sigmas=settings.speed_sigmas)
         # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
-        declared_m_s = settings.declared_evader_speed_m_s
         way_m_s = max(declared_m_s, settings.ground_speed_m_s)
         self._track = replace(self._free, jump_m_s=declared_m_s, way_m_s=way_m_s)
         self._observers: dict[str, Observer] = {}

@@ -20,7 +20,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
 from guidance.flight.settings import LIMITS_S, FlightSection, TeamSection
 from guidance.frames import Amsl
-from guidance.game import Ball, Cylinder, StandOff
+from guidance.game import Ball, Cylinder, Game, StandOff
 from guidance.game.extent import POINT
 from guidance.session.vehicle_file import Config, EvaderSection, GameSection, LogSection, Vehicle
 from guidance.strategies import Strategy
@@ -77,37 +77,33 @@ def plan_of(config: Config | None = None, scenario: "Scenario | None" = None, te
 
 
 def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = False) -> FlightSettings:
-    autopilot, game, target = autopilot_named(config.vehicle.autopilot), config.game, config.game.target
-    handling, standoff = autopilot.handling, StandOff(game.standoff_radius_m, game.standoff_height_m)
-    speed_set = Ball(game.speed_m_s) if game.speed_set == "ball" else Cylinder(*game.speeds)
-    strategy, start_game_m, target_game_m = Strategy(game.policy, gain=game.navigation_gain), None, None
-    target_extent, site = POINT if target is None else target.extent, None
+    autopilot, own, target = autopilot_named(config.vehicle.autopilot), config.game, config.game.target
+    handling, standoff = autopilot.handling, StandOff(own.standoff_radius_m, own.standoff_height_m)
+    speeds = Ball(own.speed_m_s) if own.speed_set == "ball" else Cylinder(*own.speeds)
+    strategy, start_game_m, target_game_m = Strategy(own.policy, gain=own.navigation_gain), None, None
+    extent, site = POINT if target is None else target.extent, None
     if scenario is not None:
         from guidance.sim import batch  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
         x, y, z = scenario.pursuer.position_m
         start_game_m, target_game_m = (x, y, z - scenario.evader.height_m), batch.target_game_m(scenario)
-        target_extent = batch.target_extent(scenario)
-        strategy = batch.strategy_of(scenario, "pursuer", np.array(start_game_m), speed_set, scenario.seed)
+        extent = batch.target_extent(scenario)
+        strategy = batch.strategy_of(scenario, "pursuer", np.array(start_game_m), speeds, scenario.seed)
         site = batch.site(scenario) if mocked or "site" in scenario.model_fields_set else None
     elif target is not None:
         target_game_m = (0.0, 0.0, 0.0)  # the game frame's zero is the target; only height differences matter
         site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
-    unlimited = () if mocked else _UNLIMITED_WITH_A_PERSON
+    unlimited, moves_m_s = () if mocked else _UNLIMITED_WITH_A_PERSON, own.target_velocity_m_s
     cycle = CycleSettings(
-        speed_set=speed_set,
-        strategy=strategy,
-        declared_evader_speed_m_s=game.evader_speed_m_s,
-        standoff=standoff,
-        tolerance_m=game.tolerance_m,
+        Game(speeds, own.evader_speed_m_s, standoff=standoff, target_velocity_m_s=moves_m_s, target_extent=extent),
+        strategy,
+        tolerance_m=own.tolerance_m,
         envelope=config.limits.envelope(config.speed_limits, handling.dynamics, standoff),
         following=handling.following,
         acceleration=handling.acceleration,
         target_game_m=target_game_m,
         site=site,
         evader_timeout_s=config.evader.timeout_s,
-        target_velocity_m_s=game.target_velocity_m_s,
-        target_extent=target_extent,
     )
     return FlightSettings(
         **dict(config.flight),

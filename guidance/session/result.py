@@ -105,23 +105,33 @@ class MissionResult(NamedTuple):
     members: Mapping[str, Member]
 
     def least_distance_m(self, height_m: float) -> float:
-        """Return the least horizontal distance of two vehicles that fly by setpoints, nearer than `height_m`.
-
-        It is infinite if heights always separated them.
-        """
+        """Return the least horizontal distance of two flying vehicles at less than `height_m` of height."""
         tracks = [
             {one.now_s: one.pursuer_m for one in each.samples if one.state in SETPOINT_STATES}
             for each in self.vehicles.values()
         ]
-        return min(
-            (
-                math.dist(one[now_s][:2], other[now_s][:2])
-                for one, other in combinations(tracks, 2)
-                for now_s in one.keys() & other.keys()
-                if abs(one[now_s][2] - other[now_s][2]) < height_m
-            ),
-            default=math.inf,
-        )
+        return least_distance_m(tracks, height_m)
+
+
+def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) -> float:
+    """Return the least horizontal distance of two vehicles whose heights differed by less than `height_m`.
+
+    Args:
+        tracks: Of each vehicle while it flew by setpoints: time, s, and place, m.
+        height_m: Vehicles farther apart in height do not count.
+
+    Returns:
+        Infinity if heights always separated them.
+    """
+    return min(
+        (
+            math.dist(one[now_s][:2], other[now_s][:2])
+            for one, other in combinations(tracks, 2)
+            for now_s in one.keys() & other.keys()
+            if abs(one[now_s][2] - other[now_s][2]) < height_m
+        ),
+        default=math.inf,
+    )
 
 
 def note(

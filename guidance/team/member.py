@@ -156,7 +156,7 @@ class Member:
         common: dict[str, Any] = {"vehicle": self.vehicle, "epoch": self._epoch, "seq": self._seq}
         local, frame = flight.vehicle.last(LocalPosition), flight.tracking.local_frame
         if local is not None and frame is not None:
-            speeds, certificate, state = flight.settings.cycle.speed_set, outputs.certificate, flight.state
+            speeds, certificate, state = flight.settings.cycle.game.pursuer, outputs.certificate, flight.state
             up_down = (
                 (speeds.climb_m_s, speeds.descent_m_s) if isinstance(speeds, Cylinder) else 2 * (speeds.speed_m_s,)
             )
@@ -205,7 +205,7 @@ class Member:
             seen = tracking.evader(now_s, name)
             if seen is not None and name not in self.board.over:
                 x, y, z = game_frame.position_from_ned(seen.position_ned_m)
-                declared_m_s = flight.settings.evaders.get(name, cycle.declared_evader_speed_m_s)
+                declared_m_s = flight.settings.evaders.get(name, cycle.game.evader_speed_m_s)
                 evaders[name] = EvaderSeen((x, y, 0.0), seen.speed_bound_m_s, declared_m_s, seen.age_s)
                 heights_m.append(z)
         plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
@@ -216,7 +216,7 @@ class Member:
                 north, east, down = (at + (now_s - at_s) * rate for at, rate in moved)
                 x, y, z = game_frame.position_from_ned((north, east, down))
                 vehicles[name] = (x, y, z - plane_m), state
-        return Scene(vehicles, evaders, cycle.target_game_m, cycle.standoff)
+        return Scene(vehicles, evaders, cycle.target_game_m, cycle.game.standoff)
 
 
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:

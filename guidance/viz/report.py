@@ -82,8 +82,8 @@ def chase_of(story: Story) -> Chase:
         curve = lifted(isochron_at(settings, captured.certificate), 0.0)
         shapes.append(Shape(curve, figures.ISOCHRON_LATER, "isochron at capture", is_framed=False))
     if captured is not None:
-        shapes.append(figures.disc_of(captured.certificate.evader_game_m, settings.standoff))
-    shapes += figures.target_of(settings.target_game_m, settings.target_extent)
+        shapes.append(figures.disc_of(captured.certificate.evader_game_m, settings.game.standoff))
+    shapes += figures.target_of(settings.target_game_m, settings.game.target_extent)
     return Chase(shapes) if home_m is None else Chase(shapes, fence_edges(story.flight.envelope, home_m), home_m[2])
 
 
@@ -220,8 +220,10 @@ def plan(team: TeamStory) -> Figure:
             axes.plot(*known[:, :2].T, **style, label=kind)
             axes.annotate(name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"])
     for capture in team.captures.values():
-        axes.plot(*circle(capture.place_m, cycle.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture")
-    figures.draw(axes, figures.target_of(cycle.target_game_m, cycle.target_extent), 2)
+        axes.plot(
+            *circle(capture.place_m, cycle.game.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture"
+        )
+    figures.draw(axes, figures.target_of(cycle.target_game_m, cycle.game.target_extent), 2)
     figures.label_plan(axes)
     axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
@@ -270,7 +272,7 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
     figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
-    chase, standoff = chase_of(story), story.settings.cycle.standoff
+    chase, standoff = chase_of(story), story.settings.cycle.game.standoff
     height = np.column_stack([np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]])
     far_m, high_m = np.maximum(1.0, np.nan_to_num(height).max(axis=0))
     still = figures.ISOCHRON, figures.MEETING, TARGET

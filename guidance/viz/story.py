@@ -143,7 +143,7 @@ def _promise(story: Story) -> str:
     """Say what the vehicle promised at engagement."""
     if story.engaged is None:
         return ""
-    engaged, standoff = story.engaged.certificate, story.settings.cycle.standoff
+    engaged, standoff = story.engaged.certificate, story.settings.cycle.game.standoff
     if engaged.no_game:
         return "At engagement nothing could be promised: the evader was too fast."
     if story.with_target and not engaged.assured_distance_m >= 0.0:
@@ -213,7 +213,10 @@ def _game(story: Story) -> Rows:
         ("game", "target-attacker-defender" if story.with_target else "pursuit-evasion"),
         ("policy", cycle.strategy.name),
         ("autopilot", story.settings.autopilot.name),
-        ("stand-off", f"{cycle.standoff.radius_m:g} m around, {cycle.standoff.height_m:g} m above the evader's plane"),
+        (
+            "stand-off",
+            f"{cycle.game.standoff.radius_m:g} m around, {cycle.game.standoff.height_m:g} m above the evader's plane",
+        ),
     ]
     ended = f"ended {story.rows[-1].state}"
     if story.engaged is None:
@@ -259,7 +262,7 @@ def _flown(story: Story, captured: Played) -> float:
     cycle = story.settings.cycle
     if cycle.target_game_m is None:
         return story.game_lasted_s
-    return cycle.target_extent.distance_m(cycle.target_game_m, captured.certificate.evader_game_m)
+    return cycle.game.target_extent.distance_m(cycle.target_game_m, captured.certificate.evader_game_m)
 
 
 def _spread_ms(values: Array) -> str:
@@ -312,7 +315,7 @@ class TeamStory(NamedTuple):
             achieved = capture.now_s - self.began_s
             ended = f"captured by {capture.vehicle} after {achieved:.1f} s"
             if cycle.target_game_m is not None:
-                achieved = cycle.target_extent.distance_m(cycle.target_game_m, capture.place_m)
+                achieved = cycle.game.target_extent.distance_m(cycle.target_game_m, capture.place_m)
                 ended += f", {achieved:.1f} m from the target"
         if promise is None or promise.value is None:
             return f"no capture could be promised; {ended}"

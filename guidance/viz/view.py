@@ -233,12 +233,12 @@ class Painter:
         if target_m is not None:
             at = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
             self._log(None, "game/target", at)
-            if len(edge := target_edge(target_m, cycle.target_extent)):
+            if len(edge := target_edge(target_m, cycle.game.target_extent)):
                 self._log(None, "game/target/edge", rr.LineStrips3D([lifted(edge, 0.0)]))
 
     def _draw_game(self, now_s: float, certificate: Certificate) -> None:
         cycle, evader = self._flight.settings.cycle, certificate.evader_game_m
-        rim = lifted(circle(evader, cycle.standoff.radius_m, _POINTS), evader[2] + cycle.standoff.height_m)
+        rim = lifted(circle(evader, cycle.game.standoff.radius_m, _POINTS), evader[2] + cycle.game.standoff.height_m)
         self._log(now_s, DISC, _lines([rim], DISC))
         if certificate.no_game:
             return

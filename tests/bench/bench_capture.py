@@ -57,7 +57,7 @@ def ours(settings: FlightSettings) -> FlightSettings:
 
 def strict(settings: FlightSettings) -> FlightSettings:
     """Set the speed limits to the game's speeds, so that the vehicle cannot recover a late start."""
-    game = settings.cycle.speed_set
+    game = settings.cycle.game.pursuer
     limits = replace(
         settings.cycle.envelope, speed_m_s=game.horizontal_m_s, climb_m_s=game.climb_m_s, descent_m_s=game.descent_m_s
     )

@@ -83,9 +83,9 @@ def flown(seed: int, number: int) -> Promise | None:
                 speed_m_s=speeds[0],
                 acceleration_m_s2=ability.ground_m_s2,
                 evader_speed_m_s=speeds[1],
-                capture_radius_m=settings.standoff.radius_m,
+                capture_radius_m=settings.game.standoff.radius_m,
             )
-            descent_m_s = settings.speed_set.descent_m_s
+            descent_m_s = settings.game.pursuer.descent_m_s
             height_s = certificate.height_gap_m / descent_m_s + (descent_m_s - down) ** 2 / (
                 2.0 * descent_m_s * ability.vertical_m_s2
             )

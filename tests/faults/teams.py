@@ -342,9 +342,9 @@ class Sortie:
                 there = self.world.players[evader].position_game_m()
                 if here is None or there is None:
                     continue
-                game = Game(cycle.speed_set, speed_m_s, standoff=cycle.standoff)
+                game = Game(cycle.game.pursuer, speed_m_s, standoff=cycle.game.standoff)
                 players = Players(here, STILL, (*there[:2], 0.0), STILL, target)
-                gaps = gaps_to_disc(ned_from_game(here), ned_from_game(players.evader_m), cycle.standoff)
+                gaps = gaps_to_disc(ned_from_game(here), ned_from_game(players.evader_m), cycle.game.standoff)
                 *_, told = certify(game, players, vehicle, gaps, None, evader_age_s=0.0, tolerance_m=cycle.tolerance_m)
                 if told.vehicle_winner == Winner.PURSUER:
                     self.winning.add((name, evader))

@@ -10,7 +10,7 @@ from guidance.estimation import EvaderEstimate
 from guidance.flight import FlightSettings
 from guidance.flight.detection import Moment, NoCertificate, Stage
 from guidance.flight.heard import Heard
-from guidance.game import Ball, StandOff
+from guidance.game import Ball, Game, StandOff
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.strategies import Strategy
 from guidance.vehicle import VehicleState, observe
@@ -32,10 +32,8 @@ ENVELOPE = Envelope(
     fence_radius_m=300.0,
 )
 CYCLE = CycleSettings(
-    speed_set=Ball(6.0),
+    game=Game(Ball(6.0), 3.0, standoff=StandOff(3.0, 5.0)),
     strategy=Strategy("optimal"),
-    declared_evader_speed_m_s=3.0,
-    standoff=StandOff(3.0, 5.0),
     tolerance_m=0.5,
     envelope=ENVELOPE,
     following=None,

@@ -109,7 +109,7 @@ def test_a_role_chooses_the_evader_its_speed_and_the_height():
         one = heard(role=Role(name, 4.0), reports=reports)
         assert one.switched
         assert math.copysign(1.0, one.view(AT_S).evader.position_ned_m[0]) == sign
-        assert one.cycle.declared_evader_speed_m_s == speed_m_s
-        assert one.cycle.standoff.height_m == TEAM.cycle.standoff.height_m + 4.0
+        assert one.cycle.game.evader_speed_m_s == speed_m_s
+        assert one.cycle.game.standoff.height_m == TEAM.cycle.game.standoff.height_m + 4.0
         one.take_in(Inputs(AT_S + 0.02), in_flight=True)
         assert not one.switched

@@ -43,7 +43,7 @@ def test_information_older_than_the_guarantee_is_said_and_taken_for_new():
     ):
         said = cycle(age_s)
         assert said.reason == reason
-        game = Game(CYCLE.speed_set, 3.0, standoff=CYCLE.standoff, information_age_s=taken_s)
+        game = Game(CYCLE.game.pursuer, 3.0, standoff=CYCLE.game.standoff, information_age_s=taken_s)
         assert said.value == pytest.approx(float(solve(game, P, E).value), rel=1e-12)
 
 
@@ -54,7 +54,7 @@ def test_in_tad_the_disc_is_smaller_by_what_the_evader_may_have_run():
     for age_s, reason, radius_m in ((0.0, Reason.SOLVED, 3.0), (0.4, Reason.SOLVED, 1.8), (1.4, Reason.TOO_OLD, 0.0)):
         said = cycle(age_s, settings=settings)
         assert said.reason == reason
-        game = Game(CYCLE.speed_set, 3.0, standoff=StandOff(radius_m, CYCLE.standoff.height_m))
+        game = Game(CYCLE.game.pursuer, 3.0, standoff=StandOff(radius_m, CYCLE.game.standoff.height_m))
         assert said.value == pytest.approx(float(solve(game, P, E, T).value), rel=1e-12)
 
 
@@ -77,15 +77,17 @@ def test_what_is_not_guaranteed_is_not_watched():
 
 
 def test_a_target_that_moves_is_where_it_is_by_now_and_the_game_knows_its_velocity():
-    settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0), target_velocity_m_s=(1.0, -0.5))
+    settings = replace(
+        CYCLE, target_game_m=(40.0, 10.0, 0.0), game=replace(CYCLE.game, target_velocity_m_s=(1.0, -0.5))
+    )
     P, E = in_game(PURSUER_NED), in_game(EVADER_NED)
-    disc = StandOff(CYCLE.standoff.radius_m - 0.1 * 3.0, CYCLE.standoff.height_m)
-    game = Game(CYCLE.speed_set, 3.0, standoff=disc, target_velocity_m_s=(1.0, -0.5))
+    disc = StandOff(CYCLE.game.standoff.radius_m - 0.1 * 3.0, CYCLE.game.standoff.height_m)
+    game = Game(CYCLE.game.pursuer, 3.0, standoff=disc, target_velocity_m_s=(1.0, -0.5))
     for played_s in (0.0, 12.0):
         T = np.array([40.0 + played_s, 10.0 - 0.5 * played_s, 0.0])
         said = cycle(settings=settings, played_s=played_s)
         assert said.value == pytest.approx(float(solve(game, P, E, T).value), rel=1e-12)
-    resting = replace(settings, target_velocity_m_s=(0.0, 0.0))
+    resting = replace(settings, game=CYCLE.game)
     assert cycle(settings=settings).value != pytest.approx(cycle(settings=resting).value, rel=1e-3)
     assert cycle(settings=settings, played_s=4.0, at=(8.0, 44.0, 0.0)).evader_arrived
     assert not cycle(settings=settings, played_s=0.0, at=(8.0, 44.0, 0.0)).evader_arrived

@@ -42,7 +42,7 @@ def test_a_velocity_that_is_not_known_is_none_and_the_declared_speed_bounds_it()
     tracking.observe(vehicle_at_home(), [report(1.0, velocity=(NAN, NAN, NAN), velocity_sd=NAN)])
     evader = tracking.evader(1.0)
     assert evader.velocity_ned_m_s == (0.0, 0.0, 0.0)
-    assert evader.speed_bound_m_s >= SETTINGS.cycle.declared_evader_speed_m_s
+    assert evader.speed_bound_m_s >= SETTINGS.cycle.game.evader_speed_m_s
     assert evader.age_s == pytest.approx(0.0, abs=0.1)
 
 

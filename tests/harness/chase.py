@@ -71,7 +71,7 @@ class Runner:
         self.goal_m: tuple[float, float] | None = None
         self.silent = False
         self.share = 1.0
-        self._turn_at_m = turn_at_m + settings.cycle.standoff.radius_m
+        self._turn_at_m = turn_at_m + settings.cycle.game.standoff.radius_m
         self._turned = turned
         self._has_turned = False
         site = scenario.site
@@ -264,7 +264,7 @@ class Chase(Sortie):
         self.vehicle = _vehicle(scenario)
         alter(self.vehicle)
         self.runner = Runner(scenario, settings, turn_at_m=turn_at_m, turned=turned)
-        self._scenario, self._disc = scenario, settings.cycle.standoff
+        self._scenario, self._disc = scenario, settings.cycle.game.standoff
         clock = VirtualClock(-PERIOD_S)  # the first cycle is at zero
         ours, self._end = MemoryWire.pair(clock.now_s)
         link = PymavlinkLink(ours, clock.now_s, system_id=1)

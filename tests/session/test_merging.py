@@ -144,7 +144,7 @@ def test_speed_limits_are_the_tighter_of_both_files_too():
 
 def test_a_library_scenario_flies_with_the_supplied_vehicle_file():
     config = load(Config, find("px4", "vehicles"))
-    assert plan_of(config, load_scenario("evader_turns")[1]).flight.cycle.declared_evader_speed_m_s == 3.0
+    assert plan_of(config, load_scenario("evader_turns")[1]).flight.cycle.game.evader_speed_m_s == 3.0
 
 
 @pytest.mark.parametrize(

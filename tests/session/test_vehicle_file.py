@@ -117,7 +117,7 @@ def test_the_vehicle_files_that_come_along_can_be_flown(name):
     config = load(Config, find(name, "vehicles"))
     settings = plan_of(config).flight
     assert settings.autopilot.name == name == config.name
-    assert isinstance(settings.cycle.speed_set, Cylinder)
+    assert isinstance(settings.cycle.game.pursuer, Cylinder)
     assert settings.engage_on is EngageOn.COMMAND
     assert config.preflight.fence_required
     assert find(f"config/vehicles/{name}.toml", "vehicles").resolve() == find(name, "vehicles").resolve()
@@ -150,7 +150,7 @@ def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
 
 def test_speed_limits_are_keys_of_their_own_and_the_games_speeds_stay(read):
     config = read(game={"speed_m_s": 6.0, "descent_m_s": 1.5}, limits={"speed_m_s": 6.0, "descent_m_s": 1.5})
-    envelope, speeds = plan_of(config).flight.cycle.envelope, plan_of(config).flight.cycle.speed_set
+    envelope, speeds = plan_of(config).flight.cycle.envelope, plan_of(config).flight.cycle.game.pursuer
     assert (envelope.speed_m_s, envelope.descent_m_s) == (6.0, 1.5) == (speeds.horizontal_m_s, speeds.descent_m_s)
     assert envelope.climb_m_s == pytest.approx(1.1 * speeds.climb_m_s)
 
@@ -177,7 +177,7 @@ def test_the_target_is_the_zero_of_the_game(read):
     cycle = plan_of(read(game={"kind": "tad", "target": place, "speed_set": "ball"})).flight.cycle
     assert cycle.target_game_m == (0.0, 0.0, 0.0)
     assert cycle.site[:2] == (47.4, 8.55)
-    assert cycle.speed_set == Ball(6.0)
+    assert cycle.game.pursuer == Ball(6.0)
 
 
 def test_a_daemon_waits_for_its_vehicle_as_long_as_it_takes(read):

@@ -125,7 +125,7 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
     played = [row.certificate for row in cycles_of(record) if row.certificate is not None]
     slowest = min(played, key=lambda one: one.speed_ratio)
     # The bound of the estimated speed and the age of the estimate count.
-    assert settings.speed_set.speed_m_s / slowest.speed_ratio > 1.02 * settings.declared_evader_speed_m_s
+    assert settings.game.pursuer.speed_m_s / slowest.speed_ratio > 1.02 * settings.game.evader_speed_m_s
     for one in (slowest, *played[:: len(played) // 12]):
         assert beside(isochron_at(settings, one, 721), one.meeting_point_game_m) < 0.01
     # Also with an evader on a hill, and with a moving target.

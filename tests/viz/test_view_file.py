@@ -130,7 +130,7 @@ def test_the_isochron_and_the_disc_are_those_of_their_moment(seen, rows, record)
     for time, (strip,) in zip(times, strips, strict=True):
         evader = at[round(time, 3)].certificate.evader_game_m
         radii = np.linalg.norm(np.array(strip)[:, :2] - evader[:2], axis=-1)
-        np.testing.assert_allclose(radii, settings.cycle.standoff.radius_m, rtol=1e-4)
+        np.testing.assert_allclose(radii, settings.cycle.game.standoff.radius_m, rtol=1e-4)
 
 
 def test_fence_events_states_and_a_layout_are_there(seen, record, rows):

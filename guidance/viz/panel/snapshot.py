@@ -200,7 +200,7 @@ class SnapshotFold:
 
     def _set_scene(self) -> None:
         cycle, envelope, place = self._flight.settings.cycle, self._flight.envelope, self._flight.vehicle.last(Home)
-        target, standoff, self._home_m = cycle.target_game_m, cycle.standoff, self._flight.home_m
+        target, standoff, self._home_m = cycle.target_game_m, cycle.game.standoff, self._flight.home_m
         edges = [] if self._home_m is None else fence_edges(envelope, self._home_m)
         self.scene: Plain = {
             "unit": "s" if target is None else "m",
@@ -210,7 +210,9 @@ class SnapshotFold:
             "floor_m": envelope.floor_m,
             "ceiling_m": envelope.ceiling_m,
             "target_m": rounded(target),
-            "target_edge_m": [] if target is None else np.round(target_edge(target, cycle.target_extent), 1).tolist(),
+            "target_edge_m": []
+            if target is None
+            else np.round(target_edge(target, cycle.game.target_extent), 1).tolist(),
             "standoff_m": {"radius": standoff.radius_m, "height": standoff.height_m},
         }
 
@@ -268,7 +270,7 @@ class SnapshotFold:
         if not math.isnan(cycle.gap_m):
             return {"gap_m": cycle.gap_m, "height_gap_m": cycle.height_gap_m}
         pursuer, evader = map(ned_from_game, (cycle.pursuer_m, cycle.evader_m))
-        gaps = gaps_to_disc(pursuer, evader, self._flight.settings.cycle.standoff)
+        gaps = gaps_to_disc(pursuer, evader, self._flight.settings.cycle.game.standoff)
         return {"gap_m": gaps.ground_m, "height_gap_m": gaps.height_m}
 
     def _curve(self, certificate: Certificate, now_s: float) -> list[Any]:
