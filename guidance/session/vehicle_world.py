@@ -115,28 +115,25 @@ def _open_source(
 ) -> EvaderSource:
     """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
     url, key, rate_hz = evader.url or config.vehicle.url, _evader_key(config, evader), evader.request_rate_hz
-    asked = None
+    link = None
     if rate_hz is not None:
         wire = _open_wire(url, (evader.system_id,), key, clock, credentials) if wire is None else wire
         wire, asked = share(wire, 2)
-    hexadecimal = evader.id_or_mac
+        ids: dict[str, Any] = {"system_id": evader.system_id, "component_id": evader.component_id or 1}
+        link = PymavlinkLink(asked, clock.now_s, **ids, own_system_id=OWN_ID, signing_key=key)
+    hexadecimal = None if evader.id_or_mac is None else bytes.fromhex(evader.id_or_mac)
     source = open_source(
         evader.kind,
         url,
         clock=clock.now_s,
         frame=_frame(evader.frame),
-        identity=EvaderIdentity(
-            *(evader.system_id, evader.component_id, evader.icao_address),
-            None if hexadecimal is None else bytes.fromhex(hexadecimal),
-        ),
+        identity=EvaderIdentity(evader.system_id, evader.component_id, evader.icao_address, hexadecimal),
         wire=None if evader.kind in ON_ZENOH else wire,
         signing_key=key,
         credentials=credentials,
     )
-    if asked is None or evader.system_id is None or rate_hz is None:
+    if link is None or rate_hz is None:
         return source
-    ids: dict[str, Any] = {"system_id": evader.system_id, "component_id": evader.component_id or 1}
-    link = PymavlinkLink(asked, clock.now_s, **ids, own_system_id=OWN_ID, signing_key=key)
     return PolledEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=rate_hz)
 
 

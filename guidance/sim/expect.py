@@ -1,6 +1,5 @@
 """Expected outcomes of a scenario, which make it a test: `expect.capture_time_s = { max = 12 }`."""
 
-import math
 from collections.abc import Mapping
 from typing import Any, Final, Literal, NamedTuple, Self, TypeAlias
 
@@ -32,17 +31,12 @@ class Range(Section):
 
     def holds(self, value: float) -> bool:
         """Return True if a value lies within; NaN does not."""
-        low = -math.inf if self.min is None else self.min
-        high = math.inf if self.max is None else self.max
-        return low <= value <= high
+        return (self.min is None or value >= self.min) and (self.max is None or value <= self.max)
 
     def __str__(self) -> str:
         """Text for the table of expectations."""
-        parts = [
-            f"at least {self.min:g}" if self.min is not None else "",
-            f"at most {self.max:g}" if self.max is not None else "",
-        ]
-        return " and ".join(part for part in parts if part)
+        bounds = {"at least": self.min, "at most": self.max}
+        return " and ".join(f"{words} {bound:g}" for words, bound in bounds.items() if bound is not None)
 
 
 class CheckedExpectation(NamedTuple):

@@ -157,9 +157,6 @@ class Member:
         local, frame = flight.vehicle.last(LocalPosition), flight.tracking.local_frame
         if local is not None and frame is not None:
             speeds, certificate, state = flight.settings.cycle.game.pursuer, outputs.certificate, flight.state
-            up_down = (
-                (speeds.climb_m_s, speeds.descent_m_s) if isinstance(speeds, Cylinder) else 2 * (speeds.speed_m_s,)
-            )
             value = math.nan if certificate is None else certificate.value
             self.board.own = told = StateMessage(
                 **common,
@@ -169,8 +166,8 @@ class Member:
                 part="playing" if state in _PLAYING else "ready" if state in _READY else "out",
                 airborne=flight.vehicle.armed and not flight.vehicle.on_ground,
                 speed_m_s=float(speeds.horizontal_m_s),
-                climb_m_s=float(up_down[0]),
-                descent_m_s=float(up_down[1]),
+                climb_m_s=float(speeds.climb_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s),
+                descent_m_s=float(speeds.descent_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s),
                 evader=None if flight.role is None else flight.role.evader,
                 value=value if math.isfinite(value) and value >= 0.0 else None,
                 term=self.board.term,
@@ -178,10 +175,8 @@ class Member:
             )
             self._transport.publish(told.key, encode(told))
         for name, report in self._reports.items():
-            place, velocity = (
-                (report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)),
-                report.velocity_ned_m_s,
-            )
+            place = report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
+            velocity = report.velocity_ned_m_s
             heard = EvaderMessage(
                 **common,
                 **_placed(report.received_s, place),
