@@ -6,8 +6,8 @@ guided mode waits for the same. A parameter that is not answered in time is a re
 process that ends: it hands the vehicle to the autopilot and waits until HEARTBEAT shows the mode.
 """
 
+import queue
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -71,9 +71,7 @@ class Mailbox:
     """Filled by any thread, emptied by the loop once a cycle. Queries never take an order's place."""
 
     def __init__(self) -> None:
-        self._orders: deque[Question] = deque()
-        self._queries: deque[Question] = deque()
-        self._lock = threading.Lock()
+        self._orders, self._queries = queue.Queue[Question](MOST_ORDERS), queue.Queue[Question](MOST_QUERIES)
         self._meanwhile: Callable[[str], Answer] | None = None
 
     def meanwhile(self, answer: Callable[[str], Answer] | None) -> None:
@@ -87,13 +85,11 @@ class Mailbox:
         if meanwhile is not None:
             question.answer(meanwhile(order))
             return question
-        queue, most = (self._queries, MOST_QUERIES) if order in QUERIES else (self._orders, MOST_ORDERS)
-        full = {"accepted": False, "order": order, "reason": "too many wait already; does the loop run?"}
-        with self._lock:
-            if len(queue) >= most:
-                question.answer(full)
-            else:
-                queue.append(question)
+        try:
+            (self._queries if order in QUERIES else self._orders).put_nowait(question)
+        except queue.Full:
+            reason = "too many wait already; does the loop run?"
+            question.answer({"accepted": False, "order": order, "reason": reason})
         return question
 
     def answer(self, order: str, by: str) -> Answer:
@@ -103,11 +99,8 @@ class Mailbox:
 
     def take(self) -> tuple[Sequence[Question], Sequence[Question]]:
         """Take all orders and all queries that wait, each oldest first."""
-        with self._lock:
-            taken = list(self._orders), list(self._queries)
-            self._orders.clear()
-            self._queries.clear()
-        return taken
+        orders, queries = self._orders, self._queries
+        return [orders.get() for _ in range(orders.qsize())], [queries.get() for _ in range(queries.qsize())]
 
 
 def startup_answers(name: str, waiting_for: str, limit_s: float, clock: Clock) -> Callable[[str], Answer]:

@@ -48,13 +48,16 @@ class CheckedExpectation(NamedTuple):
     held: bool
 
 
-def range_verdicts(expected: Section, values: Mapping[str, Any]) -> list[CheckedExpectation]:
-    """Return the verdict on every range of a section; its keys name the values."""
-    return [
-        CheckedExpectation(column, str(each), values[column], each.holds(values[column]))
-        for column, each in expected
-        if isinstance(each, Range)
-    ]
+class Ranges(Section):
+    """Allowed ranges of columns."""
+
+    def verdicts(self, values: Mapping[str, Any]) -> list[CheckedExpectation]:
+        """Return the verdict on every range that is given, from the values of all columns."""
+        return [
+            CheckedExpectation(column, str(each), values[column], each.holds(values[column]))
+            for column, each in self
+            if isinstance(each, Range)
+        ]
 
 
 RENAMED_COLUMNS: Final[Mapping[str, str]] = {
@@ -65,7 +68,7 @@ RENAMED_COLUMNS: Final[Mapping[str, str]] = {
 """Columns of older versions; a recorded scenario names them without an expectation."""
 
 
-class Expectations(Section):
+class Expectations(Ranges):
     """Expected values of the outcome's columns with the same names."""
 
     end: End | None = Field(None, description="how the run ends")
@@ -117,7 +120,7 @@ class Expectations(Section):
         if wins is not None and self.winner is not None and self.winner != wins:
             raise ValueError(f"expect.winner = {self.winner!r} contradicts expect.end = {self.end!r}: {wins} wins then")
 
-    def verdicts(self, outcome: dict[str, Any]) -> list[CheckedExpectation]:
+    def verdicts(self, outcome: Mapping[str, Any]) -> list[CheckedExpectation]:
         """Return the verdict on every expectation."""
         named = ((column, getattr(self, column)) for column in ("end", "winner"))
         found = [
@@ -129,7 +132,7 @@ class Expectations(Section):
         events = [
             CheckedExpectation("events", f"has {one!r}", ", ".join(happened), one in happened) for one in self.events
         ]
-        return [*found, *range_verdicts(self, outcome), *events]
+        return [*found, *super().verdicts(outcome), *events]
 
 
 class Expect(Expectations):
@@ -138,7 +141,7 @@ class Expect(Expectations):
     maths: Expectations = Field(Expectations(), description="only for runs as mathematics")
     flown: Expectations = Field(Expectations(), description="only for flights")
 
-    def of(self, outcome: dict[str, Any]) -> list[CheckedExpectation]:
+    def of(self, outcome: Mapping[str, Any]) -> list[CheckedExpectation]:
         """Return the verdicts that apply to an outcome's kind of run."""
         own = self.maths if outcome["run"] == "maths" else self.flown
         return [*self.verdicts(outcome), *own.verdicts(outcome)]

@@ -18,7 +18,7 @@ from guidance.flight.settings import TeamSection
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, End, Game
 from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
 from guidance.sim.batch import by_kind
-from guidance.sim.expect import WINNERS, CheckedExpectation, Range, range_verdicts
+from guidance.sim.expect import WINNERS, Range, Ranges
 from guidance.sim.outcome import achieved_and_regret, winner_name
 from guidance.sim.scenario import AnyScenario, Point2, ScenarioLimits, Sensor, Site, Speed, Standoff, TakeoffHeight
 
@@ -59,17 +59,13 @@ class EvaderGroup(PlayerGroup):
     position_m: Point2 = Field(description="initial position: x east, y north")
 
 
-class TeamExpect(Section):
+class TeamExpect(Ranges):
     """Expected results of a game of teams."""
 
     guaranteed: Range | None = Field(None, description="captures guaranteed at the start")
     captured: Range | None = Field(None, description="captures at the end")
     total: Range | None = Field(None, description="sum of the predicted values")
     worst_regret: Range | None = Field(None, description="largest regret of the evaders' rows")
-
-    def verdicts(self, summary: dict[str, Any]) -> list[CheckedExpectation]:
-        """Compare the expectations with a game's summary."""
-        return range_verdicts(self, summary)
 
 
 class TeamFlightSection(TeamSection):
