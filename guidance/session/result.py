@@ -18,15 +18,15 @@ from guidance.certificate import Certificate
 from guidance.flight import Authority, Event, Happening, Outputs, State
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
-from guidance.game import solve
+from guidance.game import Cylinder, Game, StandOff, solve
+from guidance.game.team import match_teams
 from guidance.monitor import Alarm
 from guidance.session.flight_files import Stopped
 from guidance.sim.batch import stack
 from guidance.sim.maths import game_of
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind
-from guidance.sim.team_flight import rows_of
-from guidance.sim.teams import TeamOutcome, TeamScenario
+from guidance.sim.teams import TeamOutcome, TeamScenario, outcomes_of, teams_of
 from guidance.team import Member
 
 PLAYING = frozenset({State.ENGAGED, State.PAUSED})
@@ -261,19 +261,26 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
     begun = [[one.now_s for one in each.happenings if one.event is Event.GUIDED] for each in result.vehicles.values()]
     if not all(begun):
         return []
-    began_s, vehicles, names = max(times[0] for times in begun), list(result.vehicles), sorted(result.evaders)
-    starts = [_at([(one.now_s, one.pursuer_m) for one in result.vehicles[name].samples], began_s) for name in vehicles]
-    ends = []
+    began_s, names, disc = max(times[0] for times in begun), sorted(result.evaders), scenario.flight.standoff
+    flown, teams, ends = result.vehicles.values(), teams_of(scenario), []
     for name in names:
         evader = result.evaders[name]
         arrived_s = min((one.board.over.get(name, math.inf) for one in result.members.values()), default=math.inf)
         end, end_s, captor = "time_up", evader.track[-1][0], -1
         if evader.captured_by is not None:
-            end, end_s, captor = "captured", evader.captured_s, vehicles.index(evader.captured_by)
+            end, end_s, captor = "captured", evader.captured_s, list(result.vehicles).index(evader.captured_by)
         elif math.isfinite(arrived_s):
             end, end_s = "arrived", arrived_s
-        ends.append((end, end_s, _at(evader.track, end_s), captor))
-    return rows_of(scenario, way, (began_s, starts, [_at(result.evaders[name].track, began_s) for name in names]), ends)
+        place_m, target_m = _at(evader.track, end_s), teams.target_m
+        away_m = math.nan if target_m is None else math.dist(place_m[:2], target_m[:2])
+        ends.append((end, end_s - began_s, away_m, captor))
+    # The vehicles play with their own speeds and the stand-off disc.
+    speeds = np.array([one.scenario.pursuer.speeds for one in flown])
+    standoff = StandOff(disc.radius_m, disc.height_m)
+    game = Game(Cylinder(*speeds.T[..., None]), teams.evader_speed_m_s, standoff=standoff)
+    P = np.array([_at([(one.now_s, one.pursuer_m) for one in each.samples], began_s) for each in flown])
+    E = np.array([_at(result.evaders[name].track, began_s) for name in names]) * [1.0, 1.0, 0.0]
+    return outcomes_of(scenario, way, teams, match_teams(game, P, E, teams.target_m), ends)
 
 
 def _at(track: Sequence[tuple[float, Vector]], now_s: float) -> Vector:

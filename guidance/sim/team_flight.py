@@ -1,17 +1,9 @@
-"""A scenario of teams as pursuits for flights, and the rows of such a flight: one for each evader."""
-
-import math
-from collections.abc import Sequence
-
-import numpy as np
+"""A scenario of teams as pursuits for flights."""
 
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.frames import Vector
-from guidance.game import Cylinder, Game, StandOff
-from guidance.game.team import match_teams
 from guidance.sim.scenario import Evader, Pursuer, Pursuit, Scenario
-from guidance.sim.teams import TeamOutcome, Teams, TeamScenario, opening_of, outcomes_of, teams_of
+from guidance.sim.teams import Teams, TeamScenario, opening_of, teams_of
 
 
 def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
@@ -65,35 +57,3 @@ def _scenario_of(scenario: TeamScenario, teams: Teams, number: int, evader: int)
         ),
     }
     return parse(Scenario, document, source=f"{scenario.title}, uav{number + 1} in flight")
-
-
-def _flown_game(scenario: TeamScenario, teams: Teams) -> Game:
-    """Return the game of the vehicles, with their own speeds and the stand-off disc."""
-    pursuers = [one.scenario.pursuer for one in pursuits_of_team(scenario)]
-    speeds = np.array([(one.speed_m_s, one.climb_m_s, one.descent_m_s) for one in pursuers])
-    standoff = StandOff(scenario.flight.standoff.radius_m, scenario.flight.standoff.height_m)
-    return Game(Cylinder(*speeds.T[..., None]), teams.evader_speed_m_s, standoff=standoff)
-
-
-def rows_of(
-    scenario: TeamScenario,
-    way: str,
-    began: tuple[float, Sequence[Vector], Sequence[Vector]],
-    ends: Sequence[tuple[str, float, Vector, int]],
-) -> list[TeamOutcome]:
-    """Return the rows of a flight, one for each evader.
-
-    Args:
-        scenario: As flown.
-        way: The kind of run: "fast" or "live".
-        began: When the game began, s, and the places of vehicles and evaders then, m.
-        ends: Of each evader: the end, its time, s, the evader's place then, m, and the number of the captor.
-    """
-    teams, (began_s, pursuers_m, evaders_m) = teams_of(scenario), began
-    ground, target_m = np.array(evaders_m) * [1.0, 1.0, 0.0], teams.target_m
-    first = match_teams(_flown_game(scenario, teams), np.array(pursuers_m), ground, target_m)
-    lasted = [
-        (end, now_s - began_s, math.nan if target_m is None else math.dist(place_m[:2], target_m[:2]), captor)
-        for end, now_s, place_m, captor in ends
-    ]
-    return outcomes_of(scenario, way, teams, first, lasted)
