@@ -12,7 +12,7 @@ from guidance.clock import VirtualClock
 from guidance.config import find
 from guidance.errors import LinkError
 from guidance.flight import State
-from guidance.game import Ball, StandOff, solve
+from guidance.game import Ball, Game, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, FLIGHT_OVER, RELOADED
@@ -133,14 +133,8 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
         (StandOff(3.0, 2.0), None, (0.0, 0.0)),
         (StandOff(), (90.0, 5.0, 4.0), (0.4, -0.3)),
     ):
-        other = replace(
-            settings,
-            speed_set=Ball(6.0),
-            standoff=standoff,
-            target_game_m=target,
-            target_velocity_m_s=drift,
-        )
-        game = replace(other.game, evader_speed_m_s=3.1)
+        game = Game(Ball(6.0), 3.1, standoff=standoff, target_velocity_m_s=drift)
+        other = replace(settings, game=game, target_game_m=target)
         place = (0.0, 0.0, 30.0), (20.0, 8.0, 4.0)
         there = solve(game, *map(np.array, place), None if target is None else np.array(target)).meeting_point_m
         ratio = 6.0 / 3.1
