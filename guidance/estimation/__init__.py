@@ -13,7 +13,7 @@ from guidance.estimation.filters import advance, blended
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise, true_at
 from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.track import ReportOutcome, Track, update
-from guidance.frames import LocalFrame, Vector, difference
+from guidance.frames import LocalFrame, Vector, difference, total
 from guidance.messages import EvaderReport, Timesync
 
 
@@ -141,9 +141,5 @@ def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
     history = observer.track.history
     if not history:
         return observer
-    was = _sum(history[-1].measurement.position_ned_m, observer.shift_ned_m)
-    return observer._replace(shift_ned_m=_sum(observer.shift_ned_m, difference(into(was), was)))
-
-
-def _sum(one: Vector, other: Vector) -> Vector:
-    return (one[0] + other[0], one[1] + other[1], one[2] + other[2])
+    was = total(history[-1].measurement.position_ned_m, observer.shift_ned_m)
+    return observer._replace(shift_ned_m=total(observer.shift_ned_m, difference(into(was), was)))

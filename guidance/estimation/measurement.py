@@ -214,10 +214,9 @@ def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answ
 
 
 def _grown(clock: ClockOffset, now_s: float) -> float:
-    elapsed_s = max(0.0, now_s - clock.at_s)
     if clock.measured and now_s - clock.synced_s <= _BELIEVED_S:
         return clock.offset_s
-    return clock.offset_s + _DRIFT * elapsed_s
+    return clock.offset_s + _DRIFT * max(0.0, now_s - clock.at_s)
 
 
 def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOffset:

@@ -34,8 +34,6 @@ class ReportOutcome(StrEnum):
     TOO_FAR = "too far"  # out of reach of where it was
 
 
-TAKEN = frozenset(list(ReportOutcome)[:5])
-
 # χ² at a probability of 1e-6, by the number of measured values. No tighter: at 1 Hz a sharp turn lies in the tails of
 # the mixture, and refusing it costs more than accepting an error that is still below this gate.
 _GATE = {2: 27.63, 4: 33.38}
@@ -181,13 +179,10 @@ def _recent(history: tuple[Accepted, ...], settings: TrackSettings) -> tuple[Acc
 
 def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
     velocity = measurement.velocity_ned_m_s
-    height = Height(
-        measurement.position_ned_m[2],
-        0.0 if velocity is None else velocity[2],
-        measurement.position_sd_m**2,
-        0.0,
-        (settings.prior_speed_sd_m_s if velocity is None else measurement.velocity_sd_m_s) ** 2,
-    )
+    down_m_s, sd_m_s = 0.0, settings.prior_speed_sd_m_s
+    if velocity is not None:
+        down_m_s, sd_m_s = velocity[2], measurement.velocity_sd_m_s
+    height = Height(measurement.position_ned_m[2], down_m_s, measurement.position_sd_m**2, 0.0, sd_m_s**2)
     modes = filters.begin(*measurement.plane(), settings)
     first = Accepted(measurement, Estimate(measurement.time_s, measurement.received_s, modes, height))
     return replace(track, history=(first,), rival=None)

@@ -121,10 +121,9 @@ class QueuedWire(ABC):
         with self._lock:
             if self._closed:
                 return
-            if self._write(frame):
-                self._sent += 1
-            else:
-                self._unsent += 1
+            sent = self._write(frame)
+            self._sent += sent
+            self._unsent += not sent
 
     def counters(self) -> Mapping[str, int]:
         """Return how many frames were sent, not sent, and dropped because the queue was full."""

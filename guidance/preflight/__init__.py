@@ -104,10 +104,8 @@ class PreflightMemory:
 
     def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
         """Return the facts at `now_s`."""
-        rates_hz = {
-            kind: sum(now_s - time_s <= COUNTED_S for time_s in times_s) / COUNTED_S
-            for kind, times_s in self._arrivals.items()
-        }
+        arrivals = self._arrivals.items()
+        rates_hz = {kind: sum(now_s - at_s <= COUNTED_S for at_s in times_s) / COUNTED_S for kind, times_s in arrivals}
         return Facts(
             parameters=dict(self._parameters),
             parameter_types=dict(self._types),

@@ -97,16 +97,15 @@ class Reading:
         if self._count is not None and len(self._items) == self._count:
             self.found, self._over = Uploaded(areas_of([self._items[n] for n in range(self._count)])), True
             return (FenceReceived(),)
-        wanted = FenceRequest(None if self._count is None else self._missing(self._count))
+        wanted = FenceRequest()
+        if self._count is not None:
+            wanted = FenceRequest(next(number for number in range(self._count) if number not in self._items))
         if wanted == self._asked and now_s - self._asked_s < _ASK_AGAIN_S:
             return ()
         if wanted.sequence is None:
             self._begun_s = now_s
         self._asked, self._asked_s = wanted, now_s
         return (wanted,)
-
-    def _missing(self, count: int) -> int:
-        return next(sequence for sequence in range(count) if sequence not in self._items)
 
 
 def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
