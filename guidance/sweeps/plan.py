@@ -77,9 +77,6 @@ class Seeds(Section):
         return np.array(self.values, dtype=np.int64)[number] if self.values else number + self.begin
 
 
-_ONE_SEED: Final = Seeds()
-
-
 def _seeds(given: Any) -> Any:  # noqa: ANN401 - from a file
     if isinstance(given, int) and not isinstance(given, bool):
         return {"count": given}
@@ -98,8 +95,8 @@ class Sweep(Section):
     scenario: str = Field(description="a scenario's name or path; beside the sweep's file, or with the package")
     way: Way = Field("maths", alias="as", description="maths: point masses; fast: flights of the mock in virtual time")
     rows: int | None = Field(None, ge=1, description="number of rows, instead of seeds")
-    seeds: Annotated[Seeds | None, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds | None)] = (
-        Field(None, description="how many, a list, or { from = 100, count = 50 }")
+    seeds: Annotated[Seeds, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds)] = Field(
+        Seeds(), description="how many, a list, or { from = 100, count = 50 }; default: one, 0"
     )
     grid: dict[str, Any] = Field({}, description="keys of the scenario and their values; all combinations are played")
     random: dict[str, Any] = Field({}, description="keys of the scenario and their distributions; one draw a seed")
@@ -121,12 +118,12 @@ class Sweep(Section):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if self.rows is not None and self.seeds is not None:
+        if self.rows is not None and "seeds" in self.model_fields_set:
             raise ValueError("rows, seeds: give only one; rows = seeds × grid points × pairs of policies")
         if len(set(self.pairs)) < len(self.pairs):
             pursuer, evader = next(pair for pair in self.pairs if self.pairs.count(pair) > 1)
             raise ValueError(f"policies: {pursuer} against {evader} is given twice")
-        if self.seeds is not None and len(set(self.seeds.values)) < len(self.seeds.values):
+        if len(set(self.seeds.values)) < len(self.seeds.values):
             raise ValueError(f"seeds = {list(self.seeds.values)}: a seed is given twice")
         return self
 
@@ -192,7 +189,7 @@ class Plan:
         """Number of seeds."""
         if self.sweep.rows is not None:
             return self.sweep.rows // (self.points * len(self.pairs))
-        return len(self.sweep.seeds or _ONE_SEED)
+        return len(self.sweep.seeds)
 
     @property
     def rows(self) -> int:
@@ -203,7 +200,7 @@ class Plan:
         """Return pair of policies, grid point and seed of rows, (n,) each."""
         rest, number = np.divmod(row, self.seeds)
         pair, point = np.divmod(rest, self.points)
-        return pair, point, (self.sweep.seeds or _ONE_SEED).at(number)
+        return pair, point, self.sweep.seeds.at(number)
 
     def cases(self, row: Rows) -> Cases:
         """Return policies, seeds and values of rows, by their numbers (n,)."""
