@@ -103,7 +103,7 @@ def play(scenarios: Sequence[Scenario]) -> list[Outcome]:
 def moments(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Iterator[Moment]:
     """Play scenarios of one kind, see `kind_of`; yield every moment, also of games that have just ended."""
     batch, moment = batch or stack(scenarios), begun(scenarios)
-    with NUMPY.quiet():
+    with np.errstate(all="ignore"):
         while len(moment.row):
             ahead = look_ahead(NUMPY, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
             moment = moment._replace(end=_judge(batch, moment, ahead))
