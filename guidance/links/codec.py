@@ -140,14 +140,14 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     "MISSION_ACK": lambda m, at_s: messages.FenceRefused(at_s, m.type),
     "ADSB_VEHICLE": _adsb_vehicle,
 }
-"""Messages that can be converted alone; STATUSTEXT, TIMESYNC and PARAM_VALUE need the state of the link."""
+"""Messages that can be converted alone; STATUSTEXT, TIMESYNC and PARAM_VALUE need more."""
 
 
-def decode(frame: Frame, received_s: float) -> messages.Message:
-    """Convert one message to a typed value.
+def decode(frame: Frame, received_s: float, autopilot: int = 0) -> messages.Message:
+    """Convert one message of an autopilot, by its MAV_AUTOPILOT, to a typed value.
 
     Raises:
-        KeyError: If the message is not in `DECODERS`.
+        KeyError: If the message is neither PARAM_VALUE nor in `DECODERS`.
         ValueError: If a value is unknown, or implausible by `guidance.vehicle.is_plausible`.
     """
     name, fields = frame.name, frame.fields
@@ -155,26 +155,20 @@ def decode(frame: Frame, received_s: float) -> messages.Message:
         raise ValueError(
             f"mission_type {fields.mission_type}: only the fence ({mavlink.MAV_MISSION_TYPE_FENCE}) is read"
         )
-    value = DECODERS[name](fields, received_s)
+    value = _parameter(frame, received_s, autopilot) if name == "PARAM_VALUE" else DECODERS[name](fields, received_s)
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")
     return value
 
 
-def parameter(frame: Frame, received_s: float, *, autopilot: int) -> messages.Parameter:
-    """Convert a PARAM_VALUE. PX4 carries integers as bytes in the float, other autopilots as a number.
-
-    Raises:
-        ValueError: If it is not finite.
-    """
+def _parameter(frame: Frame, received_s: float, autopilot: int) -> messages.Message:
+    """PX4 carries integers as bytes in the float, other autopilots as a number."""
     name, value, kind = frame.fields.param_id, frame.fields.param_value, frame.fields.param_type
     if is_bytewise(kind, autopilot=autopilot):
         # The float would not do: the bytes of a negative integer are a NaN, which loses bits.
         data = frame.data
         start = 6 if data[0] == MAGIC_V1 else 10
         (value,) = struct.unpack("<i", data[start : start + min(4, data[1])].ljust(4, b"\0"))
-    if not math.isfinite(value):
-        raise ValueError(f"{name} = {value}: a parameter must be finite")
     return messages.Parameter(received_s, name, float(value), kind)
 
 

@@ -8,14 +8,14 @@ import contextlib
 import math
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance import messages
 from guidance.links import codec
-from guidance.links.codec import DECODERS, decode, other_aircraft, parameter
+from guidance.links.codec import DECODERS, decode, other_aircraft
 from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
@@ -28,13 +28,10 @@ ADDRESSED: Final = frozenset(
 )
 """Names of the messages that are addressed to one station."""
 
-_NOTED: Final = frozenset({"HEARTBEAT", "COMMAND_ACK", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"})
-"""Messages that tell the link about its requests and its vehicle."""
-
 QUEUE_LENGTH: Final = 2048
 _TEXT_CHUNK_BYTES: Final = 50
 _TEXT_TIMEOUT_S: Final = 1.0
-_MAX_TEXT_CHUNKS: Final = 16
+_LONGEST_TEXT: Final = 800
 _REASONS: Final = ("foreign", "unsigned", "refused", "unsent", "received", "invalid", "for_others")
 _COUNTED: Final = (*_REASONS, "overflowed", "requests_sent", "setpoints_sent")
 
@@ -55,11 +52,9 @@ def own_heartbeat() -> Fields:
 class TextJoiner:
     """Joins the chunks of long STATUSTEXTs. A lost chunk shows as an ellipsis."""
 
-    _first_received_s: float = 0.0
-    _severity: int = 0
+    open: messages.StatusText | None = None
     _message_id: int = 0
     _next_sequence: int = 0
-    chunks: list[str] = field(default_factory=list)
 
     def hear(self, message: Fields, received_s: float) -> list[messages.StatusText]:
         """Add one STATUSTEXT; return the texts that are complete.
@@ -67,22 +62,19 @@ class TextJoiner:
         A text with `id` 0 has one chunk. A chunk that is not full is the last one.
         """
         done = [] if message.id == self._message_id else self.close()
-        if not self.chunks:
-            self._first_received_s, self._severity, self._next_sequence = received_s, message.severity, 0
-        if message.chunk_seq != self._next_sequence and message.id:
-            self.chunks.append("…")
-        self.chunks.append(message.text)
+        begun = self.open or messages.StatusText(received_s, message.severity, "")
+        lost = message.id and message.chunk_seq != (self._next_sequence if self.open else 0)
+        self.open = begun._replace(text=f"{begun.text}{'…' if lost else ''}{message.text}")
         self._message_id, self._next_sequence = message.id, message.chunk_seq + 1
         is_last = message.id == 0 or len(message.text.encode()) < _TEXT_CHUNK_BYTES
-        return done + self.close() if is_last or len(self.chunks) >= _MAX_TEXT_CHUNKS else done
+        return done + self.close() if is_last or len(self.open.text) >= _LONGEST_TEXT else done
 
     def close(self, before_s: float = math.inf) -> list[messages.StatusText]:
         """Return the open text as it is, if it began before `before_s`; it is closed then."""
-        if not self.chunks or self._first_received_s >= before_s:
+        if self.open is None or self.open.received_s >= before_s:
             return []
-        text = messages.StatusText(self._first_received_s, self._severity, "".join(self.chunks))
-        self.chunks.clear()
-        return [text]
+        closed, self.open = self.open, None
+        return [closed]
 
 
 class PymavlinkLink:
@@ -201,38 +193,23 @@ class PymavlinkLink:
                 self._inbox.append(answer)
             if reply is not None:
                 self._send(reply)
-        elif name == "PARAM_VALUE":
-            self._requests.parameter_came(fields.param_id)
-            self._inbox.append(parameter(frame, received_s, autopilot=self.autopilot))
         else:
-            value = decode(frame, received_s)
+            value = decode(frame, received_s, self.autopilot)
             self._inbox.append(value)
-            if name in _NOTED:
-                self._note(value)
+            if isinstance(value, messages.Heartbeat):
+                self.autopilot = value.autopilot
+                self.heartbeats += 1
+            elif self._requests.waiting:
+                self._requests.hear(value)
 
     def _is_for_us(self, message: Fields) -> bool:
         """Return whether the message is addressed to us or to all (0)."""
         system_id, component_id = message.target_system, getattr(message, "target_component", 0)
         return system_id in (0, self._own.system_id) and component_id in (0, self._own.component_id)
 
-    def _note(self, message: messages.Message) -> None:
-        """Note the vehicle's HEARTBEAT, and which request a message answers."""
-        match message:
-            case messages.Heartbeat():
-                self.autopilot = message.autopilot
-                self.heartbeats += 1
-            case messages.CommandAck():
-                self._requests.acknowledged(message.command, message.result, message.received_s)
-            case messages.FenceCount():
-                self._requests.fence_came(None)
-            case messages.FenceItem():
-                self._requests.fence_came(message.sequence)
-            case messages.FenceRefused():
-                self._requests.fence_refused()
-
     def _tend(self, now_s: float) -> None:
         """Send unanswered requests again, and our TIMESYNC once a HEARTBEAT has arrived."""
-        if self._texts.chunks:
+        if self._texts.open:
             self._inbox.extend(self._texts.close(now_s - _TEXT_TIMEOUT_S))
         for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
             self._send(codec.request(request, attempt=attempt, autopilot=self.autopilot, **self._to_vehicle))

@@ -16,6 +16,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from guidance import messages
 from guidance.links.frames import Fields
 from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Timesync
 
@@ -27,24 +28,17 @@ _REPEATABLE: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESS
 
 TIMESYNC_EVERY_S: Final = 1.0
 
-Key = tuple[str, int | str]
+Key = tuple[type[Request], int | str | None]
 
 
 def key_of(request: Request) -> Key:
     """Return the key that an answer will name: a command's number or a parameter's name. The fence is read in steps."""
-    match request:
-        case Command(number):
-            return "command", number
-        case ParameterRequest(name) | ParameterSet(name):
-            return type(request).__name__, name
-    return type(request).__name__, 0
+    return type(request), None if isinstance(request, FenceRequest | FenceReceived) else request[0]
 
 
 def is_repeatable(request: Request) -> bool:
     """Return whether a repeat is harmless: read or set parameters, the fence, streams and messages."""
-    if isinstance(request, Command):
-        return request.command in _REPEATABLE
-    return not isinstance(request, FenceReceived)
+    return request.command in _REPEATABLE if isinstance(request, Command) else not isinstance(request, FenceReceived)
 
 
 @dataclass(slots=True)
@@ -90,9 +84,25 @@ class RequestQueue:
                 pending.sends += 1
                 pending.next_send_s = now_s + REPEAT_S
 
-    def acknowledged(self, command: int, result: int, now_s: float) -> None:
+    def hear(self, message: messages.Message) -> None:
+        """Note a message of the vehicle, which may answer a request."""
+        match message:
+            case messages.CommandAck(now_s, command, result):
+                self._acknowledged((Command, command), result, now_s)
+            case messages.Parameter(name=name):
+                self.waiting.pop((ParameterRequest, name), None)
+                self.waiting.pop((ParameterSet, name), None)
+            case messages.FenceRefused():
+                self.waiting.pop((FenceRequest, None), None)
+            case messages.FenceCount() | messages.FenceItem():
+                answered = FenceRequest(message.sequence if isinstance(message, messages.FenceItem) else None)
+                lane = self.waiting.get((FenceRequest, None))
+                if lane and lane[0].request == answered:
+                    lane.clear()
+
+    def _acknowledged(self, key: Key, result: int, now_s: float) -> None:
         """Note a COMMAND_ACK. "In progress" means wait without repeats; every other result is final."""
-        lane = self.waiting.get(("command", command))
+        lane = self.waiting.get(key)
         if not lane or lane[0].sends == 0:
             return
         if result == mavlink.MAV_RESULT_IN_PROGRESS:
@@ -100,23 +110,6 @@ class RequestQueue:
             lane[0].next_send_s = now_s + IN_PROGRESS_TIMEOUT_S
             return
         lane.popleft()
-        if not lane:
-            del self.waiting["command", command]
-
-    def fence_came(self, sequence: int | None) -> None:
-        """Note a MISSION_COUNT (None) or a MISSION_ITEM_INT of the fence."""
-        lane = self.waiting.get(key_of(FenceRequest(sequence)))
-        if lane and lane[0].request == FenceRequest(sequence):
-            self.fence_refused()
-
-    def fence_refused(self) -> None:
-        """Note that the vehicle has no fence to read."""
-        self.waiting.pop(key_of(FenceRequest(None)), None)
-
-    def parameter_came(self, name: str) -> None:
-        """Note a PARAM_VALUE."""
-        self.waiting.pop((ParameterRequest.__name__, name), None)
-        self.waiting.pop((ParameterSet.__name__, name), None)
 
 
 @dataclass(slots=True)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
-from guidance.links.codec import DECODERS, decode, parameter
+from guidance.links.codec import DECODERS, decode
 from guidance.links.frames import Frame, FrameReader
 from guidance.messages import (
     FenceCount,
@@ -122,6 +122,6 @@ def test_px4_sends_integers_as_bytes_of_a_float_and_ardupilot_as_numbers(value):
         payload = number + struct.pack("<HH16sB", 1, 0, b"P", kind)
         return FrameReader().first(framed("PARAM_VALUE", payload.rstrip(b"\0") or b"\0"))
 
-    assert parameter(received(struct.pack("<i", value), 6), 0.0, autopilot=12).value == value
-    assert parameter(received(struct.pack("<f", 7.0), 6), 0.0, autopilot=3).value == 7.0
-    assert parameter(received(struct.pack("<f", 7.5), 9), 0.0, autopilot=12).value == 7.5
+    assert decode(received(struct.pack("<i", value), 6), 0.0, autopilot=12).value == value
+    assert decode(received(struct.pack("<f", 7.0), 6), 0.0, autopilot=3).value == 7.0
+    assert decode(received(struct.pack("<f", 7.5), 9), 0.0, autopilot=12).value == 7.5

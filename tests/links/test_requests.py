@@ -1,7 +1,18 @@
 import pytest
 
 from guidance.links.requests import RequestQueue
-from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet
+from guidance.messages import (
+    Command,
+    CommandAck,
+    FenceCount,
+    FenceItem,
+    FenceReceived,
+    FenceRefused,
+    FenceRequest,
+    Parameter,
+    ParameterRequest,
+    ParameterSet,
+)
 
 ZEROS = (0.0,) * 7
 ARM = Command(400, (1.0, *ZEROS[1:]))
@@ -21,7 +32,7 @@ def test_a_question_is_sent_four_times_and_then_counts_as_unanswered():
     queue.add(STREAM)
     assert sends(queue, *times(5.0)) == [(0.0, STREAM, 0), (0.5, STREAM, 1), (1.0, STREAM, 2), (1.5, STREAM, 3)]
     assert queue.unanswered == 1
-    assert queue.waiting == {}
+    assert not any(queue.waiting.values())
 
 
 @pytest.mark.parametrize("number", [20, 21, 22, 176, 192, 400])
@@ -38,7 +49,7 @@ def test_an_answer_ends_the_repeats_whatever_it_says(result):
     queue = RequestQueue()
     queue.add(STREAM)
     assert len(sends(queue, 0.0)) == 1
-    queue.acknowledged(511, result, 0.1)
+    queue.hear(CommandAck(0.1, 511, result))
     assert sends(queue, *times(5.0)) == []
     assert queue.unanswered == 0
 
@@ -47,14 +58,14 @@ def test_an_answer_to_something_else_ends_nothing():
     queue = RequestQueue()
     queue.add(STREAM)
     sends(queue, 0.0)
-    queue.acknowledged(176, 0, 0.1)
+    queue.hear(CommandAck(0.1, 176, 0))
     assert len(sends(queue, 0.5)) == 1
 
 
 def test_an_answer_from_before_the_request_was_sent_is_not_its():
     queue = RequestQueue()
     queue.add(ARM)
-    queue.acknowledged(400, 0, 0.0)
+    queue.hear(CommandAck(0.0, 400, 0))
     assert len(sends(queue, 0.0)) == 1
 
 
@@ -62,7 +73,7 @@ def test_in_progress_is_waited_for_and_not_repeated():
     queue = RequestQueue()
     queue.add(STREAM)
     sends(queue, 0.0)
-    queue.acknowledged(511, 5, 0.1)
+    queue.hear(CommandAck(0.1, 511, 5))
     assert sends(queue, *times(9.0)) == []
     assert queue.unanswered == 0
     sends(queue, 10.2)
@@ -76,8 +87,8 @@ def test_a_new_mode_takes_the_place_of_the_one_that_waits_at_once():
     assert sends(queue, 0.0) == [(0.0, offboard, 0)]
     queue.add(hold)
     assert sends(queue, 0.02) == [(0.02, hold, 0)]
-    queue.acknowledged(176, 0, 0.1)
-    assert queue.waiting == {}
+    queue.hear(CommandAck(0.1, 176, 0))
+    assert not any(queue.waiting.values())
 
 
 def test_stream_requests_queue_one_behind_another():
@@ -88,9 +99,9 @@ def test_stream_requests_queue_one_behind_another():
     sent = []
     for step in range(3):
         sent += [request for request, _ in queue.due(0.02 * step)]
-        queue.acknowledged(511, 0, 0.02 * step + 0.01)
+        queue.hear(CommandAck(0.02 * step + 0.01, 511, 0))
     assert sent == streams
-    assert queue.waiting == {}
+    assert not any(queue.waiting.values())
 
 
 def test_parameters_wait_side_by_side_and_are_answered_by_name():
@@ -98,7 +109,7 @@ def test_parameters_wait_side_by_side_and_are_answered_by_name():
     queue.add(ParameterRequest("A"))
     queue.add(ParameterRequest("B"))
     assert len(sends(queue, 0.0)) == 2
-    queue.parameter_came("A")
+    queue.hear(Parameter(0.0, "A", 1.0))
     assert [request.name for _, request, _ in sends(queue, 0.5)] == ["B"]
 
 
@@ -106,23 +117,23 @@ def test_a_parameter_that_is_set_is_answered_by_its_value_and_set_again_until_th
     queue = RequestQueue()
     queue.add(ParameterSet("A", 5.0, 6))
     assert len(sends(queue, *times(1.2))) == 3
-    queue.parameter_came("A")
-    assert queue.waiting == {}
+    queue.hear(Parameter(0.0, "A", 1.0))
+    assert not any(queue.waiting.values())
 
 
 def test_the_fence_is_asked_for_one_step_at_a_time_until_it_is_answered():
     queue = RequestQueue()
     queue.add(FenceRequest())
     assert [request for _, request, _ in sends(queue, *times(1.0))] == [FenceRequest()] * 3
-    queue.fence_came(0)  # another one
-    assert queue.waiting
-    queue.fence_came(None)
-    assert queue.waiting == {}
+    queue.hear(FenceItem(0.0, 0, 5001, 4.0, 47.0, 8.0))  # another one
+    assert any(queue.waiting.values())
+    queue.hear(FenceCount(0.0, 2))
+    assert not any(queue.waiting.values())
     queue.add(FenceRequest(0))
     queue.add(FenceRequest(1))  # takes the place of the one before
     assert [request for _, request, _ in sends(queue, 5.0)] == [FenceRequest(1)]
-    queue.fence_refused()
-    assert queue.waiting == {}
+    queue.hear(FenceRefused(0.0, 1))
+    assert not any(queue.waiting.values())
     assert queue.unanswered == 0
 
 
@@ -131,7 +142,7 @@ def test_the_end_of_a_fence_transfer_is_sent_once_without_waiting():
     queue.add(FenceReceived())
     assert [request for _, request, _ in sends(queue, *times(3.0))] == [FenceReceived()]
     assert queue.unanswered == 0
-    assert queue.waiting == {}
+    assert not any(queue.waiting.values())
 
 
 def test_the_queue_is_bounded():
