@@ -5,20 +5,23 @@ OPEN_DRONE_ID_LOCATION of others.
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar, Final, NamedTuple
+from functools import partial
+from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.errors import ConfigError
-from guidance.frames import Amsl, Ellipsoid, LocalFrame, Vector
+from guidance.frames import Ellipsoid, LocalFrame, Vector
 from guidance.links import codec
 from guidance.links.frames import Fields
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 from guidance.vehicle import FARTHEST_M, is_plausible
 
 CAPABILITY_VELOCITY: Final = 1 << 1
+OLDEST_S: Final = 2
+"""Largest age of an ADSB_VEHICLE."""
+
 _DIAGONAL: Final = (0, 6, 11)  # of the upper right triangle of a 6 x 6 matrix, row by row
 
 
@@ -33,239 +36,184 @@ SPEED_BOUNDS_M_S: Final = (math.nan, 10.0, 3.0, 1.0, 0.3)
 
 
 class Refused(ValueError):  # noqa: N818 -- a verdict on a report, counted and never shown as an error
-    """A report that must not be used; `reason` is a short word for the counters."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(reason)
-        self.reason = reason
+    """A report that must not be used; its text is a short word for the counters."""
 
 
-@dataclass(slots=True)
-class SenderClock:
-    """Unwraps readings of a clock with a period, in its own unit.
+def accepted(
+    counts: Counter[str], read: Callable[[Any, float], EvaderReport], data: object, received_s: float
+) -> EvaderReport | None:
+    """Return what `read` makes of the data, None if it is refused or implausible; count either, by reason."""
+    reason = "implausible"
+    try:
+        report = read(data, received_s)
+        if is_plausible(report):
+            counts["reports"] += 1
+            return report
+    except Refused as refused:
+        reason = str(refused)
+    except (ValueError, ArithmeticError):
+        reason = "invalid"
+    counts[f"refused_{reason}"] += 1
+    return None
 
-    Each reading is taken as the one nearest to the last: a late report from before the wrap stays before it. Gaps must
-    therefore be shorter than half a period. A restart of the sender is a step back; the estimator judges it.
+
+class Carrier(NamedTuple):
+    """A MAVLink message that reports an evader.
+
+    Attributes:
+        message: Its name.
+        report: Converts the message that arrived at a time of our clock. Raises `Refused` if it must not be used,
+            ValueError if a value is unknown.
+        period_s: When the sender's clock wraps.
     """
 
-    period: float = 2.0**32
-    last: float = math.nan
-
-    def unwrap(self, reading: float) -> float:
-        """Return the reading plus the periods that have passed."""
-        half = self.period / 2.0
-        if math.isnan(self.last):
-            self.last = reading
-        else:
-            self.last += (reading - self.last + half) % self.period - half
-        return self.last
+    message: str
+    report: Callable[[Fields, float], EvaderReport]
+    period_s: float = 2.0**32 / 1e3
 
 
-@dataclass(slots=True)
-class FollowTarget:
-    """Carrier of FOLLOW_TARGET, which phones, ground stations and beacons send.
+def _follow_target(m: Fields, received_s: float) -> EvaderReport:
+    """Convert FOLLOW_TARGET, which phones, ground stations and beacons send.
 
     * Position: WGS-84 degrees; altitude above mean sea level, metres.
     * Velocity: north, east, down, m/s. (0, 0, 0) means unknown, by the message's definition. So does a velocity whose
       bit in `est_capabilities` is not set although others are. Many senders set no capabilities.
     * Accuracy: `position_cov` carries standard deviations (ground stations fill in "eph, epv"), zero for unknown.
-    * Clock: milliseconds since the sender's boot, unwrapped at 2^32 since many senders count in 32 bits.
+    * Clock: milliseconds since the sender's boot, which wrap at 2^32 since many senders count in 32 bits.
     """
-
-    message: ClassVar[str] = "FOLLOW_TARGET"
-    clock: SenderClock = field(default_factory=SenderClock)
-
-    def report(self, m: Fields, received_s: float) -> EvaderReport:
-        """Convert a message."""
-        place = *codec.degrees(m.lat, m.lon), m.alt
-        sent_s = self.clock.unwrap(m.timestamp % 2**32) / 1e3
-        known = m.est_capabilities == 0 or m.est_capabilities & CAPABILITY_VELOCITY
-        velocity = known_velocity(m.vel) if known and any(m.vel) else UNKNOWN_VELOCITY
-        sd_m = standard_deviation(*(value * abs(value) for value in m.position_cov))
-        said = AltitudeSaid(m.alt, Datum.AMSL)
-        return EvaderReport(received_s, sent_s, self.message, *place, velocity, sd_m, said=said)
+    place, said = (*codec.degrees(m.lat, m.lon), m.alt), AltitudeSaid(m.alt, Datum.AMSL)
+    known = m.est_capabilities == 0 or m.est_capabilities & CAPABILITY_VELOCITY
+    velocity = known_velocity(m.vel) if known and any(m.vel) else UNKNOWN_VELOCITY
+    sd_m = standard_deviation(*(value * abs(value) for value in m.position_cov))
+    return EvaderReport(received_s, m.timestamp % 2**32 / 1e3, m.msgname, *place, velocity, sd_m, said=said)
 
 
-@dataclass(slots=True)
-class GlobalPositionInt:
-    """Carrier of GLOBAL_POSITION_INT of another vehicle.
+def _global_position(m: Fields, received_s: float) -> EvaderReport:
+    """Convert GLOBAL_POSITION_INT of another vehicle.
 
     * Position: WGS-84 degrees; `alt` above mean sea level, millimetres. `relative_alt` is not used: it is above the
       other vehicle's home.
     * Velocity: north, east, down, cm/s. Always known: zero means at rest.
-    * Clock: `time_boot_ms`, unwrapped at 2^32.
+    * Clock: `time_boot_ms`, which wraps at 2^32.
     """
-
-    message: ClassVar[str] = "GLOBAL_POSITION_INT"
-    clock: SenderClock = field(default_factory=SenderClock)
-
-    def report(self, m: Fields, received_s: float) -> EvaderReport:
-        """Convert a message."""
-        place = *codec.degrees(m.lat, m.lon), m.alt / 1e3
-        velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
-        sent_s = self.clock.unwrap(m.time_boot_ms) / 1e3
-        said = AltitudeSaid(m.alt / 1e3, Datum.AMSL)
-        return EvaderReport(received_s, sent_s, self.message, *place, velocity, said=said)
+    place, said = (*codec.degrees(m.lat, m.lon), m.alt / 1e3), AltitudeSaid(m.alt / 1e3, Datum.AMSL)
+    velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
+    return EvaderReport(received_s, m.time_boot_ms / 1e3, m.msgname, *place, velocity, said=said)
 
 
-@dataclass(frozen=True, slots=True)
-class OdometryCarrier:
-    """Carrier of ODOMETRY, another vehicle's pose in its own local frame; `frame` must have the same origin.
+def _odometry(frame: LocalFrame, m: Fields, received_s: float) -> EvaderReport:
+    """Convert ODOMETRY, another vehicle's pose in its own local frame; `frame` must have the same origin.
 
     * Position: metres in MAV_FRAME_LOCAL_NED about that origin (the evader's GPS_GLOBAL_ORIGIN, altitude above mean
       sea level). Other frames are refused; LOCAL_FRD does not say where north is.
     * Velocity: in `child_frame_id`. LOCAL_NED is used as it is, BODY_FRD is rotated by the attitude; unknown otherwise.
     * Accuracy: the largest of the three axes' variances, NaN for unknown (MAVLink's NaN or zero).
-    * Clock: `time_usec` of the sender, 64 bits: it does not wrap.
+    * Clock: `time_usec` of the sender, 64 bits.
     """
-
-    frame: LocalFrame
-    message: ClassVar[str] = "ODOMETRY"
-
-    def report(self, m: Fields, received_s: float) -> EvaderReport:
-        """Convert a message."""
-        if m.frame_id != mavlink.MAV_FRAME_LOCAL_NED:
-            raise Refused("frame")
-        position = (m.x, m.y, m.z)
-        if not all(abs(part) <= FARTHEST_M for part in position):  # NaN fails this too
-            raise Refused("position")
-        latitude, longitude, altitude = self.frame.wgs84_from_ned(position)
-        velocity = known_velocity((m.vx, m.vy, m.vz))
-        if m.child_frame_id != mavlink.MAV_FRAME_LOCAL_NED:
-            velocity = rotate(m.q, velocity) if m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD else UNKNOWN_VELOCITY
-        place = latitude, longitude, altitude.metres
-        sd_m = standard_deviation(*(m.pose_covariance[index] for index in _DIAGONAL))
-        sd_m_s = standard_deviation(*(m.velocity_covariance[index] for index in _DIAGONAL))
-        said = AltitudeSaid(-m.z, Datum.ORIGIN)
-        return EvaderReport(received_s, m.time_usec / 1e6, self.message, *place, velocity, sd_m, sd_m_s, said=said)
+    if m.frame_id != mavlink.MAV_FRAME_LOCAL_NED:
+        raise Refused("frame")
+    place, said = place_in(frame, (m.x, m.y, m.z)), AltitudeSaid(-m.z, Datum.ORIGIN)
+    velocity = known_velocity((m.vx, m.vy, m.vz))
+    if m.child_frame_id != mavlink.MAV_FRAME_LOCAL_NED:
+        velocity = rotate(m.q, velocity) if m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD else UNKNOWN_VELOCITY
+    sd_m = standard_deviation(*(m.pose_covariance[index] for index in _DIAGONAL))
+    sd_m_s = standard_deviation(*(m.velocity_covariance[index] for index in _DIAGONAL))
+    return EvaderReport(received_s, m.time_usec / 1e6, m.msgname, *place, velocity, sd_m, sd_m_s, said=said)
 
 
-@dataclass(frozen=True, slots=True)
-class AdsbVehicle:
-    """Carrier of ADSB_VEHICLE: one aircraft, by its ICAO address.
+def _adsb(undulation_m: float, icao_address: int | None, m: Fields, received_s: float) -> EvaderReport:
+    """Convert ADSB_VEHICLE of one aircraft.
 
     * Position: WGS-84 degrees. Altitude in millimetres, by `altitude_type`: QNH pressure is taken as above mean sea
-      level; geometric is above the WGS-84 ellipsoid, converted with the undulation that `frame` declares.
+      level; geometric is above the WGS-84 ellipsoid, converted with the undulation.
     * Velocity: course over ground and speeds, up positive; known only if the flags say so.
     * Clock: none (`sent_s` is NaN). `tslc` counts whole seconds since the aircraft was received; old ones are refused.
-
-    Raises:
-        ConfigError: If the frame does not declare the undulation.
     """
-
-    frame: LocalFrame
-    icao_address: int
-    oldest_s: int = 2
-    message: ClassVar[str] = "ADSB_VEHICLE"
-
-    def __post_init__(self) -> None:
-        self.frame.amsl(Ellipsoid(0.0))
-
-    def report(self, m: Fields, received_s: float) -> EvaderReport:
-        """Convert a message."""
-        for refused, reason in (
-            (m.ICAO_address != self.icao_address, "other_id"),
-            (m.tslc > self.oldest_s, "old"),
-            (not m.flags & mavlink.ADSB_FLAGS_VALID_COORDS, "position"),
-            (not m.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE, "altitude"),
-        ):
-            if refused:
-                raise Refused(reason)
-        given_m = m.altitude / 1e3
-        altitude, said = Amsl(given_m), AltitudeSaid(given_m, Datum.AMSL)
-        if m.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC:
-            altitude, said = self.frame.amsl(Ellipsoid(given_m)), AltitudeSaid(given_m, Datum.ELLIPSOID)
-        place = *codec.degrees(m.lat, m.lon), altitude.metres
-        known = m.flags & codec.VALID_MOTION == codec.VALID_MOTION
-        velocity = codec.velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if known else UNKNOWN_VELOCITY
-        return EvaderReport(received_s, math.nan, self.message, *place, velocity, said=said)
+    for refused, reason in (
+        (m.ICAO_address != icao_address, "other_id"),
+        (m.tslc > OLDEST_S, "old"),
+        (not m.flags & mavlink.ADSB_FLAGS_VALID_COORDS, "position"),
+        (not m.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE, "altitude"),
+    ):
+        if refused:
+            raise Refused(reason)
+    geometric = m.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+    said = AltitudeSaid(m.altitude / 1e3, Datum.ELLIPSOID if geometric else Datum.AMSL)
+    place = *codec.degrees(m.lat, m.lon), said.altitude_m - (undulation_m if geometric else 0.0)
+    known = m.flags & codec.VALID_MOTION == codec.VALID_MOTION
+    velocity = codec.velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if known else UNKNOWN_VELOCITY
+    return EvaderReport(received_s, math.nan, m.msgname, *place, velocity, said=said)
 
 
-@dataclass(slots=True)
-class OpenDroneIdLocation:
-    """Carrier of OPEN_DRONE_ID_LOCATION: remote identification, about once a second (ASTM F3411).
+def _open_drone_id(undulation_m: float, id_or_mac: str | None, m: Fields, received_s: float) -> EvaderReport:
+    """Convert OPEN_DRONE_ID_LOCATION: remote identification, about once a second (ASTM F3411).
 
+    * Identity: `id_or_mac` (hexadecimal) selects one of the drones that are relayed.
     * Position: WGS-84 degrees, 0/0 for unknown. Altitude: `altitude_geodetic`, metres above the WGS-84 ellipsoid,
-      converted with the undulation that `frame` declares. The barometric altitude (against 1013.25 hPa) is not used.
+      converted with the undulation. The barometric altitude (against 1013.25 hPa) is not used.
     * Velocity: course over ground and speeds, up positive; 36100, 25500 and 6300 mean unknown.
     * Accuracy: classes that bound 95 % of the errors; half of the bound is taken as the standard deviation.
-    * Clock: seconds of the hour UTC, unwrapped at 3600; 0xFFFF for unknown.
-
-    `id_or_mac` selects one of the drones that are relayed.
-
-    Raises:
-        ConfigError: If the frame does not declare the undulation.
+    * Clock: seconds of the hour UTC, which wrap at 3600; 0xFFFF for unknown.
     """
-
-    frame: LocalFrame
-    id_or_mac: bytes | None = None
-    message: ClassVar[str] = "OPEN_DRONE_ID_LOCATION"
-    clock: SenderClock = field(default_factory=lambda: SenderClock(period=3600.0))
-
-    def __post_init__(self) -> None:
-        self.frame.amsl(Ellipsoid(0.0))
-
-    def report(self, m: Fields, received_s: float) -> EvaderReport:
-        """Convert a message."""
-        if self.id_or_mac is not None and bytes(m.id_or_mac) != self.id_or_mac.ljust(20, b"\0"):
-            raise Refused("other_id")
-        if not m.altitude_geodetic > UNKNOWN_ALTITUDE_M:
-            raise Refused("altitude")
-        place = *codec.degrees(m.latitude, m.longitude), self.frame.amsl(Ellipsoid(m.altitude_geodetic)).metres
-        motion = m.direction, m.speed_horizontal, m.speed_vertical
-        known = all(value < unknown for value, unknown in zip(motion, UNKNOWN_MOTION, strict=True))
-        velocity = codec.velocity_over_ground(*motion) if known else UNKNOWN_VELOCITY
-        sent_s = self.clock.unwrap(m.timestamp) if 0.0 <= m.timestamp <= 3600.0 else math.nan
-        sd_m, sd_m_s = _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy), _half(SPEED_BOUNDS_M_S, m.speed_accuracy)
-        said = AltitudeSaid(m.altitude_geodetic, Datum.ELLIPSOID)
-        return EvaderReport(received_s, sent_s, self.message, *place, velocity, sd_m, sd_m_s, said=said)
-
-
-Carrier = FollowTarget | GlobalPositionInt | OdometryCarrier | AdsbVehicle | OpenDroneIdLocation
-"""Converts one MAVLink message to a report, and may remember the sender's clock.
-
-`report` raises `Refused` if the message must not be used, ValueError if a value is unknown or implausible.
-"""
+    if id_or_mac is not None and bytes(m.id_or_mac) != bytes.fromhex(id_or_mac).ljust(20, b"\0"):
+        raise Refused("other_id")
+    said = AltitudeSaid(m.altitude_geodetic, Datum.ELLIPSOID)
+    if not said.altitude_m > UNKNOWN_ALTITUDE_M:
+        raise Refused("altitude")
+    place = *codec.degrees(m.latitude, m.longitude), said.altitude_m - undulation_m
+    motion = m.direction, m.speed_horizontal, m.speed_vertical
+    known = all(value < unknown for value, unknown in zip(motion, UNKNOWN_MOTION, strict=True))
+    velocity = codec.velocity_over_ground(*motion) if known else UNKNOWN_VELOCITY
+    sent_s = m.timestamp if 0.0 <= m.timestamp <= 3600.0 else math.nan
+    sd_m, sd_m_s = _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy), _half(SPEED_BOUNDS_M_S, m.speed_accuracy)
+    return EvaderReport(received_s, sent_s, m.msgname, *place, velocity, sd_m, sd_m_s, said=said)
 
 
 class EvaderIdentity(NamedTuple):
-    """The evader's identity, as far as its carrier needs it: MAVLink ids, an ICAO address, a remote id."""
+    """The evader's identity, as far as its carrier needs it: MAVLink ids, an ICAO address, a hexadecimal remote id."""
 
     system_id: int | None = None
     component_id: int | None = None
     icao_address: int | None = None
-    id_or_mac: bytes | None = None
+    id_or_mac: str | None = None
 
 
-def _adsb(frame: LocalFrame, identity: EvaderIdentity) -> Carrier:
-    if identity.icao_address is None:
-        raise ConfigError("evader.icao_address is missing: ADSB_VEHICLE needs the aircraft's address")
-    return AdsbVehicle(frame, identity.icao_address)
-
+FOLLOW_TARGET: Final = Carrier("FOLLOW_TARGET", _follow_target)
+GLOBAL_POSITION: Final = Carrier("GLOBAL_POSITION_INT", _global_position)
 
 CARRIERS: Final[Mapping[str, Callable[[LocalFrame, EvaderIdentity], Carrier]]] = {
-    "follow_target": lambda _frame, _identity: FollowTarget(),
-    "global_position": lambda _frame, _identity: GlobalPositionInt(),
-    "odometry": lambda frame, _identity: OdometryCarrier(frame),
-    "open_drone_id": lambda frame, identity: OpenDroneIdLocation(frame, identity.id_or_mac),
-    "adsb": _adsb,
+    "follow_target": lambda _frame, _identity: FOLLOW_TARGET,
+    "global_position": lambda _frame, _identity: GLOBAL_POSITION,
+    "odometry": lambda frame, _identity: Carrier("ODOMETRY", partial(_odometry, frame), 2.0**64 / 1e6),
+    "open_drone_id": lambda frame, identity: Carrier(
+        "OPEN_DRONE_ID_LOCATION", partial(_open_drone_id, _undulation_m(frame), identity.id_or_mac), 3600.0
+    ),
+    "adsb": lambda frame, identity: Carrier(
+        "ADSB_VEHICLE", partial(_adsb, _undulation_m(frame), identity.icao_address)
+    ),
 }
-"""Carriers on a MAVLink wire, by their name in a configuration."""
+"""Carriers on a MAVLink wire, by their name in a configuration. They raise ConfigError if the frame declares no
+undulation although they need it."""
+
+
+def _undulation_m(frame: LocalFrame) -> float:
+    return -frame.amsl(Ellipsoid(0.0)).metres
 
 
 def _half(bounds: tuple[float, ...], index: int) -> float:
     return bounds[index] / 2.0 if 0 <= index < len(bounds) else math.nan
 
 
-def plausible(report: EvaderReport) -> EvaderReport:
-    """Return the same report.
+def place_in(frame: LocalFrame, position_ned_m: Vector) -> Vector:
+    """Return latitude and longitude, degrees, and the altitude above mean sea level, m, of a position.
 
     Raises:
-        Refused: If its position is implausible, see `guidance.vehicle.is_plausible`.
+        Refused: If it is not finite or too far away.
     """
-    if not is_plausible(report):
-        raise Refused("implausible")
-    return report
+    if not all(abs(part) <= FARTHEST_M for part in position_ned_m):  # NaN fails this too
+        raise Refused("position")
+    latitude, longitude, altitude = frame.wgs84_from_ned(position_ned_m)
+    return latitude, longitude, altitude.metres
 
 
 def known_velocity(velocity: Sequence[float]) -> Vector:

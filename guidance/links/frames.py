@@ -241,12 +241,13 @@ class Station:
         component_id: int,
         *,
         signing_key: SigningKey | None = None,
-        clock: Clock = lambda: 0.0,
+        clock: Clock | None = None,
         unix_s: float | None = None,
     ) -> None:
         """Start at sequence number 0. `clock` and `unix_s`, by default the Unix time now, are used for signing only."""
         self._mavlink = common.MAVLink(None, system_id, component_id)
-        self._clock, self._begun_s = clock, clock()
+        self._clock: Clock = clock or (lambda: 0.0)
+        self._begun_s = self._clock()
         self._check = None
         if signing_key is not None:
             self._check = SignatureCheck(signing_key, None if unix_s is None else ticks(unix_s))

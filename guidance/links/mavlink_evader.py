@@ -4,11 +4,12 @@ TIMESYNC reads the evader's clock once a second, so the age of a report is measu
 attached to the next report if the report's own time agrees with it: some messages carry another clock than TIMESYNC.
 """
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from guidance.links.carriers import Carrier, Refused, plausible
+from guidance.links.carriers import Carrier, accepted
 from guidance.links.frames import Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.requests import TimesyncPeer
@@ -49,11 +50,11 @@ class MavlinkEvader:
         self._system_id = system_id
         self._component_id = component_id
         self._frames = FrameReader((carrier.message, "TIMESYNC"))
-        signing = {} if clock is None else {"clock": clock}
-        self._station = Station(system_id, OWN_COMPONENT_ID, signing_key=signing_key, unix_s=unix_s, **signing)
+        self._station = Station(system_id, OWN_COMPONENT_ID, signing_key=signing_key, unix_s=unix_s, clock=clock)
         self._clock = clock
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
+        self._sent_s: float | None = None
         self._impostors = 0
         self._counts: Counter[str] = Counter()
 
@@ -84,26 +85,22 @@ class MavlinkEvader:
         return problem is None
 
     def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
-        try:
-            if frame.name == "TIMESYNC":
-                answer, _ = self._timesync.hear(frame.fields, received_s)
-                self._answer = answer or self._answer
-                return []
-            report = plausible(self._carrier.report(frame.fields, received_s))
-        except Refused as refused:
-            self._counts[f"refused_{refused.reason}"] += 1
+        if frame.name == "TIMESYNC":
+            self._answer = self._timesync.hear(frame.fields, received_s)[0] or self._answer
             return []
-        except (ValueError, ArithmeticError):
-            self._counts["refused_invalid"] += 1
+        report = accepted(self._counts, self._carrier.report, frame.fields, received_s)
+        if report is None:
             return []
-        self._counts["reports"] += 1
         impostors, self._impostors = self._impostors, 0
-        return [self._with_answer(report)._replace(sequence=frame.sequence, impostors=impostors or None)]
+        sent_s, period_s = report.sent_s, self._carrier.period_s
+        if not math.isnan(sent_s):  # the reading nearest to the last one: a late report from before a wrap stays there
+            sent_s += 0.0 if self._sent_s is None else period_s * round((self._sent_s - sent_s) / period_s)
+            self._sent_s = sent_s
+        report = report._replace(sent_s=sent_s, sequence=frame.sequence, impostors=impostors or None)
+        return [report if self._answer is None else self._with_answer(report, self._answer)]
 
-    def _with_answer(self, report: EvaderReport) -> EvaderReport:
-        answer, self._answer = self._answer, None
-        if answer is None:
-            return report
+    def _with_answer(self, report: EvaderReport, answer: Timesync) -> EvaderReport:
+        self._answer = None
         theirs_less_ours_s = answer.remote_ns / 1e9 - 0.5 * (answer.local_ns / 1e9 + answer.received_s)
         delay_s = report.received_s - (report.sent_s - theirs_less_ours_s)
         if not -_CLOCKS_AGREE_S < delay_s < _MAX_DELAY_S:

@@ -2,15 +2,15 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Collection, Mapping
-from typing import Final, NamedTuple, TypeVar
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.errors import ConfigError, LinkError
+from guidance.errors import LinkError
 from guidance.frames import LocalFrame
 from guidance.links.carriers import CARRIERS, EvaderIdentity
-from guidance.links.frames import Frame, FrameReader, SignatureCheck, SigningKey, Station
+from guidance.links.frames import FrameReader, SignatureCheck, SigningKey, Station
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
@@ -21,7 +21,8 @@ from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_evader import KEYS, ZenohEvader
 from guidance.links.zenoh_wire import Session, ZenohWire, open_session
 
-KINDS: Final = ("mavsdk", "pymavlink")
+_LINKS: Final = {"mavsdk": MavsdkLink, "pymavlink": PymavlinkLink}
+KINDS: Final = tuple(_LINKS)
 _LOOK_EVERY_S: Final = 0.02
 _HEARTBEAT_EVERY_S: Final = 1.0
 _OWN: Final = (255, 191)
@@ -78,7 +79,6 @@ def open_link(
     who: str,
     component_id: int = 1,
     own_system_id: int | None = None,
-    own_component_id: int = 195,
     signing_key: SigningKey | None = None,
     timeout_s: float = 10.0,
     sleep: Sleep = time.sleep,
@@ -87,39 +87,27 @@ def open_link(
 
     Args:
         wire: Closed with the link, also if opening fails.
-        kind: "mavsdk" or "pymavlink".
+        kind: One of `KINDS`.
         system_id: The vehicle's MAVLink system id; messages of others are dropped.
         clock: Time of arrivals, setpoints and repeated requests.
         who: Names the vehicle in errors.
         component_id: Its autopilot's.
         own_system_id: Ours; None takes the vehicle's, as its companion computer.
-        own_component_id: Ours; 195 is MAVSDK's for a companion computer.
         signing_key: Sign our frames and refuse unsigned ones (pymavlink only; MAVSDK cannot sign).
         timeout_s: How long to wait for the first HEARTBEAT.
         sleep: Waits between two looks, s.
 
     Raises:
-        ConfigError: If an argument is wrong.
         LinkError: If no HEARTBEAT arrived in time.
     """
-    ids = {"system_id": system_id, "component_id": component_id, "own_component_id": own_component_id}
     with contextlib.ExitStack() as closing:
         closing.callback(wire.close)
-        for name, value in ids.items():
-            if not 1 <= value <= 255:
-                raise ConfigError(f"{name} = {value}: allowed are 1 to 255")
-        if kind not in KINDS:
-            raise ConfigError(f"link = {kind!r}: allowed are {', '.join(KINDS)}")
-        if kind == "mavsdk" and signing_key is not None:
-            raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
-        opened = MavsdkLink if kind == "mavsdk" else PymavlinkLink
-        link = opened(
+        link = _LINKS[kind](
             wire,
             clock,
             system_id=system_id,
             component_id=component_id,
             own_system_id=own_system_id,
-            own_component_id=own_component_id,
             signing_key=signing_key,
         )
         closing.callback(link.close)
@@ -141,17 +129,15 @@ def wait_until_heard(link: PymavlinkLink, *, clock: Clock, timeout_s: float, sle
     Raises:
         LinkError: If none arrived in time.
     """
-
-    def look() -> bool:
+    for _ in _looks(link.send_heartbeat, clock, timeout_s, sleep):
         link.poll()
-        return link.heard
-
-    if not _waited(look, link.send_heartbeat, clock, timeout_s, sleep):
-        others = ", ".join(map(str, sorted(link.others))) or "none"
-        raise LinkError(
-            f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. "
-            "Is it running, does it send here, and is its system id right?"
-        )
+        if link.heard:
+            return
+    others = ", ".join(map(str, sorted(link.others))) or "none"
+    raise LinkError(
+        f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. "
+        "Is it running, does it send here, and is its system id right?"
+    )
 
 
 class Found(NamedTuple):
@@ -180,47 +166,32 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
         LinkError: If none arrived within `timeout_s`.
     """
     reader, station, heard = FrameReader({"HEARTBEAT"}), Station(*_OWN), 0
-
-    def look() -> Found | None:
-        nonlocal heard
-        frames = [frame for _, data in wire.receive() for frame in reader.read(data, stream=wire.stream)]
-        heard += len(frames)
-        return next(filter(None, map(_found, frames)), None)
-
-    found = _waited(look, lambda: wire.send(station.pack(own_heartbeat())), clock, timeout_s, sleep)
-    if found is None:
-        raise LinkError(
-            f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({heard + reader.unused} other frames heard); is "
-            "it running, and does it send here?"
-        )
-    return found
+    for _ in _looks(lambda: wire.send(station.pack(own_heartbeat())), clock, timeout_s, sleep):
+        for frame in [frame for _, data in wire.receive() for frame in reader.read(data, stream=wire.stream)]:
+            _, *ids, _, beat, _ = frame
+            # INVALID: a ground station, companion computer or camera. No sender has the id 0, which means all.
+            if all(ids) and beat.type != mavlink.MAV_TYPE_GCS and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+                armed = bool(beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+                return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type, armed)
+            heard += 1
+    raise LinkError(
+        f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({heard + reader.unused} other frames heard); is "
+        "it running, and does it send here?"
+    )
 
 
-T = TypeVar("T")
-
-
-def _waited(look: Callable[[], T], beat: Callable[[], None], clock: Clock, timeout_s: float, sleep: Sleep) -> T:
-    """Look until there is an answer or the time is up, with a HEARTBEAT every second; return the last answer."""
+def _looks(beat: Callable[[], None], clock: Clock, timeout_s: float, sleep: Sleep) -> Iterator[None]:
+    """Yield again and again until the time is up, with a HEARTBEAT every second."""
     beat_s = clock()
     deadline_s = beat_s + timeout_s
     while True:
         if clock() >= beat_s:
             beat()
             beat_s += _HEARTBEAT_EVERY_S
-        answer = look()
-        if answer or clock() >= deadline_s:
-            return answer
+        yield
+        if clock() >= deadline_s:
+            return
         sleep(_LOOK_EVERY_S)
-
-
-def _found(frame: Frame) -> Found | None:
-    beat = frame.fields
-    if frame.name != "HEARTBEAT" or beat.type == mavlink.MAV_TYPE_GCS:
-        return None
-    if beat.autopilot == mavlink.MAV_AUTOPILOT_INVALID:  # a ground station, companion computer or camera
-        return None
-    armed = bool(beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-    return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type, armed)
 
 
 def open_source(
@@ -238,7 +209,7 @@ def open_source(
     """Open the source of reports called `kind` at `url`.
 
     Args:
-        kind: A name in `CARRIERS` (MAVLink) or in `KEYS` (Zenoh).
+        kind: A name in `CARRIERS` (MAVLink; the identity has a system id then) or in `KEYS` (Zenoh).
         url: As for links; for Zenoh zenoh://host:port/key.
         clock: Stamps what arrives.
         frame: The evader's declared local frame, for the datum and for positions in metres.
@@ -249,25 +220,19 @@ def open_source(
         timeout_s: Limit for connecting, in real time.
 
     Raises:
-        ConfigError: If an argument is wrong or missing.
+        ConfigError: If the URL or the key is wrong, or the frame does not declare what the kind needs.
         LinkError: If the wire cannot be opened.
     """
     if kind in KEYS:
         endpoint = parse(url)
         key, read = KEYS[kind](frame, endpoint.namespace)
         return ZenohEvader(clock, _session(endpoint, credentials, timeout_s), key, read)
-    if kind not in CARRIERS:
-        raise ConfigError(f"evader.kind = {kind!r}: allowed are {', '.join((*CARRIERS, *KEYS))}")
-    system_id = identity.system_id
-    if system_id is None:
-        raise ConfigError(f"evader.system_id is missing: {kind} reads the messages of one MAVLink system")
-    carrier = CARRIERS[kind](frame, identity)
+    carrier, system_id = CARRIERS[kind](frame, identity), identity.system_id or 0
     if wire is None:
         keys = {} if signing_key is None else {system_id: signing_key}
         wire = open_wire(
             url, clock=clock, systems=(system_id,), keys=keys, credentials=credentials, timeout_s=timeout_s
         )
-    component_id = identity.component_id
     return MavlinkEvader(
-        wire, carrier, system_id=system_id, component_id=component_id, clock=clock, signing_key=signing_key
+        wire, carrier, system_id=system_id, component_id=identity.component_id, clock=clock, signing_key=signing_key
     )

@@ -93,7 +93,6 @@ class StreamWire(QueuedWire):
         return True
 
     def _release(self) -> None:
-        self._arrivals.close()
         self._reader.close()
         self.take_up(None)
 

@@ -228,7 +228,7 @@ class UdpWire(QueuedWire):
         Reads the socket itself, since the reader thread may be waiting for this one to release the interpreter. Does
         not wait if the reader thread is reading.
         """
-        if self._closed or not self._reading.acquire(blocking=False):
+        if self._arrivals.closed or not self._reading.acquire(blocking=False):
             return self._arrivals.take()
         packets = self._arrivals.take()
         try:
@@ -250,7 +250,7 @@ class UdpWire(QueuedWire):
         So no thread is woken only to wake another. The reader thread resumes up to `YIELD_S` later; datagrams that
         arrive in between are stamped when they are read.
         """
-        if self._closed:
+        if self._arrivals.closed:
             return
         self._awaited = True
         try:

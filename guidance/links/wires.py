@@ -93,7 +93,6 @@ class QueuedWire(ABC):
         self._clock = clock
         self._arrivals = Arrivals[Packet]()
         self._lock = threading.Lock()
-        self._closed = False
         self._sent = self._unsent = 0
 
     @abstractmethod
@@ -117,11 +116,9 @@ class QueuedWire(ABC):
         self._arrivals.wait(timeout_s)
 
     def send(self, frame: bytes) -> None:
-        """Send one frame; if that fails, count it."""
+        """Send one frame; if that fails, or the wire is closed, count it."""
         with self._lock:
-            if self._closed:
-                return
-            sent = self._write(frame)
+            sent = not self._arrivals.closed and self._write(frame)
             self._sent += sent
             self._unsent += not sent
 
@@ -132,9 +129,9 @@ class QueuedWire(ABC):
     def close(self) -> None:
         """Close the wire; may be called twice."""
         with self._lock:
-            if self._closed:
+            if self._arrivals.closed:
                 return
-            self._closed = True
+            self._arrivals.close()
         self._release()
 
 
@@ -158,7 +155,6 @@ class MemoryWire(QueuedWire):
         return True
 
     def _release(self) -> None:
-        self._arrivals.close()
         self._outbox.close()
 
 

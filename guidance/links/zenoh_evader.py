@@ -13,7 +13,6 @@ import math
 import struct
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, Literal
 
@@ -21,13 +20,12 @@ import zenoh
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from guidance.errors import ConfigError
-from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, Vector, ned_from_game
-from guidance.links.carriers import Refused, known_velocity, plausible, rotate, standard_deviation
+from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, ned_from_game
+from guidance.links.carriers import Refused, accepted, known_velocity, place_in, rotate, standard_deviation
 from guidance.links.port import Clock
 from guidance.links.wires import Arrivals
 from guidance.links.zenoh_wire import Session, Subscription
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
-from guidance.vehicle import FARTHEST_M
 
 PayloadReader = Callable[[bytes, float], EvaderReport]
 
@@ -68,13 +66,8 @@ class ZenohEvader:
         """Return all reports since the last call, in order of arrival."""
         reports = []
         for received_s, payload, peer in self._arrivals.take():
-            try:
-                report = plausible(self._read(payload, received_s))
-            except Refused as refused:
-                self._counts[f"refused_{refused.reason}"] += 1
-            else:
-                reports.append(report._replace(peer=peer))
-                self._counts["reports"] += 1
+            report = accepted(self._counts, self._read, payload, received_s)
+            reports += [] if report is None else [report._replace(peer=peer)]
         return reports
 
     def counters(self) -> Mapping[str, int]:
@@ -202,63 +195,41 @@ def rmw_key(topic: str, dds_type: str) -> str:
     return f"*/{topic.strip('/')}/{dds_type}/*"
 
 
-@dataclass(frozen=True, slots=True)
-class RosPose:
-    """Reads both types. `frame` is the frame that ROS calls `frame_id`; poses in other frames are refused."""
+def read_ros(
+    payload: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = "map"
+) -> EvaderReport:
+    """Convert a geometry_msgs/PoseStamped, or a nav_msgs/Odometry.
 
-    frame: LocalFrame
-    frame_id: str = "map"
+    Args:
+        payload: Its bytes.
+        received_s: By our clock.
+        frame: The frame that ROS calls `frame_id`.
+        moves: Whether it is an Odometry.
+        frame_id: Poses in other frames are refused.
 
-    def pose_stamped(self, payload: bytes, received_s: float) -> EvaderReport:
-        """Convert a geometry_msgs/PoseStamped.
-
-        Raises:
-            Refused: If the bytes are not one, or it is in another frame.
-        """
-        reader = CdrReader(payload)
-        stamp_s = self._stamp_s(reader)
-        pose = reader.take("d", 7)
-        return self._report(stamp_s, received_s, pose[:3], UNKNOWN_VELOCITY, math.nan, math.nan)
-
-    def odometry(self, payload: bytes, received_s: float) -> EvaderReport:
-        """Convert a nav_msgs/Odometry.
-
-        Raises:
-            Refused: If the bytes are not one, or it is in another frame.
-        """
-        reader = CdrReader(payload)
-        stamp_s = self._stamp_s(reader)
+    Raises:
+        Refused: If the bytes are not one, or it is in another frame.
+    """
+    reader = CdrReader(payload)
+    (seconds,), (nanoseconds,) = reader.take("i"), reader.take("I")
+    if reader.string() != frame_id:
+        raise Refused("frame")
+    velocity, sd_m, sd_m_s = UNKNOWN_VELOCITY, math.nan, math.nan
+    if moves:
         reader.string()  # child_frame_id
-        x, y, z, q_x, q_y, q_z, q_w = reader.take("d", 7)
-        pose_variance = reader.take("d", 36)
-        twist = reader.take("d", 6)
-        twist_variance = reader.take("d", 36)
-        velocity_enu = known_velocity(rotate((q_w, q_x, q_y, q_z), twist[:3]))
-        sd_m = standard_deviation(*(pose_variance[index] for index in _DIAGONAL))
-        sd_m_s = standard_deviation(*(twist_variance[index] for index in _DIAGONAL))
-        return self._report(stamp_s, received_s, (x, y, z), ned_from_game(velocity_enu), sd_m, sd_m_s)
-
-    def _stamp_s(self, reader: CdrReader) -> float:
-        """Read a std_msgs/Header; return its time, NaN for none."""
-        (seconds,), (nanoseconds,) = reader.take("i"), reader.take("I")
-        if reader.string() != self.frame_id:
-            raise Refused("frame")
-        return seconds + nanoseconds / 1e9 or math.nan
-
-    def _report(
-        self, stamp_s: float, received_s: float, enu_m: Vector, velocity_ned: Vector, sd_m: float, sd_m_s: float
-    ) -> EvaderReport:
-        if not all(abs(part) < FARTHEST_M for part in enu_m):  # NaN fails this too
-            raise Refused("position")
-        latitude, longitude, altitude = self.frame.wgs84_from_ned(ned_from_game(enu_m))
-        place = latitude, longitude, altitude.metres
-        said = AltitudeSaid(enu_m[2], Datum.ORIGIN)
-        return EvaderReport(received_s, stamp_s, "ROS 2", *place, velocity_ned, sd_m, sd_m_s, said=said)
+    east, north, up, q_x, q_y, q_z, q_w = reader.take("d", 7)
+    if moves:
+        variances, twist, rates = reader.take("d", 36), reader.take("d", 6), reader.take("d", 36)
+        velocity = ned_from_game(known_velocity(rotate((q_w, q_x, q_y, q_z), twist[:3])))
+        sd_m, sd_m_s = (standard_deviation(*(given[index] for index in _DIAGONAL)) for given in (variances, rates))
+    place, said = place_in(frame, ned_from_game((east, north, up))), AltitudeSaid(up, Datum.ORIGIN)
+    sent_s = seconds + nanoseconds / 1e9 or math.nan
+    return EvaderReport(received_s, sent_s, "ROS 2", *place, velocity, sd_m, sd_m_s, said=said)
 
 
 KEYS: Final[Mapping[str, Callable[[LocalFrame, str], tuple[str, PayloadReader]]]] = {
     "json": lambda frame, key: (key, partial(read_json, frame=frame, source=key)),
-    "ros_pose": lambda frame, topic: (rmw_key(topic, POSE_TYPE), RosPose(frame).pose_stamped),
-    "ros_odometry": lambda frame, topic: (rmw_key(topic, ODOMETRY_TYPE), RosPose(frame).odometry),
+    "ros_pose": lambda frame, topic: (rmw_key(topic, POSE_TYPE), partial(read_ros, frame=frame, moves=False)),
+    "ros_odometry": lambda frame, topic: (rmw_key(topic, ODOMETRY_TYPE), partial(read_ros, frame=frame, moves=True)),
 }
 """Key and payload by their name in a configuration. The URL's path is the key, or the ROS topic."""

@@ -121,13 +121,12 @@ def _open_source(
         wire, asked = share(wire, 2)
         ids: dict[str, Any] = {"system_id": evader.system_id, "component_id": evader.component_id or 1}
         link = PymavlinkLink(asked, clock.now_s, **ids, own_system_id=OWN_ID, signing_key=key)
-    hexadecimal = None if evader.id_or_mac is None else bytes.fromhex(evader.id_or_mac)
     source = open_source(
         evader.kind,
         url,
         clock=clock.now_s,
         frame=_frame(evader.frame),
-        identity=EvaderIdentity(evader.system_id, evader.component_id, evader.icao_address, hexadecimal),
+        identity=EvaderIdentity(evader.system_id, evader.component_id, evader.icao_address, evader.id_or_mac),
         wire=None if evader.kind in ON_ZENOH else wire,
         signing_key=key,
         credentials=credentials,

@@ -89,7 +89,7 @@ class LiveWorld(world.World):
         commands, *reports = self._wires(name, 1 + len(self.evaders))
         self.players[name] = EvaderPilot(self._open_link("pymavlink", commands, name), scenario)
         for sources, wire in zip(self._sources.values(), reports, strict=True):
-            sources[name] = mavlink_evader.MavlinkEvader(wire, carriers.GlobalPositionInt(), system_id=self._ids[name])
+            sources[name] = mavlink_evader.MavlinkEvader(wire, carriers.GLOBAL_POSITION, system_id=self._ids[name])
             self.closing.callback(sources[name].close)
 
 

@@ -6,7 +6,7 @@ from typing import Final
 from guidance.clock import Clock
 from guidance.frames import Vector
 from guidance.links import Wire
-from guidance.links.carriers import GlobalPositionInt
+from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import MemoryWire, TappedWire
@@ -73,7 +73,7 @@ class SteppedWorld(World):
         self.players |= {name: EvaderPilot(self.links.pop(name), scenario) for name, scenario in chased.items()}
         for vehicle in self.links:
             self.evaders[vehicle] = {
-                name: MavlinkEvader(self._mocks[name].listener(), GlobalPositionInt(), system_id=ids[name])
+                name: MavlinkEvader(self._mocks[name].listener(), GLOBAL_POSITION, system_id=ids[name])
                 for name in self.players
             }
 

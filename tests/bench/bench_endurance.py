@@ -39,7 +39,7 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.flight import State
 from guidance.links import MemoryWire
-from guidance.links.carriers import GlobalPositionInt
+from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.log import compare
@@ -79,7 +79,7 @@ class VirtualWorld:
         self._mock = SteppedMock("bench", Faulted(vehicle, "bench", FaultScript()), clock)
         link = PymavlinkLink(self._mock.wire, clock.now_s, system_id=1)
         ours, self._radio = MemoryWire.pair(clock.now_s)
-        evader = MavlinkEvader(ours, GlobalPositionInt(), system_id=2)
+        evader = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2)
         self.links, self.evaders = {"bench": link}, {"bench": {"evader": evader}}
         self._beacon = Beacon(0)
         self._next_s = 0.0

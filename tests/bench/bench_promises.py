@@ -36,11 +36,8 @@ from guidance.config import load as load_file  # noqa: E402
 from guidance.errors import GuidanceError  # noqa: E402
 from guidance.frames import Amsl, LocalFrame  # noqa: E402
 from guidance.links import MemoryWire  # noqa: E402
-from guidance.links.carriers import (  # noqa: E402
-    GlobalPositionInt,
-    MavlinkEvader,
-    Refused,
-)
+from guidance.links.carriers import GLOBAL_POSITION, Refused  # noqa: E402
+from guidance.links.mavlink_evader import MavlinkEvader  # noqa: E402
 from guidance.links.pymavlink_link import PymavlinkLink  # noqa: E402
 from guidance.links.zenoh_evader import read_json  # noqa: E402
 from guidance.log import record_errors, survey_of  # noqa: E402
@@ -116,7 +113,7 @@ def _telemetry() -> Row:
 
 def _reports(count: int = 20_000) -> Row:
     ours, theirs = MemoryWire.pair(time.perf_counter)
-    source, beacon = MavlinkEvader(ours, GlobalPositionInt(), system_id=2), Beacon(0)
+    source, beacon = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2), Beacon(0)
     frames = [beacon.frame(0.1 * number) for number in range(count)]
     beacon.socket.close()
     read, began_s = 0, time.process_time()

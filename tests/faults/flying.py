@@ -14,7 +14,7 @@ from guidance.clock import VirtualClock
 from guidance.control.polygon import Polygon
 from guidance.flight import FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
-from guidance.links.carriers import GlobalPositionInt
+from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.log.replay import compare
 from guidance.log.writer import NullRecorder, Recorder
@@ -62,7 +62,7 @@ class Sortie:
         self.clock = VirtualClock()
         self._world = SteppedWorld(case.game, self.clock)
         wire = PinnedWire(evader_wire(self._world), (EVADER_ID,))
-        self._world.evaders["pursuer"]["evader"] = MavlinkEvader(wire, GlobalPositionInt(), system_id=EVADER_ID)
+        self._world.evaders["pursuer"]["evader"] = MavlinkEvader(wire, GLOBAL_POSITION, system_id=EVADER_ID)
         self.mission = Mission(
             case.game,
             self._world,

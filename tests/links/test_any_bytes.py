@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.carriers import AdsbVehicle, FollowTarget, GlobalPositionInt, OdometryCarrier, OpenDroneIdLocation
+from guidance.links.carriers import CARRIERS, EvaderIdentity
 from guidance.links.frames import FrameReader
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import USED, PymavlinkLink
@@ -18,8 +18,6 @@ from tests.links.any_frame import MESSAGES, framed
 from tests.links.peer import Peer
 
 FRAME = LocalFrame(47.0, 8.0, Amsl(488.0), undulation_m=47.0)
-CARRIERS = [FollowTarget, GlobalPositionInt, lambda: OdometryCarrier(FRAME), lambda: OpenDroneIdLocation(FRAME)]
-CARRIERS += [lambda: AdsbVehicle(FRAME, 0)]
 
 
 def places(message) -> list[float]:
@@ -72,7 +70,7 @@ def test_any_payload_of_an_evader_is_a_plausible_report_or_refused(carrier):
     @given(st.lists(st.binary(min_size=1, max_size=255), min_size=1, max_size=4))
     def whatever(payloads):
         ours, theirs = MemoryWire.pair(lambda: 3.0)
-        made = carrier()
+        made = CARRIERS[carrier](FRAME, EvaderIdentity(icao_address=0))
         source = MavlinkEvader(ours, made, system_id=9)
         for payload in payloads:
             theirs.send(framed(made.message, payload, system_id=9))

@@ -82,17 +82,6 @@ def test_the_error_of_udp_and_tcp_urls_names_both_directions(scheme):
         parse(f"{scheme}://127.0.0.1:14540")
 
 
-def test_an_unknown_kind_and_ids_out_of_range_are_refused():
-    with pytest.raises(ConfigError, match="link = 'mavros': allowed are mavsdk, pymavlink"):
-        opened_link("mavros", "udpin://127.0.0.1:14540", system_id=1, clock=clock)
-    for ids in ({"system_id": 0}, {"system_id": 256}, {"system_id": 1, "component_id": 0}):
-        with pytest.raises(ConfigError, match="allowed are 1 to 255"):
-            opened_link("pymavlink", "udpin://127.0.0.1:14540", clock=clock, **ids)
-    key = SigningKey(bytes(32))
-    with pytest.raises(ConfigError, match="MAVSDK does not sign"):
-        opened_link("mavsdk", "udpin://127.0.0.1:14540", system_id=1, clock=clock, signing_key=key)
-
-
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
 @pytest.mark.parametrize("scheme", ["udpin", "udpout"])
 def test_opening_a_silent_link_fails_after_the_callers_timeout(kind, scheme):

@@ -1,7 +1,7 @@
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links import MemoryWire
-from guidance.links.carriers import FollowTarget
+from guidance.links.carriers import FOLLOW_TARGET
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import QUEUE_LENGTH, share
@@ -13,7 +13,7 @@ def test_a_vehicle_and_its_evader_share_a_wire():
     ours, theirs = MemoryWire.pair(lambda: 1.0)
     for_link, for_evader = share(ours, 2)
     link = PymavlinkLink(for_link, lambda: 1.0, system_id=1)
-    source = MavlinkEvader(for_evader, FollowTarget(), system_id=9)
+    source = MavlinkEvader(for_evader, FOLLOW_TARGET, system_id=9)
     peer = Peer(theirs.send)
     peer.heartbeat()
     zeros = [0.0] * 3

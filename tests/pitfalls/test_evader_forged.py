@@ -16,7 +16,8 @@ from guidance.config import parse
 from guidance.flight import Event, State
 from guidance.frames import Amsl, LocalFrame, game_from_ned
 from guidance.links import MemoryWire
-from guidance.links.carriers import AdsbVehicle, FollowTarget
+from guidance.links.carriers import CARRIERS as MAVLINK
+from guidance.links.carriers import FOLLOW_TARGET, EvaderIdentity
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.zenoh_evader import KEYS
 from guidance.session.loop import run
@@ -201,8 +202,8 @@ def adsb_vehicle(place, velocity, now_s):
 CARRIERS = {
     "json": lambda: (20.0, over_zenoh("json")),
     "ros_pose": lambda: (20.0, over_zenoh("ros_pose")),
-    "follow_target": lambda: (10.0, over_mavlink(FollowTarget(), follow_target)),
-    "adsb": lambda: (4.0, over_mavlink(AdsbVehicle(SITE, 0xABCDEF), adsb_vehicle)),
+    "follow_target": lambda: (10.0, over_mavlink(FOLLOW_TARGET, follow_target)),
+    "adsb": lambda: (4.0, over_mavlink(MAVLINK["adsb"](SITE, EvaderIdentity(icao_address=0xABCDEF)), adsb_vehicle)),
 }
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event
-from guidance.links.carriers import GlobalPositionInt
+from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.session.loop import run
 from guidance.session.mission import Mission
@@ -49,7 +49,7 @@ def flown(forger, *, silent_from_s=math.inf):
         return component != FORGERS_ID and silent_from_s <= since_s < silent_from_s + SILENT_S
 
     wire = PinnedWire(evader_wire(world), (EVADER_ID,), is_lost)
-    world.evaders["pursuer"]["evader"] = MavlinkEvader(wire, GlobalPositionInt(), system_id=EVADER_ID)
+    world.evaders["pursuer"]["evader"] = MavlinkEvader(wire, GLOBAL_POSITION, system_id=EVADER_ID)
     mission = Mission(scenario, world, clock)
     around = Hijacked(mission, mission.daemons[0], world)
     try:

@@ -13,7 +13,7 @@ from guidance.clock import VirtualClock
 from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.carriers import FollowTarget
+from guidance.links.carriers import FOLLOW_TARGET
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat
 
@@ -24,7 +24,7 @@ def test_20_a_velocity_of_zero_in_follow_target_is_unknown_and_not_rest():
     message = mavlink.MAVLink_follow_target_message(
         1000, 1 | 2, 473977420, 85455940, 500.0, [0.0] * 3, [0.0] * 3, [1.0, 0, 0, 0], [0.0] * 3, [0.0] * 3, 0
     )
-    report = FollowTarget().report(message, 1.0)
+    report = FOLLOW_TARGET.report(message, 1.0)
     assert all(math.isnan(part) for part in report.velocity_ned_m_s)
 
 

@@ -11,7 +11,7 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.flight import Authority, State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.carriers import GlobalPositionInt
+from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.frames import ticks
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -86,7 +86,7 @@ class Ordered(Sortie):
         self.wire = TappedWire(ours, clock.now_s, "uav1")
         signing = {"signing_key": None if key is None else SigningKey(key), "unix_s": UNIX_S}
         self.link = PymavlinkLink(self.wire, clock.now_s, system_id=1, **signing)
-        heard = MavlinkEvader(theirs, GlobalPositionInt(), system_id=2, **signing)
+        heard = MavlinkEvader(theirs, GLOBAL_POSITION, system_id=2, **signing)
         self.evader = heard if source is None else source(clock)
         self.mailbox, self.log, self.notifier = Mailbox(), KeptLog(), KeptNotifier()
         self.metrics = Metrics(config.name)

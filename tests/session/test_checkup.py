@@ -13,7 +13,7 @@ from guidance.config import parse
 from guidance.errors import FlightError
 from guidance.links import MemoryWire
 from guidance.links import world as worlds
-from guidance.links.carriers import GlobalPositionInt
+from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.preflight import refusals
@@ -42,7 +42,7 @@ class World(VirtualClock):
         plan = plan_of(parse(Config, document, source="test"))
         self.autopilot = autopilot_named(autopilot)
         self.said = []
-        evader = MavlinkEvader(silence, GlobalPositionInt(), system_id=2)
+        evader = MavlinkEvader(silence, GLOBAL_POSITION, system_id=2)
         world = worlds.World({"uav1": self.link}, {"uav1": {EVADER: evader}})
         self.checkup = Checkup("uav1", plan, world, self)
 

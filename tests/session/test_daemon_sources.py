@@ -8,9 +8,9 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.carriers import OpenDroneIdLocation
+from guidance.links.carriers import CARRIERS, EvaderIdentity
 from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.zenoh_evader import RosPose
+from guidance.links.zenoh_evader import read_ros
 from tests.links.evaders.test_mavlink import drone_id
 from tests.links.evaders.test_zenoh import Cdr
 from tests.session.conftest import HERE
@@ -56,7 +56,7 @@ def ros(clock):
         cdr = Cdr("<").put("i", seconds).put("I", round((now_s - seconds) * 1e9)).text("map").text("base_link")
         cdr.put("d", east, north, -down, 0.0, 0.0, 0.0, 1.0)
         body = cdr.put("d", *[0.01] * 36, EAST_M_S, 0.0, 0.0, 0.0, 0.0, 0.0, *[0.01] * 36).done()
-        return [RosPose(FRAME).odometry(body, now_s)]
+        return [read_ros(body, now_s, frame=FRAME, moves=True)]
 
     return BySource(clock, 10.0, say)
 
@@ -64,7 +64,10 @@ def ros(clock):
 def remote_id(clock):
     """OPEN_DRONE_ID_LOCATION once a second: the height above the ellipsoid, the seconds of the hour."""
     ours, radio = MemoryWire.pair(clock.now_s)
-    source, sender = MavlinkEvader(ours, OpenDroneIdLocation(FRAME), system_id=9), mavlink.MAVLink(None, 9, 1)
+    source, sender = (
+        MavlinkEvader(ours, CARRIERS["open_drone_id"](FRAME, EvaderIdentity()), system_id=9),
+        mavlink.MAVLink(None, 9, 1),
+    )
 
     def say(now_s, ned_m):
         latitude, longitude, altitude = FRAME.wgs84_from_ned(ned_m)

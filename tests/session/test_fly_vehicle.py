@@ -18,7 +18,7 @@ from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.flight import Event, State
 from guidance.links import MemoryWire
 from guidance.links import world as worlds
-from guidance.links.carriers import GlobalPositionInt
+from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.port import parse
@@ -116,7 +116,7 @@ class Sortie(Supervised):
         self.own = config_of(scenario, "pursuer", vehicle, "udpin://127.0.0.1:14541")
         ears, radio = MemoryWire.pair(world.now_s)
         self.evader = EvaderHere(self.laid, world, radio)
-        source = MavlinkEvader(ears, GlobalPositionInt(), system_id=EVADER_ID, clock=world.now_s)
+        source = MavlinkEvader(ears, GLOBAL_POSITION, system_id=EVADER_ID, clock=world.now_s)
         self.shown = []
         super().__init__(
             world,

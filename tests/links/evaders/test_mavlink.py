@@ -14,14 +14,7 @@ from guidance.estimation import Observer, observe, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.carriers import (
-    AdsbVehicle,
-    EvaderIdentity,
-    FollowTarget,
-    GlobalPositionInt,
-    OdometryCarrier,
-    OpenDroneIdLocation,
-)
+from guidance.links.carriers import CARRIERS, FOLLOW_TARGET, GLOBAL_POSITION, Carrier, EvaderIdentity
 from guidance.links.frames import ticks
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import open_source
@@ -32,6 +25,10 @@ from tests.links.rigs import free_port
 UNDULATION_M = 47.3
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), undulation_m=UNDULATION_M)
 NAN = math.nan
+
+
+def carrier_of(kind, frame=FRAME, **identity) -> Carrier:
+    return CARRIERS[kind](frame, EvaderIdentity(**identity))
 
 
 class World:
@@ -63,7 +60,7 @@ def is_unknown(velocity) -> bool:
 
 
 def test_follow_target_is_amsl_north_east_down_and_milliseconds_since_boot():
-    report = World(FollowTarget()).report(follow())
+    report = World(FOLLOW_TARGET).report(follow())
     assert report == EvaderReport(
         5.0,
         1.5,
@@ -91,23 +88,23 @@ def test_follow_target_is_amsl_north_east_down_and_milliseconds_since_boot():
     ],
 )
 def test_a_velocity_of_zero_or_without_its_bit_is_unknown_and_never_zero(capabilities, vel, known):
-    report = World(FollowTarget()).report(follow(capabilities=capabilities, vel=vel))
+    report = World(FOLLOW_TARGET).report(follow(capabilities=capabilities, vel=vel))
     assert report.velocity_ned_m_s == vel if known else is_unknown(report.velocity_ned_m_s)
 
 
 def test_accuracy_of_zero_is_unknown():
-    assert math.isnan(World(FollowTarget()).report(follow(cov=(0.0, 0.0, 0.0))).position_sd_m)
+    assert math.isnan(World(FOLLOW_TARGET).report(follow(cov=(0.0, 0.0, 0.0))).position_sd_m)
 
 
 @pytest.mark.parametrize(("lat", "alt"), [(2**31 - 1, 500.0), (910000000, 500.0), (473977418, NAN), (473977418, 1e9)])
 def test_a_follow_target_of_no_place_is_refused_and_counted(lat, alt):
-    world = World(FollowTarget())
+    world = World(FOLLOW_TARGET)
     assert world.report(follow(lat=lat, alt=alt)) is None
     assert sum(world.refused().values()) == 1
 
 
 def test_only_the_pinned_system_is_the_evader_even_when_it_falls_silent():
-    world = World(FollowTarget())
+    world = World(FOLLOW_TARGET)
     assert world.report(follow(), system_id=255, component_id=190) is None
     assert world.report(follow(), system_id=8) is None
     assert world.report(follow()) is not None
@@ -115,7 +112,7 @@ def test_only_the_pinned_system_is_the_evader_even_when_it_falls_silent():
 
 
 def test_reports_from_other_addresses_are_counted_in_the_next_report():
-    world = World(FollowTarget())
+    world = World(FOLLOW_TARGET)
     other = Peer(lambda data: None, system_id=9)
     elsewhere = [other.packed(follow()), other.packed(dialect.MAVLink_timesync_message(1, 2)), b"\xfd garbage"]
     world.source._wire.impostors = lambda: [elsewhere.pop()] if elsewhere else []
@@ -124,7 +121,7 @@ def test_reports_from_other_addresses_are_counted_in_the_next_report():
 
 
 def test_a_component_can_be_pinned_too():
-    world = World(FollowTarget(), component_id=1)
+    world = World(FOLLOW_TARGET, component_id=1)
     assert world.report(follow(), component_id=191) is None
     assert world.report(follow(), component_id=1) is not None
 
@@ -132,9 +129,9 @@ def test_a_component_can_be_pinned_too():
 @pytest.mark.parametrize(
     ("carrier", "message"),
     [
-        (FollowTarget(), lambda ms: follow(ms=ms)),
+        (FOLLOW_TARGET, lambda ms: follow(ms=ms)),
         (
-            GlobalPositionInt(),
+            GLOBAL_POSITION,
             lambda ms: dialect.MAVLink_global_position_int_message(ms, 473977418, 85455939, 500000, 0, 1, 2, 3, 0),
         ),
     ],
@@ -149,7 +146,7 @@ def test_a_clock_that_wraps_at_32_bits_goes_on(carrier, message):
 
 
 def test_a_sender_that_restarts_steps_back():
-    world = World(FollowTarget())
+    world = World(FOLLOW_TARGET)
     sent = [world.report(follow(ms=ms)).sent_s for ms in (500_000, 500_100, 30, 130)]
     assert sent[2] - sent[1] == pytest.approx(-500.07)
     assert sent[3] - sent[2] == pytest.approx(0.1)
@@ -157,7 +154,7 @@ def test_a_sender_that_restarts_steps_back():
 
 def test_global_position_int_is_amsl_and_at_rest_means_at_rest():
     message = dialect.MAVLink_global_position_int_message(2500, 473977418, -85455939, 520250, 32000, 0, 0, 0, 0)
-    report = World(GlobalPositionInt()).report(message)
+    report = World(GLOBAL_POSITION).report(message)
     assert (report.sent_s, report.latitude_deg, report.longitude_deg) == (2.5, 47.3977418, -8.5455939)
     assert report.altitude_amsl_m == 520.25
     assert report.velocity_ned_m_s == (0.0, 0.0, 0.0)
@@ -166,7 +163,7 @@ def test_global_position_int_is_amsl_and_at_rest_means_at_rest():
 
 @pytest.mark.parametrize(("lat", "lon"), [(0, 0), (2**31 - 1, 85455939)])
 def test_a_global_position_before_the_first_fix_is_refused(lat, lon):
-    world = World(GlobalPositionInt())
+    world = World(GLOBAL_POSITION)
     assert world.report(dialect.MAVLink_global_position_int_message(1, lat, lon, 1, 1, 1, 1, 1, 1)) is None
     assert world.refused() == {"refused_invalid": 1}
 
@@ -181,7 +178,7 @@ def odometry(*, frame=1, child=1, position=(100.0, 50.0, -20.0), q=(1.0, 0.0, 0.
 
 
 def test_odometry_is_metres_about_the_evaders_own_origin():
-    report = World(OdometryCarrier(FRAME)).report(odometry(pose=0.25))
+    report = World(carrier_of("odometry")).report(odometry(pose=0.25))
     assert FRAME.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)) == (
         pytest.approx((100.0, 50.0, -20.0), abs=1e-3)
     )
@@ -195,25 +192,25 @@ def test_odometry_is_metres_about_the_evaders_own_origin():
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0, 180.0, 270.0])
 def test_a_body_velocity_is_turned_by_the_attitude(heading_deg):
     half = math.radians(heading_deg) / 2.0
-    report = World(OdometryCarrier(FRAME)).report(odometry(child=12, q=(math.cos(half), 0.0, 0.0, math.sin(half))))
+    report = World(carrier_of("odometry")).report(odometry(child=12, q=(math.cos(half), 0.0, 0.0, math.sin(half))))
     heading = math.radians(heading_deg)
     assert report.velocity_ned_m_s == pytest.approx((3 * math.cos(heading), 3 * math.sin(heading), 0.0), abs=1e-6)
 
 
 def test_a_body_that_pitches_down_flies_down():
     half = math.radians(-90.0) / 2.0
-    report = World(OdometryCarrier(FRAME)).report(odometry(child=12, q=(math.cos(half), 0.0, math.sin(half), 0.0)))
+    report = World(carrier_of("odometry")).report(odometry(child=12, q=(math.cos(half), 0.0, math.sin(half), 0.0)))
     assert report.velocity_ned_m_s == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("bad", [{"child": 20}, {"child": 12, "q": (0.0, 0.0, 0.0, 0.0)}, {"v": (NAN, 0.0, 0.0)}])
 def test_an_odometry_velocity_that_cannot_be_turned_is_unknown(bad):
-    assert is_unknown(World(OdometryCarrier(FRAME)).report(odometry(**bad)).velocity_ned_m_s)
+    assert is_unknown(World(carrier_of("odometry")).report(odometry(**bad)).velocity_ned_m_s)
 
 
 @pytest.mark.parametrize("bad", [{"frame": 20}, {"frame": 4}, {"position": (NAN, 0.0, 0.0)}, {"position": (1e9, 0, 0)}])
 def test_an_odometry_in_another_frame_or_nowhere_is_refused(bad):
-    world = World(OdometryCarrier(FRAME))
+    world = World(carrier_of("odometry"))
     assert world.report(odometry(**bad)) is None
     assert sum(world.refused().values()) == 1
 
@@ -244,7 +241,7 @@ def drone_id(**changes):
 
 
 def test_remote_id_is_ellipsoidal_and_its_climb_is_up():
-    report = World(OpenDroneIdLocation(FRAME)).report(drone_id())
+    report = World(carrier_of("open_drone_id")).report(drone_id())
     assert report.altitude_amsl_m == pytest.approx(600.0 - UNDULATION_M)
     assert report.said == (600.0, Datum.ELLIPSOID)
     assert report.velocity_ned_m_s == pytest.approx((0.0, 4.0, -0.5), abs=1e-9)
@@ -253,7 +250,7 @@ def test_remote_id_is_ellipsoidal_and_its_climb_is_up():
 
 @pytest.mark.parametrize("unknown", [{"direction": 36100}, {"speed_horizontal": 25500}, {"speed_vertical": 6300}])
 def test_remote_id_sentinels_make_the_velocity_unknown(unknown):
-    assert is_unknown(World(OpenDroneIdLocation(FRAME)).report(drone_id(**unknown)).velocity_ned_m_s)
+    assert is_unknown(World(carrier_of("open_drone_id")).report(drone_id(**unknown)).velocity_ned_m_s)
 
 
 @pytest.mark.parametrize(
@@ -266,13 +263,13 @@ def test_remote_id_sentinels_make_the_velocity_unknown(unknown):
     ],
 )
 def test_remote_id_without_a_place_is_refused(unknown):
-    world = World(OpenDroneIdLocation(FRAME))
+    world = World(carrier_of("open_drone_id"))
     assert world.report(drone_id(**unknown)) is None
     assert sum(world.refused().values()) == 1
 
 
 def test_remote_id_time_goes_on_over_the_full_hour_and_may_be_unknown():
-    world = World(OpenDroneIdLocation(FRAME))
+    world = World(carrier_of("open_drone_id"))
     sent = [world.report(drone_id(timestamp=second)).sent_s for second in (3598.5, 3599.5, 0.5, 65535.0, 1.5)]
     assert sent[:3] == [3598.5, 3599.5, 3600.5]
     assert math.isnan(sent[3])
@@ -280,13 +277,13 @@ def test_remote_id_time_goes_on_over_the_full_hour_and_may_be_unknown():
 
 
 def test_undefined_accuracy_classes_are_unknown():
-    report = World(OpenDroneIdLocation(FRAME)).report(drone_id(horizontal_accuracy=0, speed_accuracy=200))
+    report = World(carrier_of("open_drone_id")).report(drone_id(horizontal_accuracy=0, speed_accuracy=200))
     assert math.isnan(report.position_sd_m)
     assert math.isnan(report.velocity_sd_m_s)
 
 
 def test_one_relayed_identity_can_be_pinned():
-    world = World(OpenDroneIdLocation(FRAME, id_or_mac=b"\x01\x02\x03"))
+    world = World(carrier_of("open_drone_id", id_or_mac="010203"))
     assert world.report(drone_id()) is None
     assert world.report(drone_id(id_or_mac=[1, 2, 3] + [0] * 17)) is not None
     assert world.refused() == {"refused_other_id": 1}
@@ -312,8 +309,8 @@ def adsb(**changes):
 
 
 def test_adsb_altitude_has_the_datum_of_its_type():
-    assert World(AdsbVehicle(FRAME, 0xABCDEF)).report(adsb()).altitude_amsl_m == 600.0
-    geometric = World(AdsbVehicle(FRAME, 0xABCDEF)).report(adsb(altitude_type=1))
+    assert World(carrier_of("adsb", icao_address=0xABCDEF)).report(adsb()).altitude_amsl_m == 600.0
+    geometric = World(carrier_of("adsb", icao_address=0xABCDEF)).report(adsb(altitude_type=1))
     assert geometric.altitude_amsl_m == pytest.approx(600.0 - UNDULATION_M)
     assert geometric.said == (600.0, Datum.ELLIPSOID)
     assert geometric.velocity_ned_m_s == pytest.approx((-50.0, 0.0, 2.0), abs=1e-9)
@@ -322,7 +319,9 @@ def test_adsb_altitude_has_the_datum_of_its_type():
 
 @pytest.mark.parametrize("missing", [4, 8, 128])
 def test_an_adsb_velocity_without_its_flags_is_unknown(missing):
-    assert is_unknown(World(AdsbVehicle(FRAME, 0xABCDEF)).report(adsb(flags=0x8F & ~missing)).velocity_ned_m_s)
+    assert is_unknown(
+        World(carrier_of("adsb", icao_address=0xABCDEF)).report(adsb(flags=0x8F & ~missing)).velocity_ned_m_s
+    )
 
 
 @pytest.mark.parametrize(
@@ -335,15 +334,15 @@ def test_an_adsb_velocity_without_its_flags_is_unknown(missing):
     ],
 )
 def test_adsb_of_others_or_old_or_of_no_place_is_refused(change, reason):
-    world = World(AdsbVehicle(FRAME, 0xABCDEF))
+    world = World(carrier_of("adsb", icao_address=0xABCDEF))
     assert world.report(adsb(**change)) is None
     assert world.refused() == {reason: 1}
 
 
-@pytest.mark.parametrize("make", [OpenDroneIdLocation, lambda frame: AdsbVehicle(frame, 1)])
-def test_a_carrier_of_ellipsoidal_heights_asks_for_the_geoid_before_the_flight(make):
+@pytest.mark.parametrize("kind", ["open_drone_id", "adsb"])
+def test_a_carrier_of_ellipsoidal_heights_asks_for_the_geoid_before_the_flight(kind):
     with pytest.raises(ConfigError, match="undulation_m"):
-        make(replace(FRAME, undulation_m=None))
+        carrier_of(kind, replace(FRAME, undulation_m=None))
 
 
 def global_position(ms: int):
@@ -377,7 +376,7 @@ class AskedWorld(World):
 
 
 def test_the_evaders_clock_is_asked_for_and_goes_along_with_a_report():
-    world = AskedWorld(GlobalPositionInt())
+    world = AskedWorld(GLOBAL_POSITION)
     reports = [report for _ in range(3) for report in world.second()]
     answers = [report.timesync for report in reports if report.timesync is not None]
     assert 2 <= len(answers) <= 3
@@ -388,26 +387,26 @@ def test_the_evaders_clock_is_asked_for_and_goes_along_with_a_report():
 
 
 def test_answers_of_somebody_else_say_nothing_of_the_evaders_clock():
-    world = AskedWorld(GlobalPositionInt())
+    world = AskedWorld(GLOBAL_POSITION)
     assert all(report.timesync is None for _ in range(3) for report in world.second(answer_as=1))
 
 
 def test_an_answer_by_another_clock_than_the_reports_is_not_used():
-    world = AskedWorld(GlobalPositionInt())
+    world = AskedWorld(GLOBAL_POSITION)
     assert all(report.timesync is None for _ in range(3) for report in world.second(boot_s=-1000.0))
     assert world.source.counters()["clock_disagrees"] >= 2
 
 
 def test_a_source_without_a_clock_never_sends():
     ours, theirs = MemoryWire.pair(lambda: 1.0)
-    source = MavlinkEvader(ours, GlobalPositionInt(), system_id=9)
+    source = MavlinkEvader(ours, GLOBAL_POSITION, system_id=9)
     Peer(theirs.send, system_id=9).say(global_position(5))
     assert len(source.receive()) == 1
     assert theirs.receive() == []
 
 
 def test_garbage_and_other_messages_are_nothing():
-    world = World(FollowTarget())
+    world = World(FOLLOW_TARGET)
     world.peer._send(b"\xfd\xff\x00garbage")
     world.peer.heartbeat()
     assert world.report(follow()) is not None
@@ -416,7 +415,7 @@ def test_garbage_and_other_messages_are_nothing():
 
 def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_known():
     settings = TrackSettings(declared_speed_m_s=3.0, latency_s=0.5)
-    world = AskedWorld(GlobalPositionInt())
+    world = AskedWorld(GLOBAL_POSITION)
     observer = Observer()
     ages = []
     for _ in range(3):
