@@ -132,12 +132,10 @@ class Coordinator:
         seen = [scene.evaders[name] for name in evaders]
         speeds = np.array([(one.speed_m_s, one.climb_m_s, one.descent_m_s) for _, one in states])
         game = Game(Cylinder(*speeds.T[..., None]), np.array([one.speed_m_s for one in seen]), standoff=scene.standoff)
-        kept, previous = {one.evader: (one.first, one.second) for one in self._promised if one.value is not None}, None
-        if kept:
-            numbers = {name: number for number, name in enumerate(vehicles)}
-            who = [[numbers.get(one or "", -1) for one in kept.get(name, (None, None))] for name in evaders]
-            first, second = np.array(who).T
-            previous = _NOTHING._replace(first=first, second=second)
+        kept = {one.evader: (one.first, one.second) for one in self._promised if one.value is not None}
+        numbers = {name: number for number, name in enumerate(vehicles)}
+        who = [[numbers.get(one or "", -1) for one in kept.get(name, (None, None))] for name in evaders]
+        previous = _NOTHING._replace(first=np.array(who)[:, 0], second=np.array(who)[:, 1])
         places_m, evaders_m = np.array([place for place, _ in states]), np.array([one.position_m for one in seen])
         target_m = None if scene.target_m is None else np.array(scene.target_m)
         try:

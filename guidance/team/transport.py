@@ -1,11 +1,14 @@
-"""Transport of a team's messages: the port, and a network in virtual time with delay, loss and cuts."""
+"""Transport of a team's messages: the port, and one between the vehicles of a process in virtual time."""
 
-import random
 from collections.abc import Callable, Collection, Sequence
-from typing import Protocol
+from typing import Final, Protocol
 
 Arrived = tuple[float, str, bytes]
 """A message: its arrival on our clock, its key from the kind on (`state/alpha`), and its bytes."""
+
+
+DELAY_S: Final = 0.02
+"""Delay of the messages between the vehicles of a team in virtual time."""
 
 
 class Transport(Protocol):
@@ -24,62 +27,25 @@ class Transport(Protocol):
         """Leave the team. May be called twice."""
 
 
-class MemoryNetwork:
-    """Connects the vehicles of one process in virtual time.
+class MemoryTransport:
+    """`Transport` between the vehicles of one process, in virtual time; each message takes `DELAY_S`.
 
     Args:
+        name: The vehicle's.
+        ends: The transports of all vehicles, by name; this one is added.
         clock: Returns the time, s.
-        delay_s: From sending to arrival.
-        jitter_s: Up to so much more, drawn for each message.
-        loss: Share of lost messages.
-        seed: Of the draws.
-
-    Attributes:
-        cut: Vehicles that neither send nor hear now.
     """
 
-    def __init__(
-        self,
-        clock: Callable[[], float],
-        *,
-        delay_s: float = 0.0,
-        jitter_s: float = 0.0,
-        loss: float = 0.0,
-        seed: int = 0,
-    ) -> None:
-        self._clock = clock
-        self._delay_s, self._jitter_s, self.loss = delay_s, jitter_s, loss
-        self._draw = random.Random(seed)
-        self._ends: dict[str, MemoryTransport] = {}
-        self.cut: set[str] = set()
-
-    def join(self, name: str) -> "MemoryTransport":
-        """Return the connection of a vehicle."""
-        self._ends[name] = MemoryTransport(self, name, self._clock)
-        return self._ends[name]
-
-    def send(self, sender: str, key: str, payload: bytes) -> None:
-        """Deliver a message to all others."""
-        for name, end in self._ends.items():
-            reached = name != sender and not {name, sender} & self.cut and self._draw.random() >= self.loss
-            if reached:
-                end.waiting.append((self._clock() + self._delay_s + self._jitter_s * self._draw.random(), key, payload))
-
-    def leave(self, name: str) -> None:
-        """Remove a vehicle."""
-        self._ends.pop(name, None)
-
-
-class MemoryTransport:
-    """`Transport` of a `MemoryNetwork`."""
-
-    def __init__(self, network: MemoryNetwork, name: str, clock: Callable[[], float]) -> None:
-        self._network, self._name, self._clock = network, name, clock
+    def __init__(self, name: str, ends: dict[str, "MemoryTransport"], clock: Callable[[], float]) -> None:
+        self.name, self._ends, self._clock = name, ends, clock
         self.waiting: list[Arrived] = []
+        ends[name] = self
 
     def publish(self, key: str, payload: bytes) -> None:
         """Send to all mates."""
-        self._network.send(self._name, key, payload)
+        for end in self._ends.values():
+            if end is not self:
+                end.waiting.append((self._clock() + DELAY_S, key, payload))
 
     def receive(self) -> Sequence[Arrived]:
         """Return what has arrived by now."""
@@ -92,5 +58,5 @@ class MemoryTransport:
         """Return None: it has no tokens."""
 
     def close(self) -> None:
-        """Leave the network."""
-        self._network.leave(self._name)
+        """Leave the team."""
+        self._ends.pop(self.name, None)

@@ -32,9 +32,10 @@ from guidance.sim.scenario import EVADER, PURSUER, Pursuit, Wind
 from guidance.sim.stepped import SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
-from guidance.team import Member, MemoryNetwork
+from guidance.team import Member
 from tests.faults.drawing import Case
 from tests.faults.invariants import Violation, Watch
+from tests.team.lossy import LossyNetwork
 
 SIZES: Final = ((2, 1), (2, 2), (3, 2), (3, 3))
 LONGEST_S, AFTER_S, ON_GROUND_S = 75.0, 3.0, 120.0
@@ -158,7 +159,7 @@ class Sortie:
             for one in pursuits_of_team(case.scenario)
         ]
         self.world = SteppedWorld(tuple(self.pursuits), self.clock)
-        self.network = MemoryNetwork(self.clock.now_s, delay_s=0.03, jitter_s=0.03, seed=case.number)
+        self.network = LossyNetwork(self.clock.now_s, delay_s=0.03, jitter_s=0.03, seed=case.number)
         names, evaders = [one.vehicle for one in self.pursuits], sorted(self.world.players)
         if "heard by one" in case.kinds:
             for name in names[1:]:

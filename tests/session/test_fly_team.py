@@ -14,10 +14,10 @@ from guidance.session.fly import MockOptions, Onlooker, fly_recorded
 from guidance.session.result import team_rows
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
-from guidance.team import MemoryNetwork
 from guidance.viz.panel.snapshot import replay_of
 from guidance.viz.report import write_team_report
 from guidance.viz.story import team_opening, team_story, team_summary
+from tests.team.lossy import LossyNetwork
 
 GUARD = load_any("teams_guard")[1]
 
@@ -154,11 +154,12 @@ def test_a_team_flies_pursuit_evasion_and_vehicles_at_one_evader_are_stacked():
 def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_captures(monkeypatch):
     networks, engaged_s = [], []
 
-    def network(clock, **_):
-        networks.append(MemoryNetwork(clock, delay_s=0.05, jitter_s=0.05, loss=0.3, seed=1))
-        return networks[0]
+    def joined(name, _, clock):
+        if not networks:
+            networks.append(LossyNetwork(clock, delay_s=0.05, jitter_s=0.05, loss=0.3, seed=1))
+        return networks[0].join(name)
 
-    monkeypatch.setattr(fly, "MemoryNetwork", network)
+    monkeypatch.setattr(fly, "MemoryTransport", joined)
 
     def cut(progress):
         if progress.state is State.ENGAGED and not engaged_s:

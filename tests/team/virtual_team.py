@@ -8,7 +8,7 @@ from guidance.game import StandOff
 from guidance.team.board import Board
 from guidance.team.coordinator import Coordinator, EvaderSeen, Scene
 from guidance.team.messages import RolesMessage, StateMessage, encode
-from guidance.team.transport import MemoryNetwork
+from tests.team.lossy import LossyNetwork
 
 SITE = LocalFrame(47.4, 8.5, Amsl(488.0))
 DISC = StandOff(0.0, 8.0)
@@ -80,7 +80,7 @@ class VirtualTeam:
 
     def __init__(self, places, evaders, target_m, **network):
         self.clock = VirtualClock()
-        self.network = MemoryNetwork(self.clock.now_s, **network)
+        self.network = LossyNetwork(self.clock.now_s, **network)
         self.points = {}
         self._names = list(places)
         for number, (name, place) in enumerate(places.items()):
