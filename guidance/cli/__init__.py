@@ -99,8 +99,9 @@ def ask(
     """
     from guidance.session.control_socket import ENDPOINT, ask_here, own_name  # noqa: PLC0415 - only orders need it
 
-    given: dict[str, Any] = {"endpoint": endpoint or ENDPOINT, "token_file": token_file, "by": own_name("ctl")}
-    answer = ask_here(order, name=name, **given) if team is None and zenoh is None else None
+    given: dict[str, Any] = {"endpoint": endpoint or ENDPOINT, "token_file": token_file}
+    by = own_name("ctl")
+    answer = ask_here(order, name=name, by=by, **given) if team is None and zenoh is None else None
     if answer is not None:
         return [answer]
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
@@ -108,8 +109,9 @@ def ask(
 
     given["credentials"] = read_credentials(zenoh)
     if team is None:
-        return [control_bus.ask(order, name=name, **given)]
-    return control_bus.ask_team(order, team, [] if name is None else name.split(","), **given)
+        return [control_bus.ask(order, name=name, by=by, **given)]
+    with control_bus.join_session(**given) as session:
+        return control_bus.order_team(session, order, team, [] if name is None else name.split(","), by=by)
 
 
 def show(answer: Mapping[str, Any]) -> int:

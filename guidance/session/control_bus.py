@@ -276,34 +276,14 @@ def ask(
     return answered[0]
 
 
-def ask_team(
+def order_team(
+    session: "zenoh.Session",
     order: str,
     team: str,
     names: Collection[str],
     *,
-    endpoint: str,
-    token_file: Path | None = None,
-    credentials: Credentials = NO_CREDENTIALS,
     by: str = "",
     timeout_s: float = local.TIMEOUT_S,
-) -> list[dict[str, Any]]:
-    """Give an order to all vehicles of a team, or to the named ones; return an answer for each.
-
-    Arguments as of `ask` and `order_team`.
-
-    Raises:
-        ConfigError: If the token may not be read.
-        LinkError: If no vehicle of the team answers, or the token is wrong.
-    """
-    with join_session(endpoint, token_file, credentials) as session:
-        try:
-            return order_team(session, order, team, names, by=by, timeout_s=timeout_s)
-        except LinkError as error:
-            raise LinkError(f"{error} at {endpoint}; is `guidance run` running?") from error
-
-
-def order_team(
-    session: "zenoh.Session", order: str, team: str, names: Collection[str], *, by: str, timeout_s: float
 ) -> list[dict[str, Any]]:
     """Give an order to a team on a session; return an answer for each vehicle.
 
@@ -325,7 +305,7 @@ def order_team(
         keys = [control_key(name, word) for name in names or "*"]
         found = [one for key in keys for one in answers(session, f"{key}?{_TEAM}={team}", timeout_s, by)]
         if not found:
-            raise LinkError(f"--team {team}: no vehicle of it answers")
+            raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
         silent = {"accepted": False, "order": word, "state": "not heard", "reason": f"no answer in {timeout_s:g} s"}
         there = {str(one["name"]): one for one in found}
         return {name: there.get(name, {"name": name, **silent}) for name in sorted(names or found[0]["vehicles"])}

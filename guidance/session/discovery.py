@@ -16,7 +16,8 @@ from guidance.autopilots import AUTOPILOTS, Autopilot, AutopilotProfile, autopil
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import config_folder, parse
-from guidance.errors import ConfigError, FlightError, OutputError
+from guidance.errors import ConfigError, FlightError
+from guidance.files import writing
 from guidance.flight import State
 from guidance.frames import LocalFrame
 from guidance.links.opening import Found, find_autopilot, open_link, open_wire
@@ -103,9 +104,7 @@ def wait_until_placed(
     profile: AutopilotProfile,
     clock: Clock,
     show: Callable[[Progress], None],
-    *,
     vehicle: str = "",
-    within_s: float = PLACED_WITHIN_S,
 ) -> tuple[Home, LocalFrame]:
     """Wait for the home and the local frame of a vehicle that is disarmed on the ground.
 
@@ -115,14 +114,13 @@ def wait_until_placed(
         clock: The clock.
         show: Receives the progress.
         vehicle: Its name, for the progress.
-        within_s: Longest wait.
 
     Raises:
         FlightError: If it is in the air, armed, or has no position in time. No order was given then.
     """
     state, said, words, asked_s, begun_s = VehicleState(), "", "", -math.inf, clock.now_s()
     asked = (*profile.stream_requests(), *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN)))
-    for now_s, messages in _heard(link, clock, within_s):
+    for now_s, messages in _heard(link, clock, PLACED_WITHIN_S):
         if now_s - asked_s >= _ASK_EVERY_S:
             asked_s = now_s
             link.send_heartbeat()
@@ -138,7 +136,7 @@ def wait_until_placed(
         words = f"{', '.join(missing)} not received: no position fix yet?" + (f' It says "{said}"' if said else "")
         mode = "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
         show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=words, vehicle=vehicle))
-    raise FlightError(f"not ready within {within_s:g} s: {words} Nothing was armed")
+    raise FlightError(f"not ready within {PLACED_WITHIN_S:g} s: {words} Nothing was armed")
 
 
 def _heard(link: VehicleLink, clock: Clock, within_s: float) -> Iterator[tuple[float, Sequence[Message]]]:
@@ -207,14 +205,18 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
     template = next(one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file())
     text = template.read_text(encoding="utf-8")
     text = f"{_head(described, surveyed)}\n{text[text.index('name = ') :]}"
-    text = _changed(text, "", "name", _quoted(name), "in orders, metrics and records")
-    text = _changed(text, "vehicle", "autopilot", _quoted(autopilot))
+    changes = [("", "name", _quoted(name), "in orders, metrics and records")]
+    changes.append(("vehicle", "autopilot", _quoted(autopilot), ""))
     if url is not None:
-        text = _changed(text, "vehicle", "url", _quoted(url))
+        changes.append(("vehicle", "url", _quoted(url), ""))
     if surveyed is not None:
-        text = _changed(text, "vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT")
-        for change in _bounded(tomllib.loads(text), surveyed):
-            text = _changed(text, *change)
+        changes.append(("vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT"))
+        changes += _bounded(tomllib.loads(text), surveyed)
+    for section, key, value, why in changes:
+        within = rf"^\[{section}\]\n(?:(?!\[).*\n)*?" if section else r"\A(?:(?!^\[).*\n)*?"
+        line = rf"({within})^({key} = )[^#\n]*?( *#[^\n]*)?$"
+        new = rf"\g<1>\g<2>{value}" + (f"  # {why}" if why else r"\g<3>")
+        text = re.sub(line, new, text, count=1, flags=re.MULTILINE)
     parse(Config, tomllib.loads(text), source="the vehicle file")
     return text
 
@@ -226,27 +228,24 @@ def write_new(path: Path, text: str) -> None:
         ConfigError: If it exists.
         OutputError: If it cannot be written.
     """
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise ConfigError(f"--out {path}: exists and is not overwritten; choose another name") from error
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
+        try:
+            path.open("x").close()
+        except FileExistsError as error:
+            raise ConfigError(f"--out {path}: exists and is not overwritten; choose another name") from error
+        path.write_text(text, encoding="utf-8")
 
 
 def _head(autopilot: Autopilot, surveyed: Surveyed | None) -> str:
-    head = (
-        "# A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys.\n"
-    )
+    head = ["A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."]
     if surveyed is None:
-        return f"{head}# Written without a vehicle: the limits are the bundled ones for {autopilot.name}.\n"
-    head += f"# Read from system {surveyed.found.system_id}, {autopilot.name}:\n"
-    for limit in autopilot.bounds:
-        value = surveyed.parameters.get(limit.parameter)
-        head += f"#   {limit.parameter:<18} {'not read' if value is None else f'{value:g}'}\n"
-    return head
+        head.append(f"Written without a vehicle: the limits are the bundled ones for {autopilot.name}.")
+    else:
+        head.append(f"Read from system {surveyed.found.system_id}, {autopilot.name}:")
+        told = {bound.parameter: surveyed.parameters.get(bound.parameter) for bound in autopilot.bounds}
+        head += [f"  {name:<18} {'not read' if value is None else f'{value:g}'}" for name, value in told.items()]
+    return "".join(f"# {line}\n" for line in head)
 
 
 def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
@@ -267,14 +266,6 @@ def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, 
             yield "game", "standoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
         if key == "speed_m_s" and value <= own["game"]["evader_speed_m_s"]:
             yield "game", "evader_speed_m_s", f"{value / 2.0:.2f}", "must be slower than the pursuer"
-
-
-def _changed(text: str, section: str, key: str, value: str, why: str = "") -> str:
-    """Replace the value of a key, and give the reason in a comment."""
-    within = rf"^\[{section}\]\n(?:(?!\[).*\n)*?" if section else r"\A(?:(?!^\[).*\n)*?"
-    comment = f"  # {why}" if why else r"\g<3>"
-    line = rf"({within})^({key} = )[^#\n]*?( *#[^\n]*)?$"
-    return re.sub(line, rf"\g<1>\g<2>{value}{comment}", text, count=1, flags=re.MULTILINE)
 
 
 def _quoted(text: str) -> str:

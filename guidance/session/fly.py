@@ -21,8 +21,7 @@ from guidance.flight.settings import TeamSection
 from guidance.frames import Amsl, LocalFrame, ned_from_game
 from guidance.links.opening import KINDS
 from guidance.links.port import Wire, parse
-from guidance.links.udp import UdpWire
-from guidance.links.wires import share
+from guidance.links.wires import MemoryWire, share
 from guidance.links.world import World
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.log.broadcast import Broadcast
@@ -37,7 +36,7 @@ from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata
 from guidance.session.loop import Signals
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
-from guidance.session.plan import config_of, plan_of
+from guidance.session.plan import SIMULATED_URL, config_of, plan_of
 from guidance.session.result import FlightResult, MissionResult, closing_detail
 from guidance.session.service import opened_equipment, opened_vehicle
 from guidance.session.vehicle_file import Config, Vehicle
@@ -48,10 +47,7 @@ from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario,
 from guidance.sim.stepped import EvaderHere, SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
-from guidance.team import Member, MemoryNetwork
-
-DELAY_S: Final = 0.02
-"""Delay of the messages between the vehicles of a team in virtual time."""
+from guidance.team import Member, MemoryTransport
 
 ENDS: Final = ("return", "land")
 """Endings of a flight at a URL: fly home and land, or land at once."""
@@ -219,7 +215,7 @@ class Asked:
             for pursuit in pursuits:
                 name = pursuit.vehicle
                 autopilot = autopilot_named(configs[name].vehicle.autopilot)
-                home, frame = wait_until_placed(world.links[name], autopilot, clock, onlooker.show, vehicle=name)
+                home, frame = wait_until_placed(world.links[name], autopilot, clock, onlooker.show, name)
                 here = laid_about(pursuit.scenario, home, frame, autopilot.name)
                 site = laid[0].scenario.site if laid else here.site
                 laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
@@ -321,11 +317,10 @@ def _joined(scenario: TeamScenario, flight: Opened, stack: contextlib.ExitStack)
     """
     names, evaders = [one.vehicle for one in flight.pursuits], sorted({one.evader for one in flight.pursuits})
     now_s, above_m = flight.clock.now_s, scenario.flight.separation_height_m
-    network = MemoryNetwork(now_s, delay_s=DELAY_S, seed=scenario.seed)
-    members = {}
+    members, ends = dict[str, Member](), dict[str, MemoryTransport]()
     for number, (_, name, first) in enumerate(flight.pursuits):
         bus = flight.buses.get(name)
-        transport = network.join(name) if bus is None else ZenohTeam(now_s, bus.session, TEAM, name, names)
+        transport = ZenohTeam(now_s, bus.session, TEAM, name, names) if bus else MemoryTransport(name, ends, now_s)
         stack.callback(transport.close)
         epoch = random.Random(f"{scenario.seed} {number}").getrandbits(48)
         chased = [first, *(evader for evader in evaders if evader != first)]
@@ -352,7 +347,7 @@ def _recorded(
 def reach(
     pursuits: Sequence[Pursuit], asked: Asked, clock: Clock, separation: Mapping[str, float] | None = None
 ) -> Iterator[tuple[Mapping[str, Config], World, Mapping[str, Wire]]]:
-    """Find the vehicles at their URLs and open their links, and a loopback port for each evader's reports.
+    """Find the vehicles at their URLs and open their links, and a wire in memory for each evader's reports.
 
     Args:
         pursuits: Who pursues whom.
@@ -361,7 +356,7 @@ def reach(
         separation: Of a team; None for one vehicle.
 
     Yields:
-        The vehicles' configurations by name, their world, and the evaders' ends of the loopback ports by name.
+        The vehicles' configurations by name, their world, and the evaders' ends of the wires by name.
 
     Raises:
         ConfigError: If an argument is wrong, or another autopilot is there.
@@ -369,29 +364,21 @@ def reach(
     """
     speeds_m_s, configs, world = _declared_m_s(pursuits), dict[str, Config](), World()
     with contextlib.ExitStack() as stack:
-
-        def udp(port: int, systems: Sequence[int] = ()) -> UdpWire:
-            listens = UdpWire(clock.now_s, host="127.0.0.1", port=port, listen=port == 0, systems=systems)
-            return stack.enter_context(closing(listens))
-
-        ears = {name: udp(0, (EVADER_ID,)) for name in speeds_m_s}
-        radios = {name: udp(wire.port) for name, wire in ears.items()}
-        reports = {name: f"udpin://127.0.0.1:{wire.port}" for name, wire in ears.items()}
-        heard = {name: iter(share(wire, len(pursuits))) for name, wire in ears.items()}
+        radios, heard = dict[str, Wire](), dict[str, Iterator[Wire]]()
+        for name in speeds_m_s:
+            radios[name], ears = MemoryWire.pair(clock.now_s)
+            heard[name] = iter(share(ears, len(pursuits)))
         for (scenario, vehicle, evader), url in zip(pursuits, asked.urls, strict=True):
             at_url = autopilot_at(url, asked.autopilot, clock, who=f"--vehicle {url}")
             wire, found, autopilot = stack.enter_context(at_url)
             ids = {"system_id": found.system_id, "component_id": found.component_id}
             own, team = Vehicle(autopilot=autopilot.name, link=asked.link, url=url, **ids), None
             if separation is not None:
-                others = {
-                    name: {"kind": "global_position", "url": at, "system_id": EVADER_ID, "speed_m_s": speeds_m_s[name]}
-                    for name, at in reports.items()
-                    if name != evader
-                }
+                simulated = {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID}
+                others = {name: {**simulated, "speed_m_s": m_s} for name, m_s in speeds_m_s.items() if name != evader}
                 mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
                 team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **separation}
-            config = configs[vehicle] = config_of(scenario, vehicle, own, reports[evader], team)
+            config = configs[vehicle] = config_of(scenario, vehicle, own, team)
             wires = {name: next(shares) for name, shares in heard.items()}
             opened = stack.enter_context(closing(open_all(config, clock, tapped=True, wire=wire, evader_wires=wires)))
             world.links |= opened.links

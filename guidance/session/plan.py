@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from guidance.sim.scenario import Scenario
 
 _UNLIMITED_WITH_A_PERSON: Final = (State.CONNECTING, State.CHECKING)
-_MOCK_URL: Final = "udpin://127.0.0.1:14540"
+SIMULATED_URL: Final = "udpin://127.0.0.1:14541"
+"""The URL of a simulated evader, and of a mock, in their vehicle file. Nothing opens it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +70,7 @@ def plan_of(config: Config | None = None, scenario: "Scenario | None" = None, te
     if config is None:
         if scenario is None:
             raise ConfigError("neither a vehicle file nor a scenario: give at least one")
-        config = _as_vehicle_file(scenario, Vehicle(autopilot=scenario.pursuer.autopilot, url=_MOCK_URL), _MOCK_URL)
+        config = _as_vehicle_file(scenario, Vehicle(autopilot=scenario.pursuer.autopilot, url=SIMULATED_URL))
         return FlightPlan(flight=_settings(config, scenario, mocked=True), document=scenario.model_dump_json())
     config = config if scenario is None else merged(scenario, config)
     settings = _settings(config, scenario)
@@ -149,33 +150,30 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
-def config_of(
-    scenario: "Scenario", name: str, vehicle: Vehicle, evader_url: str, team: Mapping[str, Any] | None = None
-) -> Config:
+def config_of(scenario: "Scenario", name: str, vehicle: Vehicle, team: Mapping[str, Any] | None = None) -> Config:
     """Return the vehicle file that flies a scenario with the scenario's own limits.
 
     Args:
         scenario: Who plays what, where and within which limits.
         name: Of the vehicle.
         vehicle: Where it is.
-        evader_url: Where the simulated evader reports.
         team: The section `[team]`.
 
     Raises:
         ConfigError: If the scenario asks for what no vehicle file may.
     """
-    document = _as_vehicle_file(scenario, vehicle, evader_url).model_dump(mode="json")
+    document = _as_vehicle_file(scenario, vehicle).model_dump(mode="json")
     return parse(Config, document | {"name": name, "team": team}, source=f"{scenario.title!r} at {vehicle.url}")
 
 
-def _as_vehicle_file(scenario: "Scenario", vehicle: Vehicle, evader_url: str) -> Config:
+def _as_vehicle_file(scenario: "Scenario", vehicle: Vehicle) -> Config:
     """Return a vehicle file without its checks, which demand more than a mock needs."""
     from guidance.sim.scenario import EVADER_ID, PURSUER  # noqa: PLC0415 - as above
 
     return Config.model_construct(
         name=PURSUER,
         vehicle=vehicle,
-        evader=EvaderSection(kind="global_position", url=evader_url, system_id=EVADER_ID),
+        evader=EvaderSection(kind="global_position", url=SIMULATED_URL, system_id=EVADER_ID),
         game=GameSection.model_construct(**_game(scenario)),
         limits=scenario.limits,
         flight=FlightSection(takeoff_height_m=scenario.pursuer.takeoff_height_m, on_terminate="land"),

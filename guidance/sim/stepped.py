@@ -92,8 +92,8 @@ class SteppedWorld(World):
 class EvaderHere(EvaderPilot):
     """The evader of a flight whose vehicle is not ours, stepped from the run's own loop.
 
-    It is the rover of mocked flights, and reports over UDP as a real evader would: what the service hears are its
-    MAVLink frames on a loopback port, where its TIMESYNC is answered too.
+    It is the rover of mocked flights, and reports as a real evader would: what the service hears are its MAVLink
+    frames, and its TIMESYNC is answered too.
 
     Args:
         scenario: Its play and its place on Earth.

@@ -12,7 +12,7 @@ from guidance.links.keys import Validity, make_keys
 from guidance.links.zenoh_access import read_credentials
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.control_bus import ControlBus, ask_team
+from guidance.session.control_bus import ControlBus, join_session, order_team
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
 from guidance.team.board import Board
@@ -92,7 +92,11 @@ def test_only_the_operator_orders_the_team(joined, keys):
             bus = ControlBus(name, mailbox, control, credentials, "north", [mate for mate in VEHICLES if mate != name])
             open_here.callback(bus.close)
         operator, viewer = (read_credentials(keys / f"{name}.toml") for name in ("operator", "viewer"))
-        answers = ask_team("hold", "north", (), endpoint=joined[1], credentials=operator)
+        with join_session(joined[1], credentials=operator) as session:
+            answers = order_team(session, "hold", "north", ())
         assert [(one["name"], one["accepted"]) for one in answers] == [(name, True) for name in VEHICLES]
-        with pytest.raises(Exception, match="no vehicle of it answers"):
-            ask_team("hold", "north", (), endpoint=joined[1], credentials=viewer, timeout_s=0.3)
+        with (
+            join_session(joined[1], credentials=viewer) as session,
+            pytest.raises(Exception, match="no vehicle of it answers"),
+        ):
+            order_team(session, "hold", "north", (), timeout_s=0.3)

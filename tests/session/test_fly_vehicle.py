@@ -78,8 +78,8 @@ class World(VirtualClock):
             super().sleep_until(min(moment_s, self.now_s() + 0.02))
             self.mock.advance(self.now_s())
 
-    def meet(self, **limits):
-        return wait_until_placed(self.link, self.profile, self, self.shown.append, **limits)
+    def meet(self):
+        return wait_until_placed(self.link, self.profile, self, self.shown.append)
 
     def by_hand(self, *requests, until, limit_s=40.0):
         """Send requests from another sender with its own link, and wait until the condition holds."""
@@ -113,7 +113,7 @@ class Sortie(Supervised):
         name = world.profile.name
         self.laid = laid_about(scenario, *world.meet(), name)
         vehicle = Vehicle(autopilot=name, link="pymavlink", url="udpin://127.0.0.1:14540")
-        self.own = config_of(scenario, "pursuer", vehicle, "udpin://127.0.0.1:14541")
+        self.own = config_of(scenario, "pursuer", vehicle)
         ears, radio = MemoryWire.pair(world.now_s)
         self.evader = EvaderHere(self.laid, world, radio)
         source = MavlinkEvader(ears, GLOBAL_POSITION, system_id=EVADER_ID, clock=world.now_s)
@@ -210,12 +210,13 @@ def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing
     assert not world.vehicle.armed
 
 
-def test_a_vehicle_that_does_not_know_its_place_is_given_up():
+def test_a_vehicle_that_does_not_know_its_place_is_given_up(monkeypatch):
+    monkeypatch.setattr("guidance.session.discovery.PLACED_WITHIN_S", 6.0)
     world = World()
     world.sleep_until(0.1)
     world.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["HOME_POSITION"], "direction": "out"})
     with pytest.raises(FlightError, match=r"not ready within 6 s: HOME_POSITION not received.*Nothing was armed"):
-        world.meet(within_s=6.0)
+        world.meet()
     assert world.ordered() == []
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import LinkError
 from guidance.links.zenoh_wire import open_session
-from guidance.session.control_bus import ControlBus, ask, ask_team, free_endpoint
+from guidance.session.control_bus import ControlBus, ask, free_endpoint, join_session, order_team
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
 
@@ -59,9 +59,12 @@ def team(tmp_path):
         add("uav2", "north")
         add("single", "")
         vehicles["add"] = add
-        vehicles["asked"] = lambda order, names=(): ask_team(
-            order, "north", names, endpoint=endpoint, token_file=token, timeout_s=1.0
-        )
+
+        def asked(order, names=(), team="north"):
+            with join_session(endpoint, token) as session:
+                return order_team(session, order, team, names, timeout_s=1.0)
+
+        vehicles["asked"] = asked
         vehicles["endpoint"], vehicles["token"] = endpoint, token
         yield vehicles
 
@@ -93,7 +96,7 @@ def test_the_named_ones_engage_without_the_others(team):
 
 def test_a_team_that_is_not_there_is_said_to_be_silent(team):
     with pytest.raises(LinkError, match="--team south: no vehicle of it answers"):
-        ask_team("hold", "south", (), endpoint=team["endpoint"], token_file=team["token"], timeout_s=0.5)
+        team["asked"]("hold", team="south")
 
 
 def test_without_the_token_nobody_joins_the_team(team):
