@@ -10,7 +10,7 @@ from guidance.control import Limits
 from guidance.errors import ConfigError
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_any, load_scenario
-from guidance.sweeps.running import planned
+from guidance.sweeps.rows import planned
 
 
 class Inner(Section):
@@ -195,7 +195,7 @@ def test_a_wrong_file_is_told_line_key_and_what_is_allowed(tmp_path):
     [
         ('way = "maths"', "line 3: way: unknown key; allowed here: as, description"),
         ('random."evader.speed_m_s" = { gauss = [1, 2] }', "evader.speed_m_s = { gauss = [1, 2] }: must be one of {"),
-        ('random."evader.position" = { disc = 3 }', "random.evader.position = { disc = 3 }: a disc or an annulus is a"),
+        ('random."evader.position" = { disc = 3 }', "random.evader.position: a disc or an annulus is a"),
     ],
 )
 def test_a_wrong_sweep_is_told_as_it_was_written(line, words, tmp_path):

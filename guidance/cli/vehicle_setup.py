@@ -207,7 +207,7 @@ def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.
 KINDS: Final = {
     "vehicle": "guidance.session.vehicle_file:Config.model_json_schema",
     "scenario": "guidance.sim.scenario_file:json_schema",
-    "sweep": "guidance.sweeps.plan:Sweep.model_json_schema",
+    "sweep": "guidance.sweeps.plan:Plan.model_json_schema",
 }
 """Kind of file -> the function that makes its schema, imported when it is asked for."""
 

@@ -40,9 +40,6 @@ COLUMNS: Final = (
 _ROUNDING: Final = 1e-9
 """Smaller numbers are rounding errors."""
 
-_MAY_DIFFER: Final = {"scenario", "policies", "title", "description", "as", "seeds", "rows"}
-"""Keys of two sweep files that may differ if their rows are to be paired."""
-
 
 class Interval(NamedTuple):
     """An estimate with its 95 % confidence interval; NaN if unknown."""
@@ -99,7 +96,7 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
         if folder.plan.teams:
             raise ConfigError(f"{folder.path}: has teams, whose rows are evaders; use guidance sweep report for each")
     matched = matched_pairs(a.plan, b.plan)
-    paired = bool(matched) and _swept(a.plan) == _swept(b.plan)
+    paired = bool(matched) and a.plan.axes == b.plan.axes
     tables = [_read(folder) for folder in (a, b)]
     names = [[f"{pair.pursuer} / {pair.evader}" for pair in folder.plan.pairs] for folder in (a, b)]
     groups: list[dict[str, Any]] = []
@@ -135,10 +132,6 @@ def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
     if shared or len(a.pairs) != len(b.pairs):
         return shared
     return {number: number for number in range(len(a.pairs))}
-
-
-def _swept(plan: Plan) -> dict[str, Any]:
-    return {name: value for name, value in plan.document["sweep"].items() if name not in _MAY_DIFFER}
 
 
 def _read(folder: Folder) -> pa.Table:

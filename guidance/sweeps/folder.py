@@ -190,15 +190,14 @@ def alone(path: Path) -> Iterator[None]:
 def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     manifest = _manifest(path)
     if manifest["digest"] != plan.digest:
-        was = plan_of(manifest).decisive
-        differing = [name for name, value in plan.decisive.items() if was[name] != value]
+        was, now = plan_of(manifest).decisive, plan.decisive
+        differing = [name for name in {**was, **now} if was.get(name) != now.get(name)]
         raise ConfigError(
             f"--out {path}: holds another sweep ({', '.join(differing)} differ{'s' * (len(differing) == 1)}); "
             "choose another folder"
         )
-    was, now = manifest["versions"], _versions()
-    if was != now:
-        changed = "; ".join(f"{name} {was.get(name)}, now {now[name]}" for name in now if was.get(name) != now[name])
+    if (begun := manifest["versions"]) != (here := _versions()):
+        changed = "; ".join(f"{one} {begun.get(one)}, now {here[one]}" for one in here if begun.get(one) != here[one])
         raise ConfigError(f"--out {path}: was begun with {changed}: rows could differ; choose another folder")
     if chunk_rows not in {None, manifest["chunk_rows"]}:
         raise ConfigError(f"--chunk {chunk_rows}: this sweep was begun with {manifest['chunk_rows']}; omit the option")

@@ -1,4 +1,4 @@
-"""The sweep file and its plan: policies, seed and values of every row, and the columns of the table.
+"""The plan of a sweep, which its file describes: policies, seed and values of every row, and the columns of the table.
 
 A row depends on the plan and the row's number only.
 """
@@ -6,33 +6,39 @@ A row depends on the plan and the row's number only.
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping
 from functools import cached_property
 from hashlib import sha256
-from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
-from guidance.config import Section, find, load
+from guidance.config import Section, as_toml, find, parse, read_text, read_toml
 from guidance.errors import ConfigError
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import EvaderPolicy, PursuerPolicy, Scenario
-from guidance.sim.scenario_file import FOLDER as SCENARIOS
 from guidance.sim.scenario_file import has_teams, load_any
 from guidance.sim.teams import TeamOutcome, TeamScenario
-from guidance.sweeps.axes import Axis, flat, grid_axis, random_axis
+from guidance.sweeps.axes import Axis, Distribution, flat, grid_values, path_of
 
 Way = Literal["maths", "fast"]
 """A row is point masses (maths), or a flight of the mock in virtual time (fast)."""
 
 FOLDER: Final = "sweeps"
 ROW: Final = "row"
-Rows = NDArray[np.int64]
+Rows = NDArray[np.intp]
 
 _TYPES: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 
@@ -47,16 +53,10 @@ class Pair(NamedTuple):
 class Policies(Section):
     """Policies of both players; every pursuer's policy plays every evader's."""
 
-    pursuer: PursuerPolicy | tuple[PursuerPolicy, ...] | None = Field(
-        None, description="one or several; default: the scenario's own"
+    pursuer: PursuerPolicy | tuple[PursuerPolicy, ...] = Field(
+        (), description="one or several; default: the scenario's own"
     )
-    evader: EvaderPolicy | tuple[EvaderPolicy, ...] | None = Field(None, description="likewise")
-
-    def pairs(self) -> Iterator[tuple[str | None, ...]]:
-        """Yield every pursuer's policy with every evader's; None is the scenario's own."""
-        return itertools.product(
-            *(names if isinstance(names, tuple) else (names,) for names in (self.pursuer, self.evader))
-        )
+    evader: EvaderPolicy | tuple[EvaderPolicy, ...] = Field((), description="likewise")
 
 
 class Seeds(Section):
@@ -80,52 +80,7 @@ class Seeds(Section):
 def _seeds(given: Any) -> Any:  # noqa: ANN401 - from a file
     if isinstance(given, int) and not isinstance(given, bool):
         return {"count": given}
-    return {"list": given, "count": max(1, len(given))} if isinstance(given, list) else given
-
-
-class Sweep(Section):
-    """A whole sweep file.
-
-    Seeds change fastest from row to row, then the grid, then the policies. A random draw depends on the seed and the
-    key only, so rows with equal seeds can be compared pairwise.
-    """
-
-    title: str = Field("", description="a few words")
-    description: str = Field("", description="what it shows, and why it is as it is")
-    scenario: str = Field(description="a scenario's name or path; beside the sweep's file, or with the package")
-    way: Way = Field("maths", alias="as", description="maths: point masses; fast: flights of the mock in virtual time")
-    rows: int | None = Field(None, ge=1, description="number of rows, instead of seeds")
-    seeds: Annotated[Seeds, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds)] = Field(
-        Seeds(), description="how many, a list, or { from = 100, count = 50 }; default: one, 0"
-    )
-    grid: dict[str, Any] = Field({}, description="keys of the scenario and their values; all combinations are played")
-    random: dict[str, Any] = Field({}, description="keys of the scenario and their distributions; one draw a seed")
-    policies: tuple[Policies, ...] = Field((), description="which policies play; default: the scenario's own")
-
-    @property
-    def axes(self) -> tuple[Axis, ...]:
-        """The axes of the grid, then the random ones."""
-        grid, random = flat(self.grid), flat(self.random, tables=True)
-        return (
-            *(grid_axis(key, spec) for key, spec in grid.items()),
-            *(random_axis(key, spec) for key, spec in random.items()),
-        )
-
-    @property
-    def pairs(self) -> Sequence[tuple[str | None, ...]]:
-        """The pairs of policies; None is the scenario's own."""
-        return [pair for given in self.policies for pair in given.pairs()] or [(None, None)]
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.rows is not None and "seeds" in self.model_fields_set:
-            raise ValueError("rows, seeds: give only one; rows = seeds × grid points × pairs of policies")
-        if len(set(self.pairs)) < len(self.pairs):
-            pursuer, evader = next(pair for pair in self.pairs if self.pairs.count(pair) > 1)
-            raise ValueError(f"policies: {pursuer} against {evader} is given twice")
-        if len(set(self.seeds.values)) < len(self.seeds.values):
-            raise ValueError(f"seeds = {list(self.seeds.values)}: a seed is given twice")
-        return self
+    return {"list": given} if isinstance(given, list) else given
 
 
 class Cases(NamedTuple):
@@ -144,19 +99,61 @@ class Cases(NamedTuple):
     values: tuple[list[Any], ...]
 
 
-@dataclass(frozen=True)
-class Plan:
-    """A sweep with its scenario; small, and equal wherever it is unpickled.
+class Plan(Section):
+    """A whole sweep file.
 
-    Attributes:
-        sweep: The sweep file.
-        scenario: The scenario as plain values, including all defaults.
-        way: "maths" or "fast".
+    Seeds change fastest from row to row, then the grid, then the policies. A random draw depends on the seed and the
+    key only, so rows with equal seeds can be compared pairwise.
     """
 
-    sweep: Sweep
-    scenario: Mapping[str, Any]
-    way: Way
+    title: str = Field("", description="a few words")
+    description: str = Field("", description="what it shows, and why it is as it is")
+    scenario: Annotated[dict[str, Any], WithJsonSchema({"type": "string"})] = Field(
+        description="a scenario's name or path; beside the sweep's file, or with the package"
+    )
+    way: Way = Field("maths", alias="as", description="maths: point masses; fast: flights of the mock in virtual time")
+    number: int | None = Field(None, alias="rows", ge=1, description="number of rows, instead of seeds")
+    seeds: Annotated[Seeds, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds)] = Field(
+        Seeds(), description="how many, a list, or { from = 100, count = 50 }; default: one, 0"
+    )
+    grid: dict[str, Annotated[list[Any], BeforeValidator(grid_values)]] = Field(
+        {}, description="keys of the scenario and their values; all combinations are played"
+    )
+    random: dict[str, Distribution] = Field(
+        {}, description="keys of the scenario and their distributions; one draw a seed"
+    )
+    policies: tuple[Policies, ...] = Field((), description="which policies play; default: the scenario's own")
+
+    @field_validator("grid", "random", mode="before", json_schema_input_type=dict[str, Any])
+    @classmethod
+    def _flatten(cls, given: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - from a file
+        inner = (Mapping,) if info.field_name == "random" else (Mapping, list)
+        return dict(flat(given, inner)) if isinstance(given, Mapping) else given
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.teams and self.way != "maths":
+            raise ValueError(f'as = "{self.way}": the scenario has teams, which can only be played as maths')
+        if self.number is not None and "seeds" in self.model_fields_set:
+            raise ValueError("rows, seeds: give only one; rows = seeds × grid points × pairs of policies")
+        for key, random in self.random.items():
+            if random.radii_m and not key.endswith("position_m"):
+                raise ValueError(
+                    f"random.{key}: a disc or an annulus is a position: use it for pursuer.position_m or "
+                    "evader.position_m as a whole; give each number of another key its own distribution"
+                )
+        columns = [name for axis in self.axes for name in axis.columns()]
+        pairs = [" against ".join(pair) for pair in self.pairs]
+        for key, given in (("policies", pairs), ("seeds", self.seeds.values), ("grid, random", columns)):
+            if twice := [one for one, count in Counter(given).items() if count > 1]:
+                raise ValueError(f"{key}: {twice[0]} is given twice")
+        step = math.prod(self.shape[:2])
+        if self.number is not None and self.number % step:
+            raise ValueError(
+                f"rows = {self.number}: must be a multiple of {step} ({self.shape[1]} grid points × {self.shape[0]} "
+                f"pairs of policies); the nearest is {max(1, round(self.number / step)) * step}"
+            )
+        return self
 
     @cached_property
     def teams(self) -> bool:
@@ -170,49 +167,46 @@ class Plan:
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        """The swept keys."""
-        return self.sweep.axes
+        """The axes of the grid, then the random ones."""
+        return (
+            *(Axis(key, path_of(key), values) for key, values in self.grid.items()),
+            *(Axis(key, path_of(key), random=random) for key, random in self.random.items()),
+        )
 
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
-        """The pairs of policies, with the names of the scenario's own."""
-        own_p, own_e = policy_in(self.scenario["pursuer"]), policy_in(self.scenario["evader"])
-        return tuple(Pair(pursuer or own_p, evader or own_e) for pursuer, evader in self.sweep.pairs)
+        """The pairs of policies."""
+        own = [policy_in(self.scenario[player]) for player in Pair._fields]
+        return tuple(
+            Pair(*names)
+            for given in self.policies or (Policies(),)
+            for names in itertools.product(_several(given.pursuer, own[0]), _several(given.evader, own[1]))
+        )
 
     @cached_property
-    def points(self) -> int:
-        """Number of grid points."""
-        return math.prod(len(axis.values) for axis in self.axes if axis.random is None)
-
-    @property
-    def seeds(self) -> int:
-        """Number of seeds."""
-        if self.sweep.rows is not None:
-            return self.sweep.rows // (self.points * len(self.pairs))
-        return len(self.sweep.seeds)
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of pairs of policies, of grid points and of seeds."""
+        pairs, points = len(self.pairs), math.prod(len(axis.values) or 1 for axis in self.axes)
+        return pairs, points, len(self.seeds) if self.number is None else self.number // (points * pairs)
 
     @property
     def rows(self) -> int:
         """Number of rows."""
-        return self.seeds * self.points * len(self.pairs)
+        return math.prod(self.shape)
 
     def places(self, row: Rows) -> tuple[Rows, Rows, Rows]:
         """Return pair of policies, grid point and seed of rows, (n,) each."""
-        rest, number = np.divmod(row, self.seeds)
-        pair, point = np.divmod(rest, self.points)
-        return pair, point, self.sweep.seeds.at(number)
+        pair, point, number = np.unravel_index(row, self.shape)
+        return pair, point, self.seeds.at(number)
+
+    def on_axes(self, point: Rows) -> tuple[Rows, ...]:
+        """Return the place of grid points on every axis, (n,) each; 0 on a random axis."""
+        return np.unravel_index(point, (1, *(len(axis.values) or 1 for axis in self.axes)))[1:]
 
     def cases(self, row: Rows) -> Cases:
         """Return policies, seeds and values of rows, by their numbers (n,)."""
         pair, point, seed = self.places(row)
-        values: list[list[Any]] = []
-        size = self.points
-        for axis in self.axes:
-            if axis.random is not None:
-                values.append(axis.draw(seed))
-            else:
-                size //= len(axis.values)
-                values.append([axis.values[place] for place in (point // size % len(axis.values)).tolist()])
+        values = (axis.at(place, seed) for axis, place in zip(self.axes, self.on_axes(point), strict=True))
         return Cases(row, pair, seed, tuple(values))
 
     @cached_property
@@ -225,25 +219,26 @@ class Plan:
             [(ROW, pa.int64()), *swept, *((name, _TYPES.get(kind, texts)) for name, kind in outcome.items())]
         )
 
-    @cached_property
+    @property
     def document(self) -> dict[str, Any]:
         """The plan as plain values for the sweep's folder; `plan_of` reads it."""
-        sweep = self.sweep.model_dump(mode="json", by_alias=True, exclude_unset=True)
-        return {"as": self.way, "sweep": sweep, "scenario": dict(self.scenario)}
+        sweep = self.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude={"way", "scenario"})
+        return {"as": self.way, "sweep": sweep, "scenario": self.scenario}
 
     @cached_property
     def decisive(self) -> dict[str, Any]:
-        """The part of the document that determines the rows: without titles and descriptions."""
-        texts = {"sweep": {"title", "description"}, "scenario": {"description"}}
-        return {
-            name: {key: value for key, value in part.items() if key not in texts[name]} if name in texts else part
-            for name, part in self.document.items()
-        }
+        """The plan as plain values, without titles and descriptions: what determines the rows."""
+        texts: dict[str, Any] = {"title": True, "description": True, "scenario": {"description"}}
+        return self.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude=texts)
 
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the decisive part."""
         return sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
+
+
+def _several(names: str | tuple[str, ...], own: str) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else names or (own,)
 
 
 def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the tables of a team
@@ -253,47 +248,27 @@ def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the
 
 
 def plan_of(document: Mapping[str, Any]) -> Plan:
-    """Return the plan of a document."""
-    return Plan(Sweep.model_validate(document["sweep"]), document["scenario"], document["as"])
+    """Return the plan of a sweep's manifest."""
+    return Plan.model_validate({**document["sweep"], "as": document["as"], "scenario": document["scenario"]})
 
 
-def load_sweep(name: str) -> tuple[Path, Sweep]:
+def load_sweep(name: str, way: Way | None = None) -> Plan:
     """Read a sweep by path, or by the name of one that comes with the package.
 
-    Raises:
-        ConfigError: If there is none, or a key is wrong.
-    """
-    path = find(name, FOLDER)
-    return path, load(Sweep, path)
-
-
-def laid_out(sweep: Sweep, path: Path, way: Way | None = None) -> Plan:
-    """Return the plan of a sweep file.
-
     Args:
-        sweep: The sweep file.
-        path: Its path; a scenario beside it is preferred.
+        name: Of the sweep; a scenario beside its file is preferred.
         way: Overrides the file's.
 
     Raises:
-        ConfigError: If the scenario is wrong, a key is swept twice, or `rows` is not a multiple of the combinations.
+        ConfigError: If there is none, a key or the scenario is wrong, a key is swept twice, or `rows` is not a multiple
+            of the combinations.
     """
-    beside = path.parent / sweep.scenario
-    found, scenario = load_any(str(beside) if beside.is_file() else str(find(sweep.scenario, SCENARIOS)))
-    plan = Plan(sweep, scenario.model_dump(mode="json"), way or sweep.way)
-    if plan.teams and plan.way != "maths":
-        raise ConfigError(f'{path}: as = "{plan.way}": {found.name} has teams, which can only be played as maths')
-    try:
-        columns = [name for axis in plan.axes for name in axis.columns()]
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from error
-    for name in columns:
-        if columns.count(name) > 1:
-            raise ConfigError(f"{path}: {name}: swept twice")
-    step = plan.points * len(plan.pairs)
-    if sweep.rows is not None and sweep.rows % step:
-        raise ConfigError(
-            f"{path}: rows = {sweep.rows}: must be a multiple of {step} ({plan.points} grid points × "
-            f"{len(plan.pairs)} pairs of policies); the nearest is {max(1, round(sweep.rows / step)) * step}"
-        )
-    return plan
+    path = find(name, FOLDER)
+    text = read_text(path)
+    document = read_toml(text, path) | ({} if way is None else {"as": way})
+    if isinstance(scenario := document.get("scenario"), str):
+        beside = path.parent / scenario
+        document["scenario"] = load_any(str(beside) if beside.is_file() else scenario)[1].model_dump(mode="json")
+    elif scenario is not None:
+        raise ConfigError(f"{path}: scenario = {as_toml(scenario)}: must be a scenario's name or path")
+    return parse(Plan, document, source=str(path), text=text)

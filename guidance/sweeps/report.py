@@ -89,8 +89,7 @@ def _read(folder: Folder) -> pa.Table:
 def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
     """Yield groups of rows: by the values of a grid, or by ten even bins of each random number."""
     if axis.random is None and len(axis.values) > 1:
-        after = math.prod(len(other.values) or 1 for other in plan.axes[plan.axes.index(axis) + 1 :])
-        places = table[POINT].to_numpy() // after % len(axis.values)
+        places = plan.on_axes(table[POINT].to_numpy())[plan.axes.index(axis)]
         labels = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values]
         numbers = axis.values if all(isinstance(value, (int, float)) for value in axis.values) else range(len(labels))
         yield Key(axis.key, labels, numbers, places, grid=True)
@@ -123,7 +122,7 @@ def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], worst: Sequence[
     whole, ends, pairs = _groups(plan, table, []), np.array(table[END].to_pylist()), table[PAIR].to_numpy()
     report: dict[str, Any] = plain(
         {
-            "title": plan.sweep.title or plan.scenario["title"],
+            "title": plan.title or plan.scenario["title"],
             "scenario": plan.scenario["title"],
             "as": plan.way,
             "digest": plan.digest,

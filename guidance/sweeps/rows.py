@@ -22,7 +22,7 @@ from guidance.sim.outcome import Outcome, outcome_of
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.teams import TeamOutcome, TeamScenario, play_teams
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.plan import Cases, Pair, Plan, policy_in
+from guidance.sweeps.plan import Cases, Pair, Plan, Way, load_sweep, policy_in
 
 _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 _SAMPLE: Final = 1000
@@ -95,19 +95,25 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
     return {**section, head: _placed(section.get(head), rest, value)}
 
 
-def check(plan: Plan, source: str) -> None:
-    """Refuse unknown policies and keys, and values outside a key's range, before anything runs.
+def planned(name: str, way: Way | None = None) -> Plan:
+    """Read a sweep by path or name; refuse unknown policies and keys, and values outside a key's range.
 
     Rules between keys, as the speed ratio, are checked row by row: such a row is invalid.
+
+    Args:
+        name: Of the sweep.
+        way: Overrides the file's.
 
     Raises:
         ConfigError: One line for each fault, with the key, the value and what is allowed.
     """
+    plan = load_sweep(name, way)
     base = _with_policies(plan.scenario, plan.pairs[0])
     faults = [one for axis in plan.axes for value in axis.extremes for one in _faults(plan.model, base, axis, value)]
     if faults:
-        raise ConfigError(f"{source}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
-    bases_of(plan, source)
+        raise ConfigError(f"{name}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
+    bases_of(plan, name)
+    return plan
 
 
 def _faults(model: type[Section], base: dict[str, Any], axis: Axis, value: Any) -> Iterator[str]:  # noqa: ANN401 - any value of a key

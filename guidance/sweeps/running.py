@@ -23,8 +23,8 @@ from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.extras import require
 from guidance.screen import console, redraws
 from guidance.sweeps.folder import Folder, alone, opened
-from guidance.sweeps.plan import Plan, Way, laid_out, load_sweep
-from guidance.sweeps.rows import check, computed, refuse_without_games, uncollected
+from guidance.sweeps.plan import Plan, Way
+from guidance.sweeps.rows import computed, planned, refuse_without_games, uncollected
 
 CONNECT_S = 10.0
 _SHOW_S: Final = 0.5
@@ -162,18 +162,6 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
     return client
 
 
-def planned(name: str, way: Way | None = None) -> Plan:
-    """Read a sweep by path or name and check it.
-
-    Raises:
-        ConfigError: With the key, the value and what is allowed.
-    """
-    path, sweep = load_sweep(name)
-    plan = laid_out(sweep, path, way)
-    check(plan, str(path))
-    return plan
-
-
 def begun(plan: Plan, out: Path, chunk_rows: int | None, workers: int = 1) -> Work:
     """Begin a sweep's folder, or find its missing chunks.
 
@@ -268,7 +256,7 @@ def run_sweep(
     unit = _UNITS[plan.way]
     size = workers if workers is not None else os.cpu_count() or 1
     with alone(path):
-        there.print(f"[bold]{plan.sweep.title or Path(name).stem}[/bold]: {plan.rows} {unit}")
+        there.print(f"[bold]{plan.title or Path(name).stem}[/bold]: {plan.rows} {unit}")
         work = begun(plan, path, chunk, size)
         count = len(work.missing)
         if work.rows_there:

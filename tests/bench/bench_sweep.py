@@ -24,8 +24,8 @@ from guidance.sim.maths import play
 from guidance.sweeps.folder import opened
 from guidance.sweeps.plan import FOLDER
 from guidance.sweeps.report import write_report
-from guidance.sweeps.rows import as_table, computed, scenarios_of, table_of
-from guidance.sweeps.running import Work, finish, planned, run_sweep, workers_of
+from guidance.sweeps.rows import as_table, computed, planned, scenarios_of, table_of
+from guidance.sweeps.running import Work, finish, run_sweep, workers_of
 
 GAMES = """
 title = "Short chases"

@@ -7,9 +7,9 @@ from scipy import stats
 
 from guidance.errors import ConfigError
 from guidance.sim.scenario import Scenario
-from guidance.sweeps.axes import random_axis
-from guidance.sweeps.plan import laid_out, load_sweep, plan_of
-from guidance.sweeps.rows import check, scenarios_of, table_of
+from guidance.sweeps.axes import Axis, Distribution, path_of
+from guidance.sweeps.plan import plan_of
+from guidance.sweeps.rows import planned, scenarios_of, table_of
 
 HEAD = 'scenario = "short.toml"\n'
 
@@ -18,6 +18,14 @@ def refused(plan_from, text):
     with pytest.raises(ConfigError) as caught:
         plan_from(HEAD + text)
     return str(caught.value)
+
+
+def random_axis(key, **law):
+    return Axis(key, path_of(key), random=Distribution(**law))
+
+
+def drawn(axis, seeds):
+    return axis.at(np.zeros_like(seeds), seeds)
 
 
 def scenarios(plan, rows):
@@ -46,10 +54,10 @@ def test_rows_that_differ_only_in_policy_or_grid_share_their_draws(plan_from):
     plan = plan_from()
     cases = plan.cases(np.arange(plan.rows))
     for seed in range(6):
-        drawn = {
+        draws = {
             (*place, height) for place, height, one in zip(*cases.values[1:], cases.seed, strict=True) if one == seed
         }
-        assert len(drawn) == 1
+        assert len(draws) == 1
     assert len(set(cases.values[2])) == 6
 
 
@@ -103,31 +111,30 @@ def test_a_course_stays_with_the_policy_that_follows_it(short, plan_from):
     ],
 )
 def test_draws_follow_the_distribution_they_are_named_after(law, distribution):
-    drawn = random_axis("evader.speed_m_s", law)
-    values = np.array(drawn.draw(np.arange(20000)))
+    values = np.array(drawn(random_axis("evader.speed_m_s", **law), np.arange(20000)))
     assert stats.kstest(values, distribution.cdf).pvalue > 0.001
     assert np.min(values) >= distribution.support()[0]
     assert np.max(values) <= distribution.support()[1]
 
 
 def test_a_disc_is_even_by_area_and_about_its_centre():
-    axis = random_axis("evader.position_m", {"annulus": [10, 20], "about_m": [5, -7]})
-    places = np.array(axis.draw(np.arange(20000))) - [5, -7]
+    axis = random_axis("evader.position_m", annulus=[10, 20], about_m=[5, -7])
+    places = np.array(drawn(axis, np.arange(20000))) - [5, -7]
     radius, angle = np.hypot(*places.T), np.arctan2(*places.T)
     assert stats.kstest((radius**2 - 100) / 300, "uniform").pvalue > 0.001
     assert stats.kstest(angle / (2 * np.pi) + 0.5, "uniform").pvalue > 0.001
 
 
 def test_a_choice_is_even_among_its_values():
-    axis = random_axis("pursuer.speed_set", {"choice": ["ball", "cylinder"]})
-    values = axis.draw(np.arange(10000))
+    axis = random_axis("pursuer.speed_set", choice=["ball", "cylinder"])
+    values = drawn(axis, np.arange(10000))
     assert abs(values.count("ball") - 5000) < 250
     assert axis.columns() == {"pursuer.speed_set": pa.string()}
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6), st.integers(0, 2**62))
 def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
-    (value,) = random_axis("a", {"uniform": [low, low + width]}).draw(np.array([seed]))
+    (value,) = drawn(random_axis("a", uniform=[low, low + width]), np.array([seed]))
     assert low <= value <= low + width
 
 
@@ -151,16 +158,16 @@ def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
         ('[grid]\n"Pursuer Speed" = [1.0]\n', "must be a scenario's key"),
         ('policies = [{ pursuer = "magic" }]\n', "pursuer.policy = 'magic': allowed are optimal"),
         ('policies = [{ pursuer = "task_oriented" }]\n', "needs target.position_m"),
-        ('policies = [{ pursuer = "optimal" }, { pursuer = "optimal" }]\n', "is given twice"),
+        ('policies = [{ pursuer = "optimal" }, { pursuer = "optimal" }]\n', "optimal against optimal is given twice"),
         ("seeds = 3\nrows = 3\n", "give only one"),
-        ("seeds = [1, 1]\n", "a seed is given twice"),
+        ("seeds = [1, 1]\n", "seeds: 1 is given twice"),
         ("seeds = [-1]\n", "greater than or equal to 0"),
         ('rows = 7\n[grid]\n"evader.speed_m_s" = [1.0, 2.0]\n', "must be a multiple of 2"),
         ("sedes = 3\n", "sedes: unknown key; did you mean 'seeds'?"),
         ('as = "live"\n', "as = 'live': must be 'maths' or 'fast'"),
         (
             '[grid]\n"evader.position_m[0]" = [1.0, 2.0]\n[random]\n"evader.position_m" = { disc = 5 }\n',
-            "evader.position_m[0]: swept twice",
+            "evader.position_m[0] is given twice",
         ),
     ],
 )
@@ -187,10 +194,8 @@ def test_seeds_are_a_number_a_list_or_a_range(plan_from):
 
 @pytest.mark.parametrize("name", ["policies", "barrier", "flown"])
 def test_every_sweep_that_comes_along_can_be_run_and_says_what_it_is_about(name):
-    path, sweep = load_sweep(name)
-    plan = laid_out(sweep, path)
-    check(plan, str(path))
-    assert sweep.title
-    assert sweep.description
+    plan = planned(name)
+    assert plan.title
+    assert plan.description
     found = scenarios(plan, np.unique(np.linspace(0, plan.rows - 1, 300).astype(int)))
     assert sum(isinstance(one, Scenario) for one in found) > 0.9 * len(found)

@@ -18,7 +18,8 @@ from guidance.cli.sweep import sweep as app
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.sweeps import folder, running
 from guidance.sweeps.folder import alone, opened, read_folder, write_whole
-from guidance.sweeps.running import SERIAL, Interrupted, Shown, ThisProcess, Workers, begun, finish, planned, workers_of
+from guidance.sweeps.rows import planned
+from guidance.sweeps.running import SERIAL, Interrupted, Shown, ThisProcess, Workers, begun, finish, workers_of
 from tests.sweeps.conftest import SWEEP
 
 # A shell that starts the tests in its background ignores SIGINT, and a child inherits that.
@@ -151,7 +152,7 @@ def test_a_folder_of_another_sweep_is_refused_with_the_difference(plan_from, sho
     (short / "short.toml").write_text((short / "short.toml").read_text().replace("7.0", "8.0"))
     with pytest.raises(ConfigError, match=r"holds another sweep \(scenario differs\)"):
         begun(plan_from(), tmp_path / "out", None)
-    with pytest.raises(ConfigError, match="as, scenario differ"):
+    with pytest.raises(ConfigError, match="scenario, as differ"):
         begun(plan_from(way="fast"), tmp_path / "out", None)
 
 

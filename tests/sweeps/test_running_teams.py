@@ -11,9 +11,8 @@ from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import play_teams, summary_of
 from guidance.sweeps.compare import compare_sweeps
 from guidance.sweeps.folder import read_folder
-from guidance.sweeps.plan import laid_out, load_sweep
 from guidance.sweeps.report import write_report
-from guidance.sweeps.rows import check, scenarios_of
+from guidance.sweeps.rows import planned, scenarios_of
 from guidance.sweeps.running import SERIAL, begun, finish
 
 SCENARIO = """
@@ -53,9 +52,7 @@ def swept(tmp_path):
     def make(text=SWEEP, way=None):
         path = tmp_path / "sweep.toml"
         path.write_text(text)
-        plan = laid_out(load_sweep(str(path))[1], path, way)
-        check(plan, "sweep.toml")
-        return plan
+        return planned(str(path), way)
 
     return make
 
@@ -128,7 +125,7 @@ def test_the_report_counts_evaders_and_writes_the_worst_as_scenarios_of_teams(sw
 
 
 def test_teams_do_not_fly_in_sweeps_either(swept):
-    with pytest.raises(ConfigError, match=r'as = "fast": short\.toml has teams, which can only be played as maths'):
+    with pytest.raises(ConfigError, match=r'as = "fast": the scenario has teams, which can only be played as maths'):
         swept(way="fast")
 
 
@@ -140,8 +137,6 @@ def test_a_key_that_no_team_has_is_refused(swept):
 
 
 def test_the_sweep_that_comes_along_can_be_played():
-    path, sweep = load_sweep("teams")
-    plan = laid_out(sweep, path)
-    check(plan, str(path))
+    plan = planned("teams")
     assert plan.rows == 120
     assert all(not isinstance(one, str) for one in scenarios_of(plan, plan.cases(np.arange(0, 120, 20))))
