@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from guidance.errors import OutputError
+from guidance.errors import ConfigError, OutputError
 
 _FILE: Final = stat.S_IRUSR | stat.S_IWUSR
 _FOLDER: Final = stat.S_IRWXU
@@ -47,6 +47,22 @@ def private_file(path: Path) -> Path:
             os.fchmod(file.fileno(), _FILE)
             file.truncate(0)
     return path
+
+
+def text_of(path: Path, said: str, *, secret: bool) -> str:
+    """Read a text file; `said` names it in errors.
+
+    Raises:
+        ConfigError: If it cannot be read or is not text, or it is secret and others may read it.
+    """
+    try:
+        mode, text = path.stat().st_mode, path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise ConfigError(f"{said}: cannot be read ({reason})") from error
+    if secret and mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise ConfigError(f"{said}: others may read it; chmod 600 it")
+    return text
 
 
 @contextlib.contextmanager

@@ -167,21 +167,18 @@ class SigningKey:
     """The shared secret. With a key we sign every frame that we send and refuse every frame without a signature."""
 
     secret: bytes = field(repr=False)
-    link_id: int = 0
 
     def __post_init__(self) -> None:
-        """Check the sizes.
+        """Check the size.
 
         Raises:
-            ConfigError: If the secret is not 32 bytes long or the link id does not fit in a byte.
+            ConfigError: If the secret is not 32 bytes long.
         """
         if len(self.secret) != KEY_BYTES:
             raise ConfigError(f"signing key: {len(self.secret)} bytes; it must have {KEY_BYTES}")
-        if not 0 <= self.link_id <= 255:
-            raise ConfigError(f"signing link_id = {self.link_id}: allowed are 0 to 255")
 
     @classmethod
-    def from_hex(cls, text: str, *, link_id: int = 0) -> "SigningKey":
+    def from_hex(cls, text: str) -> "SigningKey":
         """Read 64 hexadecimal digits.
 
         Raises:
@@ -190,7 +187,7 @@ class SigningKey:
         digits = text.strip()
         if re.fullmatch(r"[0-9a-fA-F]{64}", digits) is None:
             raise ConfigError(f"signing key: {len(digits)} characters; it must be 64 hexadecimal digits")
-        return cls(bytes.fromhex(digits), link_id)
+        return cls(bytes.fromhex(digits))
 
 
 def ticks(unix_s: float) -> int:
@@ -253,7 +250,7 @@ class Station:
             self._check = SignatureCheck(signing_key, None if unix_s is None else ticks(unix_s))
             self._begun_ticks = self._check.latest
             signing = self._mavlink.signing
-            signing.secret_key, signing.link_id, signing.sign_outgoing = signing_key.secret, signing_key.link_id, True
+            signing.secret_key, signing.sign_outgoing = signing_key.secret, True
 
     def pack(self, message: Fields) -> bytes:
         """Return a message as our next frame.

@@ -13,13 +13,13 @@ from guidance.links.carriers import CARRIERS, EvaderIdentity
 from guidance.links.frames import FrameReader, SignatureCheck, SigningKey, Station
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
-from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
+from guidance.links.port import Clock, EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink, own_heartbeat
 from guidance.links.streams import SerialWire, TcpWire
 from guidance.links.udp import UdpWire
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_evader import KEYS, ZenohEvader
-from guidance.links.zenoh_wire import Session, ZenohWire, open_session
+from guidance.links.zenoh_wire import ZenohWire, session_to
 
 _LINKS: Final = {"mavsdk": MavsdkLink, "pymavlink": PymavlinkLink}
 KINDS: Final = tuple(_LINKS)
@@ -55,7 +55,7 @@ def open_wire(
     """
     endpoint = parse(url)
     if endpoint.scheme == "zenoh":
-        return ZenohWire(clock, _session(endpoint, credentials, timeout_s), endpoint.namespace)
+        return ZenohWire(clock, session_to(endpoint, credentials, timeout_s), endpoint.namespace)
     if endpoint.scheme == "serial":
         return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
     listen = endpoint.scheme.endswith("in")
@@ -63,11 +63,6 @@ def open_wire(
         checks = {system_id: SignatureCheck(key) for system_id, key in (keys or {}).items()}
         return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, systems=systems, checks=checks)
     return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
-
-
-def _session(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -> Session:
-    router = credentials.endpoint(endpoint.host, endpoint.port)
-    return open_session(router, timeout_s=timeout_s, credentials=credentials)
 
 
 def open_link(
@@ -226,7 +221,7 @@ def open_source(
     if kind in KEYS:
         endpoint = parse(url)
         key, read = KEYS[kind](frame, endpoint.namespace)
-        return ZenohEvader(clock, _session(endpoint, credentials, timeout_s), key, read)
+        return ZenohEvader(clock, session_to(endpoint, credentials, timeout_s), key, read)
     carrier, system_id = CARRIERS[kind](frame, identity), identity.system_id or 0
     if wire is None:
         keys = {} if signing_key is None else {system_id: signing_key}

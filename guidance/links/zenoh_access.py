@@ -4,7 +4,6 @@ The keys are the same in the section `[zenoh]` of a vehicle file and in the file
 """
 
 import ssl
-import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self
@@ -13,6 +12,7 @@ from pydantic import Field, model_validator
 
 from guidance.config import Section, load
 from guidance.errors import ConfigError
+from guidance.files import text_of
 
 AUTHORITY: Final = "ca"
 ROUTER: Final = "router"
@@ -54,10 +54,6 @@ class Credentials(NamedTuple):
 
     auth: Mapping[str, Any] | None = None
     tls: Mapping[str, Any] | None = None
-
-    def endpoint(self, host: str, port: int) -> str:
-        """Return the endpoint of a router: by TLS if an authority is configured."""
-        return f"{'tcp' if self.tls is None else 'tls'}/{host}:{port}"
 
 
 NO_CREDENTIALS: Final = Credentials()
@@ -117,12 +113,4 @@ def _tls(section: ZenohSection) -> Mapping[str, Any] | None:
 
 
 def _read(name: str, path: Path, *, secret: bool = False) -> str:
-    try:
-        mode, text = path.stat().st_mode, path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"zenoh.{name} = {str(path)!r}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"zenoh.{name} = {str(path)!r}: not a text file") from error
-    if secret and mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ConfigError(f"zenoh.{name} = {str(path)!r}: others may read it; run chmod 600 on it")
-    return text
+    return text_of(path, f"zenoh.{name} = {str(path)!r}", secret=secret)

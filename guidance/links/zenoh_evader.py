@@ -24,7 +24,7 @@ from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, ned
 from guidance.links.carriers import Refused, accepted, known_velocity, place_in, rotate, standard_deviation
 from guidance.links.port import Clock
 from guidance.links.wires import Arrivals
-from guidance.links.zenoh_wire import Session, Subscription
+from guidance.links.zenoh_wire import Session, close_all
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 
 PayloadReader = Callable[[bytes, float], EvaderReport]
@@ -53,14 +53,15 @@ class ZenohEvader:
         self._arrivals = Arrivals[tuple[float, bytes, str]]()
         self._counts: Counter[str] = Counter()
         try:
-            self._subscription = Subscription(
-                session,
+            subscriber = session.declare_subscriber(
                 key,
                 lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes(), sender(sample))),
+                allowed_origin=zenoh.Locality.REMOTE,
             )
         except zenoh.ZError as error:
-            session.close()  # type: ignore[no-untyped-call]
+            close_all(session.close)
             raise ConfigError(f"key = {key!r}: not a Zenoh key expression") from error
+        self._closes = subscriber.undeclare, session.close
 
     def receive(self) -> Sequence[EvaderReport]:
         """Return all reports since the last call, in order of arrival."""
@@ -78,7 +79,7 @@ class ZenohEvader:
         """End the subscription. May be called twice."""
         if not self._arrivals.closed:
             self._arrivals.close()
-            self._subscription.close()
+            close_all(*self._closes)
 
 
 def sender(sample: "zenoh.Sample") -> str:

@@ -13,7 +13,7 @@ import zenoh
 
 from guidance.links.port import Clock
 from guidance.links.wires import Arrivals
-from guidance.links.zenoh_wire import Session
+from guidance.links.zenoh_wire import Session, close_all
 
 
 class ZenohTeam:
@@ -65,9 +65,6 @@ class ZenohTeam:
 
     def close(self) -> None:
         """Leave the team. May be called twice."""
-        if self._arrivals.closed:
-            return
-        self._arrivals.close()
-        for close in (self._messages.undeclare, self._tokens.undeclare, self._token.undeclare):
-            with contextlib.suppress(zenoh.ZError):
-                close()
+        if not self._arrivals.closed:
+            self._arrivals.close()
+            close_all(self._messages.undeclare, self._tokens.undeclare, self._token.undeclare)

@@ -10,12 +10,12 @@ import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.port import Clock
+from guidance.links.port import Clock, Endpoint
 from guidance.links.wires import QueuedWire
 from guidance.links.zenoh_access import AUTHORITY, NO_CREDENTIALS, ROUTER, Credentials
 
@@ -50,18 +50,14 @@ def open_session(endpoint: str, *, timeout_s: float = 3.0, credentials: Credenti
     Raises:
         LinkError: If the endpoint does not answer within `timeout_s`, or refuses us.
     """
-    link: dict[str, Any] = {"tx": {"queue": {"size": {"real_time": 16}}}}  # room for bursts; sending never waits
-    transport: dict[str, Any] = {"shared_memory": {"enabled": False}, "link": link}
-    if credentials.auth is not None:
-        transport["auth"] = credentials.auth
-    if credentials.tls is not None:
-        link["tls"] = credentials.tls
+    sending = {"queue": {"size": {"real_time": 16}}}  # room for bursts; sending never waits
+    link = {"tx": sending, "tls": credentials.tls or {}}
     config = {
         "mode": "client",
         "listen": {"endpoints": []},
         "connect": {"endpoints": [endpoint], "timeout_ms": round(timeout_s * 1e3), "exit_on_failure": True},
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "transport": transport,
+        "transport": {"shared_memory": {"enabled": False}, "link": link, "auth": credentials.auth or {}},
     }
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
@@ -72,24 +68,21 @@ def open_session(endpoint: str, *, timeout_s: float = 3.0, credentials: Credenti
         ) from error
 
 
-class Subscription:
-    """A session of our own with one subscriber. A session left open would keep the interpreter from ending.
+def session_to(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -> Session:
+    """Open a client session to the router of a URL, by TLS if an authority is configured.
 
-    Args:
-        session: Closed with the subscription.
-        key: The subscribed key; samples of our own session are not received.
-        on_sample: Called on a thread of Zenoh's.
+    Raises:
+        LinkError: As `open_session`.
     """
+    router = f"{'tcp' if credentials.tls is None else 'tls'}/{endpoint.host}:{endpoint.port}"
+    return open_session(router, timeout_s=timeout_s, credentials=credentials)
 
-    def __init__(self, session: Session, key: str, on_sample: Callable[["zenoh.Sample"], None]) -> None:
-        self._session = session
-        self._subscriber = session.declare_subscriber(key, on_sample, allowed_origin=zenoh.Locality.REMOTE)
 
-    def close(self) -> None:
-        """End the subscription and close the session."""
-        for close in (self._subscriber.undeclare, self._session.close):
-            with contextlib.suppress(zenoh.ZError):
-                close()  # type: ignore[no-untyped-call]
+def close_all(*closes: Callable[[], object]) -> None:
+    """End subscriptions, tokens and sessions. A session left open would keep the interpreter from ending."""
+    for close in closes:
+        with contextlib.suppress(zenoh.ZError):
+            close()
 
 
 class ZenohWire(QueuedWire):
@@ -108,9 +101,12 @@ class ZenohWire(QueuedWire):
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        self._subscription = Subscription(
-            session, prefix + FROM_VEHICLE, lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes()))
+        subscriber = session.declare_subscriber(
+            prefix + FROM_VEHICLE,
+            lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes())),
+            allowed_origin=zenoh.Locality.REMOTE,
         )
+        self._closes = subscriber.undeclare, session.close
 
     def _write(self, frame: bytes) -> bool:
         try:
@@ -120,8 +116,7 @@ class ZenohWire(QueuedWire):
         return True
 
     def _release(self) -> None:
-        self._arrivals.close()
-        self._subscription.close()
+        close_all(*self._closes)
 
 
 def open_router(path: Path, keys: Path | None = None, listen: str | None = None) -> Session:

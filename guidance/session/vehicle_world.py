@@ -1,7 +1,6 @@
 """From a configuration to an open link and evader source. Importing this imports every wire library."""
 
 import contextlib
-import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -9,7 +8,7 @@ from typing import Any, Final
 
 from guidance.autopilots.description import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.clock import Clock
-from guidance.errors import ConfigError
+from guidance.files import text_of
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.carriers import EvaderIdentity
 from guidance.links.frames import SigningKey
@@ -19,7 +18,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
-from guidance.links.zenoh_wire import open_session
+from guidance.links.zenoh_wire import session_to
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import ControlBus, OwnerToken
 from guidance.session.orders import Mailbox
@@ -95,8 +94,7 @@ def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitSta
     endpoint = parse(config.vehicle.url)
     if endpoint.scheme != "zenoh":
         return
-    router = credentials.endpoint(endpoint.host, endpoint.port)
-    session = open_session(router, timeout_s=_CLAIM_LIMIT_S, credentials=credentials)
+    session = session_to(endpoint, credentials, _CLAIM_LIMIT_S)
     closing.callback(session.close)
     token = OwnerToken(session, f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance")
     closing.callback(token.close)
@@ -160,14 +158,7 @@ def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | Non
     """
     if path is None:
         return None
-    said = f"{section}.signing_key_file = {str(path)!r}"
-    try:
-        mode, text = path.stat().st_mode, path.read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{said}: cannot be read ({error})") from error
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ConfigError(f"{said}: others may read it; chmod 600 it")
-    return SigningKey.from_hex(text)
+    return SigningKey.from_hex(text_of(path, f"{section}.signing_key_file = {str(path)!r}", secret=True))
 
 
 ASK_AGAIN_S: Final = 3.0

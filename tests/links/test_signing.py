@@ -20,7 +20,7 @@ class World:
         ours, self.theirs = MemoryWire.pair(lambda: self.now_s)
         self.peer = Peer(self.theirs.send)
         self.sign(KEY)
-        signing_key = SigningKey(key, link_id=3) if key is not None else None
+        signing_key = SigningKey(key) if key is not None else None
         self.link = PymavlinkLink(ours, lambda: self.now_s, system_id=1, signing_key=signing_key, unix_s=unix_s)
 
     def sign(self, key: bytes | None, *, unix_s: float = UNIX_S) -> None:
@@ -100,7 +100,7 @@ def test_everything_we_send_is_signed_with_a_time_that_rises():
         for _, frame in world.theirs.receive():
             message = reader.decode(bytearray(frame))  # raises unless signed with the key
             assert message.get_signed()
-            assert message.get_link_id() == 3
+            assert message.get_link_id() == 0
             times.append(int.from_bytes(frame[-12:-6], "little"))
     assert times == sorted(set(times))
     assert times[-1] - times[0] >= 20 * 100_000
@@ -114,7 +114,7 @@ def test_without_a_key_signed_frames_are_accepted_too():
 
 
 def test_a_key_is_64_hexadecimal_digits_and_never_shown():
-    key = SigningKey.from_hex(KEY.hex() + "\n", link_id=1)
+    key = SigningKey.from_hex(KEY.hex() + "\n")
     assert key.secret == KEY
     assert KEY.hex() not in repr(key)
     assert repr(KEY) not in repr(key)
@@ -124,8 +124,6 @@ def test_a_key_is_64_hexadecimal_digits_and_never_shown():
         assert not text or text not in str(caught.value)
     with pytest.raises(ConfigError, match="must have 32"):
         SigningKey(b"short")
-    with pytest.raises(ConfigError, match="link_id = 256"):
-        SigningKey(KEY, link_id=256)
 
 
 def test_signing_counts_from_2015():

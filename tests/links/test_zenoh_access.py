@@ -18,6 +18,7 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links.carriers import EvaderIdentity
 from guidance.links.keys import Validity, make_keys
 from guidance.links.opening import open_source, open_wire
+from guidance.links.port import parse
 from guidance.links.zenoh_access import (
     NO_CREDENTIALS,
     Credentials,
@@ -25,7 +26,7 @@ from guidance.links.zenoh_access import (
     credentials_of,
     read_credentials,
 )
-from guidance.links.zenoh_wire import open_router, open_session
+from guidance.links.zenoh_wire import open_router, open_session, session_to
 from guidance.log.broadcast import Broadcast, LiveFlight
 from guidance.session.control_bus import ControlBus, OwnerToken, ask, join_session
 from guidance.session.orders import Mailbox
@@ -168,7 +169,7 @@ def certificate_of(keys, strangers, kind):
 def test_without_a_certificate_of_ours_no_client_connects(keys, strangers, port, kind):
     credentials = certificate_of(keys, strangers, kind)
     with pytest.raises(LinkError, match="no session within"):
-        open_session(credentials.endpoint("127.0.0.1", port), timeout_s=0.7, credentials=credentials)
+        session_to(parse(f"zenoh://127.0.0.1:{port}"), credentials, 0.7)
 
 
 def test_a_party_cannot_pose_as_the_router(keys, tmp_path):
@@ -351,5 +352,5 @@ def test_a_key_that_others_may_read_is_refused(keys, tmp_path):
         (tmp_path / name).write_bytes((keys / name).read_bytes())
     (tmp_path / "uav1.key").chmod(0o640)
     section = ZenohSection(tls_ca_file="ca.pem", tls_certificate_file="uav1.pem", tls_key_file="uav1.key")
-    with pytest.raises(ConfigError, match=r"zenoh\.tls_key_file = '.*uav1\.key': others may read it; run chmod 600"):
+    with pytest.raises(ConfigError, match=r"zenoh\.tls_key_file = '.*uav1\.key': others may read it; chmod 600 it"):
         credentials_of(section.beside(tmp_path))

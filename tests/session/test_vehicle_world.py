@@ -111,12 +111,12 @@ def test_a_signing_key_comes_from_a_file_that_nobody_else_may_read(tmp_path):
         signing_key(path)
 
 
-@pytest.mark.parametrize(("content", "words"), [("0f" * 31, "64 hexadecimal digits"), ("é" * 64, "cannot be read")])
-def test_a_file_that_holds_no_key_is_refused_without_showing_it(tmp_path, content, words):
+@pytest.mark.parametrize("content", ["0f" * 31, "é" * 64])
+def test_a_file_that_holds_no_key_is_refused_without_showing_it(tmp_path, content):
     path = tmp_path / "key"
     path.write_text(content, encoding="utf-8")
     path.chmod(0o600)
-    with pytest.raises(ConfigError, match=words) as refused:
+    with pytest.raises(ConfigError, match="64 hexadecimal digits") as refused:
         signing_key(path)
     assert content not in str(refused.value)
 

@@ -388,7 +388,7 @@ def test_missing_or_weak_tls_and_password_files_are_named(certificate, tmp_path)
         remote_access("0.0.0.0", password, key, password)
     weak = tmp_path / "weak"
     weak.write_text("short\n")
-    with pytest.raises(ConfigError, match="others can read it; chmod 600"):
+    with pytest.raises(ConfigError, match="others may read it; chmod 600"):
         remote_access("0.0.0.0", cert, key, weak)
     weak.chmod(0o600)
     with pytest.raises(ConfigError, match="has 5 characters; give at least 12"):

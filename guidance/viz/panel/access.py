@@ -14,7 +14,6 @@ import re
 import secrets
 import socket
 import ssl
-import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -24,6 +23,7 @@ from aiohttp import web
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
+from guidance.files import text_of
 
 MIN_PASSWORD_LENGTH: Final = 12
 PASSWORD_INTERVAL_S: Final = 1.0
@@ -176,16 +176,9 @@ def read_password(path: Path) -> str:
     """Read the first line of a file that only its owner can read.
 
     Raises:
-        ConfigError: If the file cannot be read, others can read it, or the password is too short.
+        ConfigError: If the file cannot be read, others may read it, or the password is too short.
     """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        mode = stat.S_IMODE(path.stat().st_mode)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"--password-file {path}: cannot be read ({error})") from error
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ConfigError(f"--password-file {path}: others can read it; chmod 600 it")
-    password = lines[0].strip() if lines else ""
+    password = text_of(path, f"--password-file {path}", secret=True).partition("\n")[0].strip()
     if len(password) < MIN_PASSWORD_LENGTH:
         raise ConfigError(
             f"--password-file {path}: its first line has {len(password)} characters; give at least "
