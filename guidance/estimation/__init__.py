@@ -14,7 +14,7 @@ from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, me
 from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.track import ReportOutcome, Track, update
 from guidance.frames import LocalFrame, Vector, difference, total
-from guidance.messages import EvaderReport, Timesync
+from guidance.messages import EvaderReport
 
 
 class EvaderEstimate(NamedTuple):
@@ -79,8 +79,6 @@ def _speed_sds(north_rate: float, east_rate: float, one: float, shared: float, o
     return math.sqrt(max(0.0, variance)), worst_sd
 
 
-_NOISE_SIGMAS: Final = 3.0
-
 _FITS: Final[Mapping[ReportOutcome, bool]] = {
     **dict.fromkeys((ReportOutcome.STARTED, ReportOutcome.ACCEPTED, ReportOutcome.REORDERED), True),
     **dict.fromkeys((ReportOutcome.OUTLIER, ReportOutcome.TOO_FAR, ReportOutcome.JUMPED), False),
@@ -96,39 +94,18 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
         frame: The vehicle's local frame, also the frame of the track.
         settings: Noise and limits of the track.
     """
-    if report.timesync is not None:
-        observer = compare_clocks(observer, report.timesync)
-    clock = hear(observer.clock, report.sent_s, report.received_s)
+    clock, answer = observer.clock, report.timesync
+    if answer is not None:
+        clock = synchronise(clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
+    clock = hear(clock, report.sent_s, report.received_s)
     measurement = measure(report, frame, observer.shift_ned_m, true_at(report, clock, settings), settings)
     track = update(observer.track, measurement, settings)
     if track.outcome is ReportOutcome.UNUSABLE:
         return observer._replace(clock=clock, track=track)
     apart_s = 0.0 if clock is None else report.received_s - clock.ours(report.sent_s)
-    one = Report(
-        report.received_s,
-        report.sent_s,
-        measurement.time_s,
-        measurement.position_ned_m[:2],
-        None if track.outcome is None else _FITS.get(track.outcome),
-        apart_s if math.isfinite(apart_s) else 0.0,
-        report.sequence,
-        report.peer,
-        report.impostors,
-    )
-    rivals = listen(
-        observer.rivals,
-        one,
-        speed_m_s=2.0 * settings.declared_speed_m_s,
-        margin_m=settings.reach_m,
-        noise_m=_NOISE_SIGMAS * math.hypot(settings.position_sd_m, settings.position_sd_m),
-    )
-    return Observer(clock, track, rivals, observer.shift_ned_m)
-
-
-def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
-    """Add the evader's answer to our TIMESYNC."""
-    clock = synchronise(observer.clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
-    return observer._replace(clock=clock)
+    fits = None if track.outcome is None else _FITS.get(track.outcome)
+    one = Report(report, measurement, fits, apart_s if math.isfinite(apart_s) else 0.0)
+    return Observer(clock, track, listen(observer.rivals, one, settings), observer.shift_ned_m)
 
 
 def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:

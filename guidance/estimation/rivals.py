@@ -20,6 +20,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
+from guidance.estimation.measurement import Measurement, TrackSettings
+from guidance.messages import EvaderReport
+
 LASTS_S: Final = 2.0
 """A second source counts as present for this long after it was last detected."""
 
@@ -38,32 +41,23 @@ _RATE_LEARNED_S: Final = 10.0
 _RATE_FACTOR: Final = 2.5
 _RATE_SPARE: Final = 4
 _RATE_SPREAD: Final = 20
+_NOISE_SIGMAS: Final = 3.0
 
 
 class Report(NamedTuple):
     """What the detection needs of one report.
 
     Attributes:
-        received_s: Arrival on our clock.
-        sent_s: The sender's clock; NaN if it has none.
-        true_s: When it was true, on our clock.
-        place_m: North and east in the local frame.
+        told: As it arrived.
+        measured: The same in the local frame, on our clock.
         fits: Whether the estimate accepted it; None if the outcome says nothing about its place.
         apart_s: Distance of its sender's clock from the believed one.
-        sequence: MAVLink's frame number, or None.
-        peer: The sender, or None if the carrier does not name it.
-        impostors: Messages from other addresses since the last report.
     """
 
-    received_s: float
-    sent_s: float
-    true_s: float
-    place_m: tuple[float, float]
+    told: EvaderReport
+    measured: Measurement
     fits: bool | None
     apart_s: float
-    sequence: int | None
-    peer: str | None
-    impostors: int | None = None
 
 
 class Rivals(NamedTuple):
@@ -92,19 +86,11 @@ class Rivals(NamedTuple):
         return now_s - self.seen_s <= LASTS_S
 
 
-def listen(rivals: Rivals, one: Report, *, speed_m_s: float, margin_m: float, noise_m: float) -> Rivals:
-    """Add one report and judge.
-
-    Args:
-        rivals: The memory.
-        one: The report.
-        speed_m_s: Two reports agree if one evader of this speed can reach both places,
-        margin_m: with this tolerance.
-        noise_m: Largest distance of two reports of one place.
-    """
-    now_s = one.received_s
+def listen(rivals: Rivals, one: Report, settings: TrackSettings) -> Rivals:
+    """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
+    now_s = one.told.received_s
     kept, first = (*rivals.recent[-_MAX_REPORTS + 1 :], one), 0
-    while now_s - kept[first].received_s > _WINDOW_S:
+    while now_s - kept[first].told.received_s > _WINDOW_S:
         first += 1
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     odd_s = now_s if _is_odd(rivals.recent[-1] if rivals.recent else one, one) else rivals.odd_s
@@ -114,21 +100,26 @@ def listen(rivals: Rivals, one: Report, *, speed_m_s: float, margin_m: float, no
     rivals = _learn_rate(rivals._replace(judged_s=now_s), now_s)
     if now_s - odd_s > _WINDOW_S:
         return rivals
-    why = "place" if _in_place(rivals.recent, speed_m_s, margin_m, noise_m) else None
+    why = "place" if _in_place(rivals.recent, settings) else None
     why = why or next((sign for sign, shows in _SIGNS.items() if shows(rivals, now_s)), None)
     return rivals if why is None else rivals._replace(seen_s=now_s, why=why)
 
 
 def _is_odd(before: Report, one: Report) -> bool:
     """Return whether a report, after the one before it, can count as a sign of a second source."""
-    strange = one.fits is False or abs(one.apart_s) > _CLOCKS_APART_S or bool(one.impostors) or math.isnan(one.sent_s)
-    return strange or one.peer != before.peer or (one is not before and _contradict(before, one))
+    told, last = one.told, before.told
+    strange = one.fits is False or abs(one.apart_s) > _CLOCKS_APART_S or bool(told.impostors)
+    return (
+        strange or math.isnan(told.sent_s) or told.peer != last.peer or (told is not last and _contradict(last, told))
+    )
 
 
-def _in_place(recent: Sequence[Report], speed_m_s: float, margin_m: float, noise_m: float) -> bool:
+def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:
     if sum(one.fits is False for one in recent) <= _TURNS:
         return False
-    ordered = sorted((one for one in recent if one.fits is not None), key=lambda one: one.true_s)
+    ordered = sorted((one for one in recent if one.fits is not None), key=lambda one: one.measured.time_s)
+    speed_m_s, margin_m = 2.0 * settings.declared_speed_m_s, settings.reach_m
+    noise_m = _NOISE_SIGMAS * math.hypot(settings.position_sd_m, settings.position_sd_m)
     strangers = [one for one in ordered if not one.fits]
     agreeing = sum(_can_follow(one, other, speed_m_s, margin_m) for one, other in itertools.pairwise(strangers))
     return agreeing >= _TURNS and _leaps(ordered, speed_m_s, noise_m) >= _TURNS
@@ -146,7 +137,8 @@ def _leaps(ordered: Sequence[Report], speed_m_s: float, noise_m: float) -> int:
 
 
 def _can_follow(one: Report, other: Report, speed_m_s: float, margin_m: float) -> bool:
-    return math.dist(one.place_m, other.place_m) <= margin_m + speed_m_s * (other.true_s - one.true_s)
+    far_m = math.dist(one.measured.position_ned_m[:2], other.measured.position_ned_m[:2])
+    return far_m <= margin_m + speed_m_s * (other.measured.time_s - one.measured.time_s)
 
 
 def _in_clock(recent: Sequence[Report]) -> bool:
@@ -155,12 +147,12 @@ def _in_clock(recent: Sequence[Report]) -> bool:
 
 
 def _in_sequence(recent: Sequence[Report]) -> bool:
-    if len({one.sequence for one in recent}) < 2:
+    if len({one.told.sequence for one in recent}) < 2:
         return False  # the sender does not count
-    return sum(itertools.starmap(_contradict, itertools.pairwise(recent))) >= _CONTRADICTIONS
+    return sum(_contradict(one.told, other.told) for one, other in itertools.pairwise(recent)) >= _CONTRADICTIONS
 
 
-def _contradict(one: Report, other: Report) -> bool:
+def _contradict(one: EvaderReport, other: EvaderReport) -> bool:
     """Return whether frame number and time of two close reports change in opposite directions."""
     if one.sequence is None or other.sequence is None:
         return False
@@ -169,20 +161,21 @@ def _contradict(one: Report, other: Report) -> bool:
         return False
     on = (other.sequence - one.sequence) % 256
     if abs(later_s) < _SAME_S:
-        return on == 0 and other.place_m != one.place_m
+        return on == 0 and (other.latitude_deg, other.longitude_deg) != (one.latitude_deg, one.longitude_deg)
     return on == 0 or (on < 128) is not (later_s > 0.0)
 
 
 def _in_sender(recent: Sequence[Report], now_s: float) -> bool:
     """Return whether the sender changes to and fro; a sender that restarts changes once."""
-    lately = [one for one in recent if now_s - one.received_s <= _SENDER_WINDOW_S]
+    lately = [one.told for one in recent if now_s - one.told.received_s <= _SENDER_WINDOW_S]
     changes = sum(bool(one.peer and other.peer and one.peer != other.peer) for one, other in itertools.pairwise(lately))
     return changes >= _SENDER_CHANGES or sum(bool(one.impostors) for one in lately) >= _TURNS
 
 
 def _untimed(recent: Sequence[Report], now_s: float) -> list[float]:
     """Return the arrivals of the latest reports without a time of their own."""
-    return [one.received_s for one in recent if now_s - one.received_s < _RATE_WINDOW_S and math.isnan(one.sent_s)]
+    arrivals = ((one.told.received_s, one.told.sent_s) for one in recent)
+    return [at_s for at_s, sent_s in arrivals if now_s - at_s < _RATE_WINDOW_S and math.isnan(sent_s)]
 
 
 def _learn_rate(rivals: Rivals, now_s: float) -> Rivals:

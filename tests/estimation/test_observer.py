@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from guidance.errors import ConfigError
 from guidance.estimation.track import ReportOutcome, Track, update
 from tests.estimation.scenes import SETTINGS, measured, predict, straight, tracked
 
@@ -106,17 +105,3 @@ def test_turns_are_distinguished_from_straight_courses_with_their_rate():
     assert turning.turning > 0.9
     assert turning.turn_rate_rad_s == pytest.approx(0.5, abs=0.15)
     assert steady.turning < 0.3
-
-
-@pytest.mark.parametrize("name", ["declared_speed_m_s", "turn_time_s", "stale_s", "position_sd_m"])
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-def test_a_setting_that_is_no_positive_number_is_refused_by_name(name, value):
-    with pytest.raises(ConfigError, match=rf"^{name} = {value}: allowed is"):
-        replace(SETTINGS, **{name: value})
-
-
-@pytest.mark.parametrize("name", ["latency_s", "future_s", "sigmas", "history_s"])
-def test_a_setting_that_may_be_nothing_may_be_zero_but_not_less(name):
-    assert getattr(replace(SETTINGS, **{name: 0.0}), name) == 0.0
-    with pytest.raises(ConfigError, match=name):
-        replace(SETTINGS, **{name: -0.1})

@@ -2,19 +2,47 @@
 
 import math
 import random
+from typing import NamedTuple
 
 import pytest
 
+from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.rivals import LASTS_S, Report, Rivals, listen
+from guidance.messages import UNKNOWN_VELOCITY, EvaderReport
 
 SPEED_M_S, MARGIN_M, NOISE_M, PERIOD_S = 3.0, 2.0, 1.0, 0.1
 FOR_S = 30.0
+SETTINGS = TrackSettings(
+    declared_speed_m_s=SPEED_M_S / 2.0, reach_m=MARGIN_M, position_sd_m=NOISE_M / 3.0 / math.sqrt(2.0)
+)
+
+
+class Said(NamedTuple):
+    """One report, flat."""
+
+    received_s: float
+    sent_s: float
+    true_s: float
+    place_m: tuple[float, float]
+    fits: bool | None
+    apart_s: float
+    sequence: int | None
+    peer: str | None
+    impostors: int | None = None
+
+    def as_report(self) -> Report:
+        north_m, east_m = self.place_m
+        place = 47.0 + north_m / 111e3, 8.0 + east_m / 111e3, 400.0
+        who = {"sequence": self.sequence, "peer": self.peer, "impostors": self.impostors}
+        told = EvaderReport(self.received_s, self.sent_s, "test", *place, UNKNOWN_VELOCITY, **who)
+        measured = Measurement(self.true_s, self.received_s, (north_m, east_m, 0.0), None, 0.7, 0.3)
+        return Report(told, measured, self.fits, self.apart_s)
 
 
 def own(number, **changes):
     """Return one report of an evader that runs north, reports at 10 Hz and shares our clock."""
     at_s = PERIOD_S * number
-    said = Report(
+    said = Said(
         at_s + 0.05, at_s, at_s, (SPEED_M_S * at_s, 0.0), fits=True, apart_s=0.0, sequence=number % 256, peer="a"
     )
     return said._replace(**changes)
@@ -23,7 +51,7 @@ def own(number, **changes):
 def heard(reports):
     rivals = Rivals()
     for one in sorted(reports, key=lambda one: one.received_s):
-        rivals = listen(rivals, one, speed_m_s=SPEED_M_S, margin_m=MARGIN_M, noise_m=NOISE_M)
+        rivals = listen(rivals, one.as_report(), SETTINGS)
     return rivals
 
 
