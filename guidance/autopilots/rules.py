@@ -1,7 +1,7 @@
 """Rules that judge the autopilot's parameters before a flight: what a value means, and what to set instead."""
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -98,20 +98,16 @@ class Rule(NamedTuple):
     needed: bool = True
 
 
-def judge(rules: Sequence[Rule], parameters: Parameters, wants: Wants) -> tuple[Finding, ...]:
-    """Apply every rule."""
-    return tuple(_row(rule, parameters, wants) for rule in rules)
-
-
-def _row(rule: Rule, parameters: Parameters, wants: Wants) -> Finding:
+def row_of(rule: Rule, parameters: Parameters, wants: Wants) -> Finding:
+    """Apply a rule."""
     value = parameters.get(rule.name)
     if value is None:
+        verdict, advice = Verdict.WARN, "this autopilot may not have it"
         if rule.needed:
-            return Finding(rule.name, "not read", "a value", Verdict.REFUSE, "requested again every few seconds")
-        return Finding(rule.name, "not read", "a value", Verdict.WARN, "this autopilot may not have it")
+            verdict, advice = Verdict.REFUSE, "requested again every few seconds"
+        return Finding(rule.name, "not read", "a value", verdict, advice)
     verdict, wanted, set_to, why = rule.judge(value, wants, parameters)
-    passed = verdict is Verdict.PASS
-    command = "" if passed or set_to is None else f"param set {rule.name} {set_to:.9g}"
+    command = "" if verdict is Verdict.PASS or set_to is None else f"param set {rule.name} {set_to:.9g}"
     return Finding(rule.name, rule.read(value), wanted, verdict, "; ".join(filter(None, (command, why))))
 
 

@@ -6,15 +6,16 @@ Before every engagement some parameters are read and judged again (`engage_names
 """
 
 import math
-import struct
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from guidance import messages
 from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_of, description
-from guidance.autopilots.rules import UPLOADED, Judgement, judge
+from guidance.autopilots.rules import UPLOADED, Judgement, row_of
 from guidance.frames import Amsl, LocalFrame, Projection
 from guidance.messages import EvaderReport, Heartbeat, Home, Message, Parameter, ParameterRequest, ParameterSet, Request
 from guidance.preflight import fence
@@ -28,7 +29,7 @@ COUNTED_S: Final = 2.0
 """Averaging time of rates."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Facts:
     """Facts about one vehicle.
 
@@ -54,8 +55,7 @@ class PreflightMemory:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
-        self._parameters: dict[str, float] = {}
-        self._types: dict[str, int] = {}
+        self._parameters: dict[str, Parameter] = {}
         self._arrivals: dict[type[Message], deque[float]] = {}
         self._asked_s: float | None = None
         self._evader_amsl_m: float | None = None
@@ -69,9 +69,7 @@ class PreflightMemory:
             self._arrivals.setdefault(type(message), deque(maxlen=512)).append(message.received_s)
             self._fence.observe(message)
             if isinstance(message, Parameter) and message.name in self._names:
-                self._parameters[message.name] = message.value
-                if message.param_type is not None:
-                    self._types[message.name] = message.param_type
+                self._parameters[message.name] = message
         for report in reports:
             self._evader_amsl_m = report.altitude_amsl_m
 
@@ -106,14 +104,9 @@ class PreflightMemory:
         """Return the facts at `now_s`."""
         arrivals = self._arrivals.items()
         rates_hz = {kind: sum(now_s - at_s <= COUNTED_S for at_s in times_s) / COUNTED_S for kind, times_s in arrivals}
-        return Facts(
-            parameters=dict(self._parameters),
-            parameter_types=dict(self._types),
-            vehicle=vehicle,
-            rates_hz=rates_hz,
-            evader_amsl_m=self._evader_amsl_m,
-            uploaded=self._fence.found,
-        )
+        values = {name: one.value for name, one in self._parameters.items()}
+        types = {name: one.param_type for name, one in self._parameters.items() if one.param_type is not None}
+        return Facts(values, types, vehicle, rates_hz, self._evader_amsl_m, self._fence.found)
 
 
 _MOST_ROUNDS: Final = 4
@@ -143,25 +136,19 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
     other = another_autopilot(facts, autopilot)
     if other is not None:
         return (other,)
-    parameters, wants = _judged(facts), _about_home(facts, autopilot, wants)
+    parameters, home, frame = _judged(facts), facts.vehicle.last(Home), _frame(facts, autopilot)
+    wants = fence.about_home(wants, home, frame)
     return (
-        *judge(autopilot.rules, parameters, wants),
-        fence.uploaded_row(
-            facts.uploaded,
-            wants,
-            facts.vehicle.last(Home),
-            local_frame(facts.vehicle, autopilot.projection),
-            in_use=autopilot.uploaded_fence_counts(parameters),
-            any_inclusion=autopilot.one_inclusion_is_enough,
-        ),
+        *(row_of(rule, parameters, wants) for rule in autopilot.rules),
+        fence.uploaded_row(facts.uploaded, wants, home, frame, autopilot, parameters),
         *fence.home_row(wants),
         *_position_rows(facts, autopilot.projection, wants),
         *_stream_rows(facts, autopilot),
     )
 
 
-def _about_home(facts: Facts, autopilot: Autopilot, wants: Wants) -> Wants:
-    return fence.about_home(wants, facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection))
+def _frame(facts: Facts, autopilot: Autopilot) -> LocalFrame | None:
+    return local_frame(facts.vehicle, autopilot.projection)
 
 
 def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Finding]:
@@ -220,37 +207,27 @@ def _within(name: str, found: float, limit: float, what: str, advice: str) -> Fi
     return Finding.of(found <= limit, name, f"{found:.1f} {what}", f"at most {limit:g} m", advice)
 
 
-class _Stream(NamedTuple):
-    name: str
-    kind: type[messages.Message]
-    least_hz: float
-    otherwise: Verdict
-    reader: str
-
-
 _STREAMS: Final = (
-    _Stream("LOCAL_POSITION_NED", messages.LocalPosition, 10.0, Verdict.REFUSE, "the game"),
-    _Stream("ATTITUDE", messages.Attitude, 4.0, Verdict.REFUSE, "the heading"),
-    _Stream("GLOBAL_POSITION_INT", messages.GlobalPosition, 1.0, Verdict.WARN, "the frame check"),
-    _Stream("ODOMETRY", messages.Odometry, 5.0, Verdict.WARN, "the detection of estimator resets"),
-    _Stream(
-        "POSITION_TARGET_LOCAL_NED", messages.PositionTarget, 1.0, Verdict.WARN, "the detection of foreign setpoints"
-    ),
+    ("LOCAL_POSITION_NED", messages.LocalPosition, 10.0, Verdict.REFUSE, "the game"),
+    ("ATTITUDE", messages.Attitude, 4.0, Verdict.REFUSE, "the heading"),
+    ("GLOBAL_POSITION_INT", messages.GlobalPosition, 1.0, Verdict.WARN, "the frame check"),
+    ("ODOMETRY", messages.Odometry, 5.0, Verdict.WARN, "the detection of estimator resets"),
+    ("POSITION_TARGET_LOCAL_NED", messages.PositionTarget, 1.0, Verdict.WARN, "the detection of foreign setpoints"),
 )
+"""Name and type of each judged stream, its least rate, the verdict on a lower one, and what needs it."""
 
 
 def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
     """Judge the rate of every requested stream."""
-    for stream in _STREAMS:
-        asked_hz = autopilot.streams_hz.get(getattr(description, stream.name))
+    for name, kind, least_hz, otherwise, reader in _STREAMS:
+        asked_hz = autopilot.streams_hz.get(getattr(description, name))
         # ArduCopter reports its setpoint in GUIDED only.
-        if asked_hz is None or (stream.kind is messages.PositionTarget and not autopilot.tells_setpoint_always):
+        if asked_hz is None or (kind is messages.PositionTarget and not autopilot.tells_setpoint_always):
             continue
-        rate_hz = facts.rates_hz.get(stream.kind, 0.0)
-        wanted = f"at least {stream.least_hz:g} Hz ({asked_hz:g} requested)"
-        advice = f"{stream.reader} needs it: is the link fast enough for {asked_hz:g} Hz?"
-        enough = rate_hz >= stream.least_hz
-        yield Finding.of(enough, stream.name, f"{rate_hz:.1f} Hz", wanted, advice, stream.otherwise)
+        rate_hz = facts.rates_hz.get(kind, 0.0)
+        wanted = f"at least {least_hz:g} Hz ({asked_hz:g} requested)"
+        advice = f"{reader} needs it: is the link fast enough for {asked_hz:g} Hz?"
+        yield Finding.of(rate_hz >= least_hz, name, f"{rate_hz:.1f} Hz", wanted, advice, otherwise)
 
 
 def engage_names(autopilot: Autopilot) -> tuple[str, ...]:
@@ -260,11 +237,10 @@ def engage_names(autopilot: Autopilot) -> tuple[str, ...]:
 
 def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
     """Judge the needed parameters; an unknown one has not been answered."""
-    needed = [rule for rule in autopilot.rules if rule.needed]
-    judged = judge(needed, _judged(facts), _about_home(facts, autopilot, wants))
+    wants, parameters = fence.about_home(wants, facts.vehicle.last(Home), _frame(facts, autopilot)), _judged(facts)
     return tuple(
-        row if row.name in facts.parameters else row._replace(value="not answered", advice="check the link")
-        for row in judged
+        row if row.name in parameters else row._replace(value="not answered", advice="check the link")
+        for row in (row_of(rule, parameters, wants) for rule in autopilot.rules if rule.needed)
     )
 
 
@@ -292,19 +268,18 @@ def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool =
         wants: What the configuration demands.
         advised: Whether to change parameters with a warning, too.
     """
-    rules, before, wants = autopilot.rules, _judged(facts), _about_home(facts, autopilot, wants)
-    after = dict(before)
-    wrong: dict[str, Judgement] = {}
+    before, wants = _judged(facts), fence.about_home(wants, facts.vehicle.last(Home), _frame(facts, autopilot))
+    after, wrong, fit = (
+        dict(before),
+        dict[str, Judgement](),
+        {Verdict.PASS} if advised else {Verdict.PASS, Verdict.WARN},
+    )
+    rules = [rule for rule in autopilot.rules if rule.name in before]
     for _ in range(_MOST_ROUNDS):
-        found = {
-            rule.name: judgement
-            for rule in rules
-            if rule.name in after and _to_mend(judgement := rule.judge(after[rule.name], wants, after), advised=advised)
-        }
-        if not found:
-            break
-        wrong = found | wrong
-        after |= {name: single(judgement.set_to) for name, judgement in found.items() if judgement.set_to is not None}
+        found = {rule.name: rule.judge(after[rule.name], wants, after) for rule in rules}
+        mended = {name: one for name, one in found.items() if one.verdict not in fit and one.set_to is not None}
+        wrong = mended | wrong
+        after |= {name: single(one.set_to) for name, one in mended.items() if one.set_to is not None}
     return tuple(
         ParameterChange(
             rule.name,
@@ -339,11 +314,4 @@ def advice(rows: Sequence[Finding]) -> str:
 
 def single(value: float) -> float:
     """Round to single precision, as parameters have on the wire."""
-    (nearest,) = struct.unpack("<f", struct.pack("<f", value))
-    return float(nearest)
-
-
-def _to_mend(judgement: Judgement, *, advised: bool) -> bool:
-    if judgement.set_to is None:
-        return False
-    return judgement.verdict is Verdict.REFUSE or (advised and judgement.verdict is Verdict.WARN)
+    return float(np.float32(value))

@@ -5,10 +5,11 @@ MAV_MISSION_TYPE_FENCE) and MAV_CMD_NAV_FENCE_*.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from guidance.autopilots import Finding, Verdict, Wants
+from guidance.autopilots import Autopilot, Finding, Verdict, Wants
+from guidance.autopilots.rules import Parameters, fence_verdict
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
@@ -27,7 +28,6 @@ Point = tuple[float, float]
 _NAME: Final = "uploaded fence"
 _ROUND: Final = 72
 _PER_EDGE: Final = 8
-Shape = tuple[Point, float] | Polygon
 
 
 class Area(NamedTuple):
@@ -144,7 +144,12 @@ def home_row(wants: Wants) -> Iterator[Finding]:
 
 
 def uploaded_row(
-    uploaded: Uploaded, wants: Wants, home: Home | None, frame: LocalFrame | None, *, in_use: bool, any_inclusion: bool
+    uploaded: Uploaded,
+    wants: Wants,
+    home: Home | None,
+    frame: LocalFrame | None,
+    autopilot: Autopilot,
+    parameters: Parameters,
 ) -> Finding:
     """Judge the uploaded fence. If it does not enclose ours, the autopilot would act inside ours.
 
@@ -153,28 +158,29 @@ def uploaded_row(
         wants: With our fence in metres about home.
         home: As the vehicle has it.
         frame: The vehicle's local frame.
-        in_use: Whether the autopilot heeds an uploaded fence.
-        any_inclusion: Whether being inside one of several areas is enough (PX4), or all count (ArduCopter).
+        autopilot: Whether it heeds an uploaded fence, and how several areas count.
+        parameters: Its parameters.
     """
-    wanted = "a fence that encloses ours, or none"
+    row = Finding(_NAME, uploaded.words, "a fence that encloses ours, or none", Verdict.WARN)
     if uploaded.areas is None:
-        advice = "it may act inside our fence; requested again every few seconds"
-        return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, advice)
+        return row._replace(advice="it may act inside our fence; requested again every few seconds")
+    in_use = autopilot.uploaded_fence_counts(parameters)
     if not uploaded.areas or not in_use:
-        return Finding(_NAME, uploaded.words if in_use else f"{uploaded.words}, not in use", wanted, Verdict.PASS)
+        return row._replace(verdict=Verdict.PASS, value=row.value if in_use else f"{row.value}, not in use")
     if home is None or frame is None:
-        return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, "home is not known yet")
+        return row._replace(advice="home is not known yet")
     try:
-        areas = [(area, _shape(area, home, frame)) for area in uploaded.areas]
+        areas = [(area.inclusion, _contains(area, home, frame)) for area in uploaded.areas]
     except ConfigError as error:
-        return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, f"cannot be judged: {error}")
-    outside = [point for point in outline(wants) if not _allowed(point, areas, any_inclusion=any_inclusion)]
-    if not outside:
-        return Finding(_NAME, uploaded.words, wanted, Verdict.PASS)
-    north, east = outside[0]
-    verdict = Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
-    advice = f"it acts inside our fence at {north:.0f} m north, {east:.0f} m east of home: upload a wider one"
-    return Finding(_NAME, uploaded.words, wanted, verdict, advice)
+        return row._replace(advice=f"cannot be judged: {error}")
+    enough = any if autopilot.one_inclusion_is_enough else all
+    for north, east in outline(wants):
+        within = [contains((north, east)) for inclusion, contains in areas if inclusion] or [True]
+        excluded = any(contains((north, east)) for inclusion, contains in areas if not inclusion)
+        if excluded or not enough(within):
+            advice = f"it acts inside our fence at {north:.0f} m north, {east:.0f} m east of home: upload a wider one"
+            return row._replace(verdict=fence_verdict(wants), advice=advice)
+    return row._replace(verdict=Verdict.PASS)
 
 
 def outline(wants: Wants) -> list[Point]:
@@ -194,20 +200,9 @@ def outline(wants: Wants) -> list[Point]:
     return [point for point in points if radius_m is None or math.hypot(*point) <= radius_m + 1e-6]
 
 
-def _shape(area: Area, home: Home, frame: LocalFrame) -> Shape:
+def _contains(area: Area, home: Home, frame: LocalFrame) -> Callable[[Point], bool]:
+    """Return the function that says whether a point, north and east of home, is in an area."""
     corners = corners_about_home(area.corners_deg, home.position_ned_m, frame)
-    return (corners[0], area.radius_m) if area.radius_m > 0.0 else Polygon(corners)
-
-
-def _allowed(point: Point, areas: Sequence[tuple[Area, Shape]], *, any_inclusion: bool) -> bool:
-    inside = [(area.inclusion, _contains(shape, point)) for area, shape in areas]
-    within = [found for inclusion, found in inside if inclusion]
-    kept = not within or (any(within) if any_inclusion else all(within))
-    return kept and not any(found for inclusion, found in inside if not inclusion)
-
-
-def _contains(shape: Shape, point: Point) -> bool:
-    if isinstance(shape, Polygon):
-        return shape.contains(point)
-    centre, radius_m = shape
-    return math.dist(centre, point) <= radius_m
+    if area.radius_m > 0.0:
+        return lambda point: math.dist(corners[0], point) <= area.radius_m
+    return Polygon(corners).contains
