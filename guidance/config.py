@@ -3,12 +3,13 @@
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, ErrorDetails
 
 from guidance.errors import ConfigError
 
@@ -49,35 +50,29 @@ def line_of(text: str, location: Location) -> int | None:
         location: Names of the key's tables and of the key; numbers are array indices.
     """
     wanted = [str(part) for part in location]
-    best: tuple[int, int] | None = None
-    for number, path in _keys(text):
-        if wanted[: len(path)] == path and (best is None or len(path) > best[0]):
-            best = len(path), number
-    return None if best is None else best[1]
+    above = ((len(path), -number) for number, path in _keys(text) if wanted[: len(path)] == path)
+    best = max(above, default=None)
+    return None if best is None else -best[1]
 
 
-def _keys(text: str) -> list[tuple[int, list[str]]]:
-    """Return every table heading and key with its line, except those inside inline tables and multi-line strings."""
-    found: list[tuple[int, list[str]]] = []
+def _keys(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield every table heading and key with its line, except those inside inline tables and multi-line strings."""
     table: list[str] = []
-    counts: dict[tuple[str, ...], int] = {}
-    quoted = ""
+    counts, quoted = Counter[str](), ""
     for number, line in enumerate(text.splitlines(), 1):
         if quoted:
             quoted = "" if quoted in line else quoted
             continue
-        heading, key = _HEADING.match(line), _KEY.match(line)
-        if heading is not None and key is None:
+        if key := _KEY.match(line):
+            yield number, [*table, *_parts(key[1])]
+            quoted = next((mark for mark in ('"""', "'''") if line.count(mark) % 2), "")
+        elif heading := _HEADING.match(line):
             table = _parts(heading[2])
             if heading[1] == "[[":
-                place = tuple(table)
-                counts[place] = counts.get(place, -1) + 1
-                table = [*table, str(counts[place])]
-            found.append((number, table))
-        elif key is not None:
-            found.append((number, [*table, *_parts(key[1])]))
-            quoted = next((mark for mark in ('"""', "'''") if line.count(mark) % 2), "")
-    return found
+                name = ".".join(table)
+                table = [*table, str(counts[name])]
+                counts[name] += 1
+            yield number, table
 
 
 def _parts(text: str) -> list[str]:
@@ -133,39 +128,28 @@ def load(model: type[Model], path: Path) -> Model:
         ConfigError: If the file cannot be read, is not TOML, or a key is unknown, missing or out of range. The message
             has one line for each fault, with the key, the value and what is allowed.
     """
-    text = read_text(path)
-    return parse(model, read_toml(text, path), source=str(path), text=text)
+    text, document = read(path)
+    return parse(model, document, source=str(path), text=text)
 
 
-def read_text(path: Path) -> str:
-    """Read a configuration file's text.
-
-    Raises:
-        ConfigError: If it cannot be read or is not UTF-8 text.
-    """
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}") from error
-
-
-def read_toml(text: str, path: Path) -> dict[str, Any]:
-    """Parse the text of a configuration file.
+def read(path: Path) -> tuple[str, dict[str, Any]]:
+    """Read a configuration file; return its text and its keys, unchecked.
 
     Raises:
-        ConfigError: If it is not TOML; the message gives the line.
+        ConfigError: If it cannot be read or is not TOML; the message gives the line.
     """
     try:
+        text = path.read_text(encoding="utf-8")
         document = tomllib.loads(text)
         if not _within_64_bits(document):
             raise ConfigError(f"{path}: not valid TOML: an integer has more than 64 bits")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     except RecursionError:
         raise ConfigError(f"{path}: not valid TOML here: arrays or tables are nested too deeply") from None
-    except ValueError as error:  # TOMLDecodeError, or an integer with thousands of digits
+    except ValueError as error:  # it is not UTF-8, not TOML, or has an integer with thousands of digits
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
-    return document
+    return text, document
 
 
 def _within_64_bits(value: Any) -> bool:  # noqa: ANN401 - any value of a document
@@ -191,24 +175,18 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str, text: st
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        faults = "\n".join(
-            f"  {_line(text, _place(dict(fault)))}{explain(model, dict(fault))}" for fault in error.errors()
-        )
+        faults = "\n".join(f"  {_line(text, fault)}{explain(model, fault)}" for fault in error.errors())
         raise ConfigError(f"{source}:\n{faults}") from error
 
 
-def _place(fault: dict[str, Any]) -> Location:
-    """Return the location of a fault. The message of a check over several keys begins with the key at fault."""
-    named = re.match(r"(?:Value error, )?([a-z_]+(?:\.[a-z_]+)+)(?: =|:)", str(fault["msg"]))
-    return named[1].split(".") if named and not fault["loc"] else tuple(fault["loc"])
-
-
-def _line(text: str, location: Location) -> str:
-    line = line_of(text, location) if text else None
+def _line(text: str, fault: ErrorDetails) -> str:
+    """Return the line of a fault. The message of a check over several keys begins with the key at fault."""
+    named = re.match(r"(?:Value error, )?([a-z_]+(?:\.[a-z_]+)+)(?: =|:)", fault["msg"])
+    line = line_of(text, named[1].split(".") if named and not fault["loc"] else fault["loc"])
     return "" if line is None else f"line {line}: "
 
 
-def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
+def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
     """Describe one of pydantic's errors in a line: the key, its value and what is allowed."""
     location = [str(part) for part in fault["loc"]]
     key = ".".join(location)
@@ -224,7 +202,7 @@ def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
             array, least = ".".join(location[:-1]), fault["loc"][-1] + 1
             return f"{array} = {as_toml(fault['input'])}: must have {least} values or more"
         return f"{key}: missing; it has no default"
-    message = str(fault["msg"]).removeprefix("Value error, ")
+    message = fault["msg"].removeprefix("Value error, ")
     if not key:
         return message
     return f"{key} = {as_toml(fault['input'])}: {_plain_words(message)}"

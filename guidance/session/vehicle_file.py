@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from guidance.autopilots import AutopilotName, Preflight
-from guidance.config import Altitude, Latitude, Longitude, Section, parse, read_text, read_toml
+from guidance.config import Altitude, Latitude, Longitude, Section, parse, read
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
 from guidance.flight.settings import FlightSection, TeamSection
@@ -418,7 +418,6 @@ def load_vehicle(path: Path) -> Config:
     Raises:
         ConfigError: If a file cannot be read or is wrong.
     """
-    text = read_text(path)
-    document = with_plans(read_toml(text, path), path.parent)
-    config = parse(Config, document, source=str(path), text=text)
+    text, document = read(path)
+    config = parse(Config, with_plans(document, path.parent), source=str(path), text=text)
     return config.model_copy(update={"zenoh": config.zenoh.beside(path.parent.absolute())})

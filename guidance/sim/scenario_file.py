@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter
 
-from guidance.config import find, parse, read_text, read_toml
+from guidance.config import find, parse, read
 from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.reader import record_errors, scan
@@ -45,7 +45,7 @@ def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamS
         ConfigError: If there is none, or a key is wrong.
     """
     path = find(name, FOLDER)
-    text, document = read_text(path), load_document(path)
+    text, document = load_document(path)
     document |= {} if seed is None else {"seed": seed}
     if has_teams(document):
         return path, parse(TeamScenario, document, source=str(path), text=text)
@@ -57,18 +57,18 @@ def has_teams(document: Mapping[str, Any]) -> bool:
     return any(isinstance(document.get(player), (list, tuple)) for player in PLAYERS)
 
 
-def load_document(path: Path) -> dict[str, Any]:
-    """Read a scenario's keys without checking them; a track's file is read in its place.
+def load_document(path: Path) -> tuple[str, dict[str, Any]]:
+    """Read a scenario's text, and its keys without checking them; a track's file is read in its place.
 
     Raises:
         ConfigError: If a file cannot be read or is none of its kind.
     """
-    document = read_toml(read_text(path), path)
+    text, document = read(path)
     for player in PLAYERS:
         section = document.get(player)
         if isinstance(section, dict) and isinstance(section.get("track"), str):
             section["track"] = read_track(path.parent / section["track"], player, key=f"{path}: {player}.track")
-    return document
+    return text, document
 
 
 def json_schema() -> dict[str, Any]:

@@ -53,7 +53,7 @@ def scenarios_of(plan: Plan, cases: Cases) -> Iterator[Scenario | TeamScenario |
         try:
             yield plan.model.model_validate({**_with_values(bases[pair], plan.axes, values), "seed": seed})
         except ValidationError as error:
-            yield "; ".join(explain(plan.model, dict(fault)) for fault in error.errors())
+            yield "; ".join(explain(plan.model, fault) for fault in error.errors())
 
 
 def scenario_of(plan: Plan, row: int) -> Scenario | TeamScenario | str:
@@ -124,7 +124,7 @@ def _faults(model: type[Section], base: dict[str, Any], axis: Axis, value: Any) 
     except ValidationError as error:
         for fault in error.errors():
             if fault["loc"][: len(axis.path)] == axis.path:
-                yield explain(model, dict(fault))
+                yield explain(model, fault)
 
 
 def refuse_without_games(plan: Plan) -> None:

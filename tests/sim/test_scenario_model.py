@@ -33,7 +33,7 @@ def refused(**sections):
 
 
 def for_two(path):
-    return not has_teams(load_document(path))
+    return not has_teams(load_document(path)[1])
 
 
 @pytest.mark.parametrize(
