@@ -163,8 +163,7 @@ class GameFrame:
 
     def position_to_ned(self, position_game_m: Vector) -> Vector:
         """Position in NED metres of a point of the game frame."""
-        (x, y, z), (north0, east0, down0) = position_game_m, self.origin_ned_m
-        return (north0 + y, east0 + x, down0 - z)
+        return total(self.origin_ned_m, ned_from_game(position_game_m))
 
 
 def difference(one: Vector, other: Vector) -> Vector:

@@ -147,26 +147,15 @@ class Stage:
     battery_was_low: bool = False
 
 
-class NoCertificate(NamedTuple):
-    """What holds while there is no certificate."""
-
-    no_game: bool = False
-    evader_arrived: bool = False
-    captured: bool = False
-    strayed: bool = False
-
-
 class Moment(NamedTuple):
     """Inputs of event detection in one cycle."""
 
     now_s: float
-    dt_s: float
     settings: FlightSettings
     heard: Heard
     stage: Stage
-    certified: Certificate | NoCertificate
+    certificate: Certificate | None
     refusals: Sequence[str]
-    rival: str
     battery_needed: float
 
     @property
@@ -193,7 +182,7 @@ def detail_of(event: Event, now: Moment) -> str:
         case Event.TELEMETRY_LOST:
             detail = telemetry_gap(heard.vehicle, now.now_s)
         case Event.LOOP_STOPPED:
-            detail = f"guidance stood still for {now.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
+            detail = f"guidance stood still for {heard.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
         case Event.PILOT if heard.mode is not None:
             title = now.settings.autopilot.mode_title(heard.mode)
             detail = f"the vehicle is in {title}: a pilot or the autopilot chose that mode"
@@ -248,11 +237,16 @@ def _beyond(allowed_m: float, *limiters: Limiter) -> "Condition":
     """Return whether a wall of these kinds has been crossed by more than the allowed distance."""
 
     def crossed(now: Moment) -> bool:
-        view = now.heard.seen or now.heard.view(now.now_s)
+        view = now.heard.view(now.now_s)
         walls = () if view is None else view.walls
         return any(-(wall.gap_m + wall.margin_m) > allowed_m for wall in walls if wall.limiter in limiters)
 
     return crossed
+
+
+def _certified(fact: str) -> "Condition":
+    """Return whether the certificate of this state says something of the game."""
+    return lambda now: getattr(now.certificate, fact, False)
 
 
 def _operator_silent(now: Moment, longer_s: float = 0.0) -> bool:
@@ -312,7 +306,7 @@ _CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
     (Event.REBOOTED, lambda now: now.heard.vehicle.reboots != now.stage.reboots_seen),
     (Event.TELEMETRY_LOST, _telemetry_lost),
     (Event.DISARMED, lambda now: not now.heard.vehicle.armed and now.heard_since_entry),
-    (Event.LOOP_STOPPED, lambda now: now.dt_s >= now.settings.autopilot.setpoint_timeout_s),
+    (Event.LOOP_STOPPED, lambda now: now.heard.dt_s >= now.settings.autopilot.setpoint_timeout_s),
     (Event.FOREIGN, attrgetter("heard.foreign")),
     # Its position.
     (Event.FENCE, _beyond(0.0, Limiter.FENCE_RADIUS, Limiter.FENCE_POLYGON)),
@@ -320,24 +314,24 @@ _CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
     (Event.CEILING, _beyond(BREACH_M, Limiter.CEILING)),
     (Event.STAND_OFF, _beyond(BREACH_M, Limiter.STAND_OFF)),
     # Rival sources, the operator and the battery.
-    (Event.RIVAL, lambda now: now.settings.hold_on_rival and bool(now.rival)),
+    (Event.RIVAL, lambda now: now.settings.hold_on_rival and now.heard.tracking.rival(now.now_s) != ""),
     (Event.OPERATOR_LOST, _operator_silent),
     (Event.OPERATOR_GONE, lambda now: _operator_silent(now, now.settings.operator_return_s)),
     (Event.BATTERY_LOW, lambda now: not now.stage.battery_was_low and is_low(now.heard.vehicle, now.battery_needed)),
     # The inputs of the game.
     (Event.ESTIMATOR_RESET, lambda now: now.heard.vehicle.resets != now.stage.resets_seen),
-    (Event.LOOP_LATE, lambda now: now.dt_s > LATE_LOOP_S),
+    (Event.LOOP_LATE, lambda now: now.heard.dt_s > LATE_LOOP_S),
     (Event.EVADER_LOST, _evader_lost),
     # The team.
     (Event.MATE_SILENT, lambda now: bool(now.heard.mates and now.heard.silent_mate(now.now_s))),
     (Event.ASSIGNED, attrgetter("heard.switched")),
     # The game.
-    (Event.NO_GAME, attrgetter("certified.no_game")),
-    (Event.ESCAPED, attrgetter("certified.evader_arrived")),
-    (Event.CAPTURED, attrgetter("certified.captured")),
+    (Event.NO_GAME, _certified("no_game")),
+    (Event.ESCAPED, _certified("evader_arrived")),
+    (Event.CAPTURED, _certified("captured")),
     (Event.INVITED, _invited),
     (Event.DONE, lambda now: now.settings.after_capture is AfterCapture.RETURN),
-    (Event.STRAYED, attrgetter("certified.strayed")),
+    (Event.STRAYED, _certified("strayed")),
     # The end of the phase, and its time limit.
     (Event.HEARD, lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S),
     (Event.FIT, fit),

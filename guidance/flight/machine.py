@@ -11,13 +11,13 @@ from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Mode
 from guidance.flight import detection, table
-from guidance.flight.detection import TELEMETRY_LIMIT_S, Check, Moment, NoCertificate, Stage
+from guidance.flight.detection import TELEMETRY_LIMIT_S, Check, Moment, Stage
 from guidance.flight.heard import Heard
 from guidance.flight.sending import Asking, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
 from guidance.flight.table import BEFORE_FLIGHT, HANDING_OVER, OUR_MODES, SETPOINT_STATES, Event, State
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.messages import Role, Setpoint
+from guidance.messages import LocalPosition, Setpoint
 from guidance.vehicle import VehicleState
 
 INVITE_AFTER_S = 1.0
@@ -38,8 +38,9 @@ class Flight:
     def __init__(self, settings: FlightSettings) -> None:
         self.settings = settings
         self._stage = Stage()
-        self._heard = Heard(settings)
-        self.tracking: Tracking = self._heard.tracking
+        self.heard = Heard(settings)
+        """Everything received."""
+        self.tracking: Tracking = self.heard.tracking
         """The evader's track, home and the frames."""
         self._playing = Playing(settings)
         self._asking = Asking(settings)
@@ -65,7 +66,7 @@ class Flight:
     @property
     def vehicle(self) -> VehicleState:
         """Last known state of the vehicle."""
-        return self._heard.vehicle
+        return self.heard.vehicle
 
     @property
     def leaving_mode(self) -> bool:
@@ -76,12 +77,12 @@ class Flight:
     @property
     def mode_name(self) -> str:
         """Name of the mode in HEARTBEAT."""
-        return "unknown" if self._heard.mode is None else str(self._heard.mode)
+        return "unknown" if self.heard.mode is None else str(self.heard.mode)
 
     @property
     def mode_title(self) -> str:
         """Name of the mode in a ground station: OFFBOARD, GUIDED, RTL."""
-        mode = self._heard.mode
+        mode = self.heard.mode
         return "unknown" if mode is None else self.settings.autopilot.mode_title(mode)
 
     @property
@@ -89,15 +90,10 @@ class Flight:
         """Share of the charge below which it returns: on the ground for the whole fence, in flight from here."""
         if self.settings.reserve is None:
             return self.settings.battery_minimum
-        here, home = self._heard.position_ned_m, self._heard.tracking.home_ned_m
+        here, home = self.heard.position_ned_m, self.heard.tracking.home_ned_m
         if self.state in BEFORE_FLIGHT or here is None or home is None:
             return self.settings.reserve.needed(self.settings.farthest_m, self.settings.takeoff_height_m)
         return self.settings.reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
-
-    @property
-    def role(self) -> Role | None:
-        """The role in the team; None without one."""
-        return self._heard.role
 
     def operator_silence_s(self, now_s: float) -> float:
         """Seconds since the operator's last order or sign of life; 0 before the first one."""
@@ -115,7 +111,7 @@ class Flight:
         """Return whether an order would change the state now."""
         if self.fault is not None:
             return False
-        event = self._meant(order, self._moment(now_s, 0.0, refusals))
+        event = self._meant(order, self._moment(now_s, refusals))
         return event is not None and table.next_state(self.state, event) is not self.state
 
     def step(self, inputs: Inputs) -> Outputs:
@@ -129,11 +125,11 @@ class Flight:
                 raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(table.ORDERS))}")
         try:
             if self.fault is not None:
-                self._heard.vehicle_says(inputs.messages)  # for display
+                self.heard.vehicle_says(inputs.messages)  # for display
                 return self._hand_over(inputs)
-            dt_s = self._take_in(inputs)
-            happenings = tuple(self._follow(inputs, dt_s))
-            requests = self._asking.requests(self._stage, self._heard, inputs.now_s)
+            self._take_in(inputs)
+            happenings = tuple(self._follow(inputs))
+            requests = self._asking.requests(self._stage, self.heard, inputs.now_s)
             setpoint = self._setpoint(inputs.now_s)
         except Exception as error:  # guidance must not leave the vehicle without a command
             return self.give_up(inputs, error)
@@ -153,7 +149,7 @@ class Flight:
         where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
         self.fault = f"{type(error).__name__}: {error}{where}"
         before, after = self._stage.state, table.next_state(self._stage.state, Event.FAULT)
-        ours = before in SETPOINT_STATES or (before is not after and self._heard.mode is Mode.GUIDED)
+        ours = before in SETPOINT_STATES or (before is not after and self.heard.mode is Mode.GUIDED)
         self._stage.state = after
         self._asking.hand_over(flown=ours and after is State.YIELDED, at_once=True)
         outputs = self._hand_over(inputs)
@@ -166,9 +162,9 @@ class Flight:
         requests = self._asking.hold_requests(inputs.now_s, inputs.messages)
         return Outputs(state, None, requests, unheeded, None, cause=self.cause)
 
-    def _take_in(self, inputs: Inputs) -> float:
-        """Update with the inputs; return the time since the last cycle."""
-        now_s, heard, stage = inputs.now_s, self._heard, self._stage
+    def _take_in(self, inputs: Inputs) -> None:
+        """Update with the inputs."""
+        now_s, heard, stage = inputs.now_s, self.heard, self._stage
         if self._last_s is None:
             self._last_s = stage.since_s = now_s
         dt_s, self._last_s = now_s - self._last_s, now_s
@@ -184,18 +180,17 @@ class Flight:
                 mode = self.settings.autopilot.mode_of(beat.custom_mode)
                 stage.other_mode_seen |= mode is not Mode.GUIDED
                 stage.mode_left = stage.mode_left if mode is stage.mode_left else None
-        return dt_s
 
-    def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
+    def _follow(self, inputs: Inputs) -> Iterator[Happening]:
         for by, order in _orders(inputs):
             event = None
             if by is Authority.OPERATOR or not self.ordered_by_operator:
-                event = self._meant(order, self._moment(inputs.now_s, dt_s, inputs.refusals))
+                event = self._meant(order, self._moment(inputs.now_s, inputs.refusals))
             refused = Happening(inputs.now_s, order, self._stage.state, self._stage.state, by)
             yield refused if event is None else self._change(inputs.now_s, event, by)
-        now = self._moment(inputs.now_s, dt_s, inputs.refusals)
-        before, self._rival = self._rival, now.rival
-        if now.rival and not before and not self.settings.hold_on_rival:
+        now = self._moment(inputs.now_s, inputs.refusals)
+        before, self._rival = self._rival, self.tracking.rival(inputs.now_s)
+        if self._rival and not before and not self.settings.hold_on_rival:
             yield Happening(inputs.now_s, Event.RIVAL, self._stage.state, self._stage.state)
         for event in detection.events(now):
             yield self._change(inputs.now_s, event, detail=detection.detail_of(event, now))
@@ -203,11 +198,11 @@ class Flight:
 
     def _meant(self, order: Event, now: Moment) -> Event | None:
         """Return the event of an order in the present situation, None if it must not be followed."""
-        vehicle = self._heard.vehicle
+        vehicle = self.heard.vehicle
         if order is Event.START and vehicle.armed and not vehicle.on_ground:
             # An airborne vehicle is taken over in its hold, without arming or climbing.
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
-            return Event.ALOFT if piloted or self._heard.mode in OUR_MODES[State.STANDING_BY] else None
+            return Event.ALOFT if piloted or self.heard.mode in OUR_MODES[State.STANDING_BY] else None
         if order is Event.ENGAGE:
             barred = self.leaving_mode or now.refusals or self.evader_refusal(now.now_s)
             if barred or not (self.checked or detection.fit(now)):
@@ -223,41 +218,41 @@ class Flight:
         if after is not before or ordered:
             self.cause = happening
             # A hold ordered while the battery is already low stands.
-            low = detection.is_low(self._heard.vehicle, self.battery_needed)
+            low = detection.is_low(self.heard.vehicle, self.battery_needed)
             stage.battery_was_low = low and ordered and after is State.HOLDING
         if after is not before:
             stage.state, stage.since_s, stage.other_mode_seen = after, now_s, False
-            stage.resets_seen, stage.reboots_seen = self._heard.vehicle.resets, self._heard.vehicle.reboots
+            stage.resets_seen, stage.reboots_seen = self.heard.vehicle.resets, self.heard.vehicle.reboots
             if after is State.ENGAGED and before is not State.PAUSED:
                 stage.chase_began_s = now_s
             self.checked |= before is State.READY and after is not State.CHECKING
             self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | table.FINAL
-            known = before in BEFORE_FLIGHT or self._heard.mode in OUR_MODES[before]
-            stage.mode_left = self._heard.mode if known and after in HANDING_OVER else None
+            known = before in BEFORE_FLIGHT or self.heard.mode in OUR_MODES[before]
+            stage.mode_left = self.heard.mode if known and after in HANDING_OVER else None
             self._playing.change(before, after)
             lost = after is State.YIELDED and event in {Event.TELEMETRY_LOST, Event.LOOP_STOPPED}
             if lost and before in SETPOINT_STATES and self.settings.autopilot.waits_in_guided:
                 self._asking.hand_over()
         return happening
 
-    def _moment(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Moment:
-        heard, stage, certified = self._heard, self._stage, self._playing.certificate or NoCertificate()
-        rival, needed = heard.tracking.rival(now_s), self.battery_needed
-        return Moment(now_s, dt_s, self.settings, heard, stage, certified, refusals, rival, needed)
+    def _moment(self, now_s: float, refusals: Sequence[str]) -> Moment:
+        certificate, needed = self._playing.certificate, self.battery_needed
+        return Moment(now_s, self.settings, self.heard, self._stage, certificate, refusals, needed)
 
     def _setpoint(self, now_s: float) -> Setpoint | None:
         """Return a setpoint: to command, to hover until the guided mode is left, or to invite a pilot.
 
         Never from an old position: an order given without contact does not end the flight at once.
         """
-        state, heard = self._stage.state, self._heard
+        state, heard = self._stage.state, self.heard
         inviting = state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
         leaving = state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed
         due = state in SETPOINT_STATES or leaving or (inviting and now_s - self._stage.since_s > INVITE_AFTER_S)
         setpoint, self._playing.alarm = None, None
-        if due and heard.local is not None and now_s - heard.local.received_s <= TELEMETRY_LIMIT_S:
+        seen = heard.view(now_s) if due else None
+        if seen is not None and heard.vehicle.age_s(LocalPosition, now_s) <= TELEMETRY_LIMIT_S:
             needed = math.nan if self.settings.reserve is None else self.battery_needed
-            setpoint = self._playing.setpoint(heard, state, now_s, battery_needed=needed)
+            setpoint = self._playing.setpoint(seen, heard.cycle, state, now_s, battery_needed=needed)
         if setpoint is None or inviting:
             heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode
         else:
@@ -265,9 +260,7 @@ class Flight:
         return setpoint
 
 
-def _orders(inputs: Inputs) -> Iterator[tuple[Authority, Event]]:
-    """Yield all orders of a cycle, people's first."""
-    for order in inputs.orders:
-        yield Authority.OPERATOR, order
-    for order in inputs.mission:
-        yield Authority.MISSION, order
+def _orders(inputs: Inputs) -> list[tuple[Authority, Event]]:
+    """Return all orders of a cycle, people's first."""
+    given = (Authority.OPERATOR, inputs.orders), (Authority.MISSION, inputs.mission)
+    return [(by, order) for by, orders in given for order in orders]

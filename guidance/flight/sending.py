@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 
 from guidance.autopilots import Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
-from guidance.cycle import CycleMemory, hover, play
+from guidance.cycle import CycleInputs, CycleMemory, CycleSettings, hover, play
 from guidance.flight.detection import Stage
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
@@ -192,27 +192,25 @@ class Playing:
         height = None if height is None else height._replace(down_m=height.down_m + down_m)
         self._memory = memory._replace(follow=memory.follow._replace(drift=drift), place=place, height=height)
 
-    def setpoint(self, heard: Heard, state: State, now_s: float, *, battery_needed: float) -> Setpoint:
+    def setpoint(
+        self, inputs: CycleInputs, cycle: CycleSettings, state: State, now_s: float, *, battery_needed: float
+    ) -> Setpoint:
         """Make this cycle's setpoint.
 
         Args:
-            heard: Everything received so far, with a vehicle position.
+            inputs: Of the guidance in this cycle.
+            cycle: Settings of the guidance cycle.
             state: State of the flight.
             now_s: Time.
             battery_needed: Share of the charge needed to fly home from here; NaN if it is not computed.
-
-        Raises:
-            ValueError: If there is no position of the vehicle yet.
         """
-        settings, inputs = self._settings, heard.seen or heard.view(now_s)
-        if inputs is None:
-            raise ValueError("a setpoint needs the vehicle's position")
+        settings = self._settings
         if state is State.STANDING_BY:
             # Neutral stream: do not remember a height while the pilot flies.
             self._memory = CycleMemory(limits=self._memory.limits)
         shadowing = state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
         played = play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
-        output = played(inputs, heard.cycle, self._memory)
+        output = played(inputs, cycle, self._memory)
         self._memory = output.memory
         if output.certificate is not None:
             self.certificate = output.certificate._replace(battery_needed=battery_needed)

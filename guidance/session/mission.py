@@ -317,7 +317,7 @@ class VehicleMission:
     @property
     def evader(self) -> str:
         """The evader that it plays against now."""
-        role = self.daemon.flight.role
+        role = self.daemon.flight.heard.role
         return self.pursuit.evader if role is None else role.evader
 
     def locate(self, now_s: float) -> None:

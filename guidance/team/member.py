@@ -96,9 +96,9 @@ class Member:
         """Return a new role; None keeps the present one. An assignment to an unseen evader is ignored."""
         assigned = () if self.board.roles is None else self.board.roles.roles
         mine = next((role for role in assigned if role.vehicle == self.vehicle), None)
-        before = flight.role or self._first
+        before = flight.heard.role or self._first
         role = before if mine is None else Role(mine.evader, mine.above_m)
-        if role == flight.role:
+        if role == flight.heard.role:
             return None
         if role.evader == before.evader:
             return role
@@ -106,7 +106,7 @@ class Member:
         waits = now_s - max(self.board.over.values(), default=-math.inf) < STAYS_S
         if waits or unseen or role.evader in self.board.over:
             self.board.counts["roles_left_out"] += not waits
-            return before if flight.role is None else None
+            return before if flight.heard.role is None else None
         return role
 
     def changed(self, outputs: Outputs) -> RolesMessage | None:
@@ -120,7 +120,7 @@ class Member:
 
     def assignment(self, flight: Flight) -> dict[str, Any]:
         """Return its role, the coordinator, all promises and the evaders out of play, for displays."""
-        roles, role = self.board.roles, flight.role or self._first
+        roles, role = self.board.roles, flight.heard.role or self._first
         unit = "s" if flight.settings.cycle.target_game_m is None else "m"
         return {
             "evader": role.evader,
@@ -138,8 +138,8 @@ class Member:
         """Tell the mates about the vehicle and the evaders, and assign roles as the coordinator."""
         ends = {Event.CAPTURED, Event.ESCAPED}
         ended = any(one.event in ends and one.after is not one.before for one in outputs.happenings)
-        if ended and flight.role is not None:
-            self.board.close((flight.role.evader,), now_s)
+        if ended and flight.heard.role is not None:
+            self.board.close((flight.heard.role.evader,), now_s)
         if now_s - self._told_s >= EVERY_S - _ROUNDING_S:
             self._told_s = now_s
             self._publish(flight, outputs)
@@ -168,7 +168,7 @@ class Member:
                 speed_m_s=float(speeds.horizontal_m_s),
                 climb_m_s=float(speeds.climb_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s),
                 descent_m_s=float(speeds.descent_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s),
-                evader=None if flight.role is None else flight.role.evader,
+                evader=None if flight.heard.role is None else flight.heard.role.evader,
                 value=value if math.isfinite(value) and value >= 0.0 else None,
                 term=self.board.term,
                 over=tuple(sorted(self.board.over)),

@@ -294,7 +294,7 @@ class Sortie:
             if self.engaged_s < now_s < self.over_s and not paused and daemon.flight.state not in PLAYED:
                 self.stopped.add(name)
             watch, frames = self.watches[name], f"{name}/mavlink_raw/in"
-            role = daemon.flight.role
+            role = daemon.flight.heard.role
             if role is not None:
                 watch._rover = self.world.vehicles[role.evader]
             watch.sent(now_s, [one.frame for one in passed if one.topic == frames], daemon.outputs, daemon.flight)

@@ -8,7 +8,7 @@ from guidance.control import Acceleration, Envelope
 from guidance.cycle import CycleSettings
 from guidance.estimation import EvaderEstimate
 from guidance.flight import FlightSettings
-from guidance.flight.detection import Moment, NoCertificate, Stage
+from guidance.flight.detection import Moment, Stage
 from guidance.flight.heard import Heard
 from guidance.game import Ball, Game, StandOff
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
@@ -127,6 +127,7 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     heard.vehicle = well() if vehicle is None else vehicle
     heartbeat = heard.vehicle.last(Heartbeat)
     heard.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
+    heard.dt_s = changes.pop("dt_s", 0.02)
     heard.foreign, heard.start_ned_m = changes.pop("foreign", False), changes.pop("start_ned_m", None)
     usual = {"evader_ned_m": None, "evader_silence_s": 0.1, "rival": "", "home_ned_m": (0.0, 0.0, HOME_DOWN_M)}
     heard.tracking = Told(*(changes.pop(name, value) for name, value in usual.items()))
@@ -137,14 +138,12 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     stage = {**STAGE, **{name: changes.pop(name) for name in Stage.__dataclass_fields__ if name in changes}}
     return Moment(
         now_s=NOW_S,
-        dt_s=changes.pop("dt_s", 0.02),
         settings=settings,
         heard=heard,
         stage=Stage(state, **stage),
-        certified=changes.pop("certificate", QUIET) or NoCertificate(),
+        certificate=changes.pop("certificate", QUIET),
         battery_needed=changes.pop("battery_needed", settings.battery_minimum),
         refusals=changes.pop("refusals", ()),
-        rival=heard.tracking.rival(NOW_S),
         **changes,
     )
 

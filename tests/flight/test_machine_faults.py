@@ -79,11 +79,11 @@ def test_what_cannot_be_meant_is_told_from_what_is_only_not_known():
 
 def test_nonsense_leaves_what_was_known_as_it_was():
     flown = Flown().engaged()
-    before = flown.flight._heard.cycle.envelope, flown.flight.tracking.local_frame
+    before = flown.flight.heard.cycle.envelope, flown.flight.tracking.local_frame
     for number in BAD:
         flown.cycle(more=[Home(flown.now_s, 47.0, 8.0, 488.0, (number, 0.0, 0.0))])
         flown.cycle(more=[LocalPosition(flown.now_s, flown.now_s + 0.001, (0.0, number, 0.0), (0.0, 0.0, 0.0))])
-    assert (flown.flight._heard.cycle.envelope, flown.flight.tracking.local_frame) == before
+    assert (flown.flight.heard.cycle.envelope, flown.flight.tracking.local_frame) == before
     assert flown.state is State.ENGAGED
 
 
@@ -151,7 +151,7 @@ def test_after_an_error_modes_are_still_shown_and_a_second_error_is_no_second_fa
     flown.mode = Mode.RETURN
     flown.cycle(beat=True)
     assert flown.flight.mode_name == "return"
-    monkeypatch.setattr(flown.flight._heard, "vehicle_says", lambda _messages: 1 / 0)
+    monkeypatch.setattr(flown.flight.heard, "vehicle_says", lambda _messages: 1 / 0)
     again = flown.cycle(Event.HOLD)
     assert (again.state, again.setpoint, again.fault) == (State.YIELDED, None, None)
     assert [one.event for one in again.happenings] == [Event.HOLD]

@@ -208,7 +208,7 @@ def test_a_pilot_who_flies_while_waited_for_keeps_the_vehicle_against_any_order(
 
 def test_heights_count_from_where_home_is_now():
     flown = Flown().engaged()
-    assert flown.flight._heard.cycle.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
+    assert flown.flight.heard.cycle.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
 
 
 def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cycle():

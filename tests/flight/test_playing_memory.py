@@ -1,7 +1,5 @@
 """What one cycle leaves to the next: it moves with the local frame, and goes on or begins anew with a state."""
 
-import math
-
 import pytest
 
 from guidance.autopilots import Mode
@@ -9,7 +7,6 @@ from guidance.control.follow import Drift, FollowMemory
 from guidance.control.servo import AltitudeHold
 from guidance.cycle import CycleMemory
 from guidance.flight import EngageOn, Event, State
-from guidance.flight.heard import Heard
 from guidance.flight.machine import INVITE_AFTER_S
 from guidance.flight.sending import Playing
 from guidance.monitor import MonitorMemory
@@ -76,14 +73,12 @@ def test_nothing_was_promised_about_the_evader_played_next():
     assert playing._memory == BEGUN  # the vehicle's own height and place go on
 
 
-def test_silence_clears_the_alarm_and_a_setpoint_needs_a_position():
+def test_silence_clears_the_alarm():
     flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
     assert any(flown.cycle().alarm is not None for _ in range(100))
     flown.cycle(Event.HOLD)
     flown.mode = Mode.HOLD
     assert flown.cycle(beat=True).alarm is None
-    with pytest.raises(ValueError, match="needs the vehicle's position"):
-        Playing(SETTINGS).setpoint(Heard(SETTINGS), State.ENGAGED, 0.0, battery_needed=math.nan)
 
 
 def test_a_pilot_who_climbs_with_the_neutral_stream_is_not_pulled_back():

@@ -69,7 +69,7 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
         flight.step(Inputs(message.received_s, [message], reports))
         if not flight.vehicle.armed:
             continue
-        floors.add(flight._heard.cycle.envelope.home_ned_m)
+        floors.add(flight.heard.cycle.envelope.home_ned_m)
         silences.append(flight.tracking.silence_s(message.received_s))
         places.append(flight.tracking.evader(message.received_s).position_ned_m[0] - 2.0 * message.received_s)
     assert len(floors) == 1
@@ -148,7 +148,7 @@ BY_CYCLE_M_S = 5.0 * CYCLE_S * 1.5
 def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_are(by_m, order):
     flown = engaged()
     before = [flown.outputs]
-    was, floor_m = relative(flown), flown.flight._heard.cycle.envelope.home_ned_m[2] - flown.position[2]
+    was, floor_m = relative(flown), flown.flight.heard.cycle.envelope.home_ned_m[2] - flown.position[2]
     if order == "told first":
         before.append(flown.cycle(more=[told(moved_zero_of(by_m), flown.now_s), global_of(flown)]))
         before += [flown.cycle(more=[global_of(flown)]) for _ in range(3)]
@@ -161,7 +161,7 @@ def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_
     before += [flown.cycle(more=[global_of(flown, zero)]) for _ in range(70)]
     assert flown.state is State.ENGAGED
     assert relative(flown) == pytest.approx(was, abs=0.06)
-    assert flown.flight._heard.cycle.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(floor_m, abs=0.01)
+    assert flown.flight.heard.cycle.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(floor_m, abs=0.01)
     assert steps_m_s(before) < BY_CYCLE_M_S
     assert flown.flight.tracking.counts["started"] == 1
     assert not {"jumped", "reacquired", "outlier"} & set(flown.flight.tracking.counts)
@@ -177,26 +177,26 @@ def moved_zero_of(by_m):
 def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(by_m):
     flown = engaged()
     place = flown.flight.tracking.evader(flown.now_s).position_ned_m
-    envelope, outputs = flown.flight._heard.cycle.envelope, [flown.outputs]
+    envelope, outputs = flown.flight.heard.cycle.envelope, [flown.outputs]
     flown.position = [at + by for at, by in zip(flown.position, by_m, strict=True)]
     outputs.append(flown.cycle(more=[Odometry(flown.now_s, 8), global_of(flown)]))
     assert flown.state is State.PAUSED
     outputs += [flown.cycle(more=[global_of(flown)]) for _ in range(40)]
     assert all(math.hypot(*one.setpoint.velocity_ned_m_s) < 6.7 for one in outputs)
     assert flown.flight.tracking.evader(flown.now_s).position_ned_m == pytest.approx(place, abs=1e-6)
-    assert flown.flight._heard.cycle.envelope == envelope
+    assert flown.flight.heard.cycle.envelope == envelope
     assert flown.flight.tracking.counts["started"] == 1
 
 
 def test_a_moved_origin_is_rejected_if_the_vehicle_did_not_move_with_it():
     flown = engaged()
-    was, home_ned_m = relative(flown), flown.flight._heard.cycle.envelope.home_ned_m
+    was, home_ned_m = relative(flown), flown.flight.heard.cycle.envelope.home_ned_m
     wrong = moved_zero_of((50.0, -80.0, 3.0))
     flown.cycle(more=[told(wrong, flown.now_s), global_of(flown)])
     for _ in range(100):
         flown.cycle(more=[global_of(flown)])
     assert relative(flown) == pytest.approx(was, abs=1e-6)
-    assert flown.flight._heard.cycle.envelope.home_ned_m == home_ned_m
+    assert flown.flight.heard.cycle.envelope.home_ned_m == home_ned_m
     assert flown.state is State.ENGAGED
 
 

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.flight
 def close_by(flight, limit):
     """Draw one limit of the flight: the fence at a metre about the vehicle, the heights a little beyond it."""
     north_m, east_m, down_m = flight.flight.vehicle.last(LocalPosition).position_ned_m
-    envelope = flight.flight._heard.cycle.envelope
+    envelope = flight.flight.heard.cycle.envelope
     _, _, home_down_m = envelope.home_ned_m
     height_m = home_down_m - down_m
     change = {
@@ -21,7 +21,7 @@ def close_by(flight, limit):
         Event.FLOOR: {"floor_m": height_m + 0.7},
         Event.CEILING: {"ceiling_m": height_m - 0.7, "floor_m": 0.0},
     }[limit]
-    flight.flight._heard.cycle = replace(flight.flight._heard.cycle, envelope=replace(envelope, **change))
+    flight.flight.heard.cycle = replace(flight.flight.heard.cycle, envelope=replace(envelope, **change))
 
 
 @pytest.mark.parametrize(
