@@ -3,6 +3,7 @@
 An option that does not apply is refused, not ignored. Arming and setting need an answer to a question, or `--yes`.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -52,6 +53,15 @@ def refuse(ctx: typer.Context, way: str, where: str, *options: str) -> None:
         source = ctx.get_parameter_source(str(one.name))
         if one.opts[0] in options and source is not None and source.name == "COMMANDLINE":
             raise ConfigError(f"{one.opts[0]}: only {where}, not with {way}; remove it")
+
+
+def may_fly(vehicles: Sequence[str], *, yes: bool) -> None:
+    """Ask before vehicles are armed that are not on loopback."""
+    from guidance.links.port import parse  # noqa: PLC0415
+
+    for url in vehicles:
+        if not (parse(url).on_loopback or yes):
+            agree(f"{url} may be a real vehicle. Arm and fly it? Propellers will turn")
 
 
 def agree(question: str) -> None:

@@ -1,17 +1,13 @@
 """The outcome of a game of teams in the terminal: a line for each vehicle and each evader, and the row of the team."""
 
-import json
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 
-from guidance.files import private_file, writing
 from guidance.screen import Cell, sheet
-from guidance.sim.outcome import outcome_json
-from guidance.sim.teams import TeamOutcome, TeamScenario, summary_of
+from guidance.sim.teams import TeamOutcome, summary_of
 
 if TYPE_CHECKING:
     from guidance.session.result import MissionResult
@@ -19,31 +15,6 @@ if TYPE_CHECKING:
 _ROLES: Final = ("first", "second")
 _NUMBERS: Final = ("game_time_s", "predicted", "achieved", "regret")
 _FLOWN: Final = ("ended", "alarms", "limits")
-
-
-def report_team(
-    console: Console, scenario: TeamScenario, way: str, result: "MissionResult", folder: Path
-) -> list[TeamOutcome]:
-    """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
-    from guidance.session.flight_files import OUTCOME, RECORD  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.session.result import team_rows  # noqa: PLC0415
-
-    rows, wanted = team_rows(scenario, way, result), scenario.flight
-    tell_players(rows, console, result)
-    least_m = result.least_distance_m(wanted.separation_height_m)
-    kept = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
-    console.print(
-        f"least distance of two vehicles less than {wanted.separation_height_m:g} m apart in height: {kept} "
-        f"({wanted.separation_m:g} m wanted)",
-        highlight=False,
-    )
-    flights = result.vehicles.values()
-    duration_s, wall_s = max(one.duration_s for one in flights), max(one.wall_s for one in flights)
-    console.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s", highlight=False)
-    console.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True, highlight=False)
-    with writing(folder):
-        private_file(folder / OUTCOME).write_text(json.dumps([outcome_json(row) for row in rows], indent=2) + "\n")
-    return rows
 
 
 def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "MissionResult | None" = None) -> None:

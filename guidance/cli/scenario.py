@@ -12,9 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.cli import arguments
-from guidance.cli.arguments import CommandGroup, agree, refuse
-from guidance.cli.fly import may_fly
-from guidance.cli.fly_team import report_team, tell_players
+from guidance.cli.arguments import CommandGroup, agree, may_fly, refuse
+from guidance.cli.fly_team import tell_players
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
@@ -137,27 +136,21 @@ def _play(scenario: Scenario | TeamScenario, there: Console) -> Sequence[Any]:
 
 def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, there: Console) -> Sequence[Any]:
     """Fly a scenario; return its rows."""
-    from guidance.cli.fly_scenario import flown  # noqa: PLC0415 - slow imports
-    from guidance.session.flight_files import flight_folder  # noqa: PLC0415
+    from guidance.cli.fly import fly_rows  # noqa: PLC0415 - slow imports
     from guidance.session.fly import ByFile, Onlooker  # noqa: PLC0415
-    from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
     def on_record(path: Path) -> None:
         there.print(f"record   {path}", soft_wrap=True)
         if isinstance(how, ByFile) and not how.engage:
             there.print("waiting for a person: `guidance ctl start`, then `guidance ctl engage`", soft_wrap=True)
 
-    with flight_folder(out, how.config.name if isinstance(how, ByFile) else stem) as folder:
-        result = flown(there, scenario, folder, how, Onlooker(on_record=on_record))
-        if isinstance(scenario, TeamScenario):
-            rows = report_team(there, scenario, how.way, result, folder)
-            if not rows:
-                raise FlightError("no game: not all vehicles engaged")
-            return rows
-    outcomes = [outcome_of_flight(flight, how.way) for flight in result.vehicles.values()]
+    stem = how.config.name if isinstance(how, ByFile) else stem
+    _, rows, _ = fly_rows(there, scenario, stem, how, out, Onlooker(on_record=on_record))
+    if not rows:
+        raise FlightError("no game: not all vehicles engaged")
     if isinstance(how, ByFile):  # the evader is out there, and no policy of the file's is its
-        return [outcome._replace(evader_policy=_REPORTED) for outcome in outcomes]
-    return outcomes
+        return [row._replace(evader_policy=_REPORTED) for row in rows]
+    return rows
 
 
 def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Console) -> Sequence[CheckedExpectation]:

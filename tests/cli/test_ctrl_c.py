@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from guidance.cli.fly_scenario import noted_ctrl_c
+from guidance.cli.fly import noted_ctrl_c
 
 
 def test_a_ctrl_c_that_a_library_swallows_is_raised_again_at_the_next_cycle():

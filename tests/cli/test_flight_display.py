@@ -6,7 +6,7 @@ import math
 import pytest
 from rich.console import Console
 
-from guidance.cli.fly_scenario import _table, plain, score, words
+from guidance.cli.fly import _table, plain, score, words
 from guidance.flight import State
 from guidance.monitor import Alarm, Violation
 from guidance.session.mission import Progress

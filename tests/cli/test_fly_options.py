@@ -7,7 +7,7 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app, fly_scenario
+from guidance.cli import app, fly
 from guidance.errors import ConfigError, FlightError
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
 from guidance.session.fly import NOBODY, Asked, MockOptions
@@ -82,7 +82,7 @@ def test_a_ctrl_c_names_the_record_if_there_is_one(begun, tmp_path, monkeypatch)
             onlooker.on_record(tmp_path / RECORD)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(fly_scenario, "fly_scenario", interrupted)
+    monkeypatch.setattr(fly, "fly_scenario", interrupted)
     monkeypatch.setattr("signal.signal", lambda *_: None)
     done = CliRunner().invoke(app, ["fly", "pe"])
     assert done.exit_code == 130
@@ -110,7 +110,7 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
         panel.terminate()  # as a person does who has seen enough
         return 0
 
-    monkeypatch.setattr(fly_scenario, "fly_scenario", flown)
+    monkeypatch.setattr(fly, "fly_scenario", flown)
     monkeypatch.setattr("signal.signal", lambda *_: None)
     done = CliRunner().invoke(app, ["fly", "pe", "--panel", *vehicle, "--out", str(tmp_path / "pe-001")])
     assert done.exit_code == 0
@@ -125,10 +125,10 @@ def test_a_refused_vehicle_is_told_a_command_that_check_takes(name, count, monke
     def refuse(*_):
         raise FlightError("preflight refuses: GF_ACTION")
 
-    monkeypatch.setattr(fly_scenario, "flown", refuse)
+    monkeypatch.setattr(fly, "flown", refuse)
     urls = tuple(f"udpin://127.0.0.1:{14540 + place}" for place in range(count))
     with pytest.raises(FlightError, match="GF_ACTION") as refusal:
-        fly_scenario.fly_scenario(name, Asked(urls), tmp_path / "flight", None, NOBODY, as_json=False)
+        fly.fly_scenario(name, Asked(urls), tmp_path / "flight", None, NOBODY, as_json=False)
     commands = re.findall("guidance (check .*)", str(refusal.value))
     assert [command.split("--vehicle ")[1] for command in commands] == [f"{url} --apply" for url in urls]
     for command, url in zip(commands, urls, strict=True):

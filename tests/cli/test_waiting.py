@@ -4,7 +4,7 @@ import io
 
 from rich.console import Console
 
-from guidance.cli.fly_scenario import LiveLine
+from guidance.cli.fly import LiveLine
 from guidance.flight import State
 from guidance.screen import sheet, waiting
 from guidance.session.mission import Progress
