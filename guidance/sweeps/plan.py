@@ -25,7 +25,7 @@ from pydantic import (
     model_validator,
 )
 
-from guidance.config import Section, as_toml, find, parse, read_text, read_toml
+from guidance.config import Section, as_toml, find, parse, read
 from guidance.errors import ConfigError
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import EvaderPolicy, PursuerPolicy, Scenario
@@ -264,8 +264,8 @@ def load_sweep(name: str, way: Way | None = None) -> Plan:
             of the combinations.
     """
     path = find(name, FOLDER)
-    text = read_text(path)
-    document = read_toml(text, path) | ({} if way is None else {"as": way})
+    text, document = read(path)
+    document |= {} if way is None else {"as": way}
     if isinstance(scenario := document.get("scenario"), str):
         beside = path.parent / scenario
         document["scenario"] = load_any(str(beside) if beside.is_file() else scenario)[1].model_dump(mode="json")
