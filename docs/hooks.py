@@ -16,7 +16,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from guidance.cli import app as guidance_app
+from guidance.cli.program import app as guidance_app
 from guidance.cli.vehicle_setup import schema_of
 from guidance.control import Limiter
 from guidance.flight import ORDERS, Event, State

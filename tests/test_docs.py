@@ -23,7 +23,7 @@ import pytest
 import typer
 from click.testing import CliRunner
 
-from guidance.cli import app as guidance_app
+from guidance.cli.program import app as guidance_app
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.sim.scenario_file import json_schema
 from sitl_mock.cli import app as mock_app

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app
 from guidance.cli.fly import fly_scenario
+from guidance.cli.program import app
 from guidance.files import private_file, private_folder
 from guidance.session.fly import NOBODY, MockOptions
 from guidance.sweeps.folder import alone, write_whole

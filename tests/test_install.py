@@ -57,7 +57,7 @@ def test_games_and_records_need_no_extra(arguments, tmp_path):
     ],
 )
 def test_a_command_whose_extra_is_missing_says_which_and_how_to_add_it(arguments, extra, tmp_path, monkeypatch):
-    from guidance.cli import app
+    from guidance.cli.program import app
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("guidance.extras.find_spec", lambda _: None)

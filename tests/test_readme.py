@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from typer.main import get_command
 
-from guidance.cli import app as guidance
+from guidance.cli.program import app as guidance
 from sitl_mock.cli import app as sitl_mock
 from tests.__main__ import STEPS
 

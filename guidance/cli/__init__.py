@@ -16,15 +16,6 @@ _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort"
 _OPTIONS: Final = frozenset({"--endpoint", "--name", "--team", "--token-file", "--zenoh"})
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, imported lazily
-    """Return `app`, which is imported only when needed."""
-    if name == "app":
-        from guidance.cli.program import app  # noqa: PLC0415
-
-        return app
-    raise AttributeError(f"module 'guidance.cli' has no attribute {name!r}")
-
-
 def main() -> None:
     """Run the command line. Errors that the user can fix end with a message and an exit code (`docs/exit-codes.md`)."""
     open_outlets()

@@ -17,7 +17,7 @@ from rich.table import Table
 
 from guidance.cli import INTERRUPTED, arguments
 from guidance.cli.arguments import may_fly, refuse
-from guidance.cli.fly_team import tell_players
+from guidance.cli.scenario import tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require

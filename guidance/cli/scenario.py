@@ -13,22 +13,22 @@ from rich.text import Text
 
 from guidance.cli import arguments
 from guidance.cli.arguments import CommandGroup, agree, may_fly, refuse
-from guidance.cli.fly_team import tell_players
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.files import private_file, writing
-from guidance.screen import console, pairs, sheet
-from guidance.sim.expect import CheckedExpectation, Expectations
+from guidance.screen import Cell, console, pairs, sheet
+from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play
 from guidance.sim.outcome import outcome_json, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
-from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
+from guidance.sim.teams import TeamOutcome, TeamScenario, opening_of, play_teams, summary_of
 
 if TYPE_CHECKING:
     from guidance.session.fly import Way
+    from guidance.session.result import MissionResult
 
 scenario = typer.Typer(
     cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
@@ -51,6 +51,10 @@ _REPORTED: Final = "reported"
 """Evader policy in the row of a run `--as vehicle`, where the evader is only reported."""
 
 _STANDARD_OUTPUT: Final = Path("-")
+
+_ROLES: Final = ("first", "second")
+_NUMBERS: Final = ("game_time_s", "predicted", "achieved", "regret")
+_FLOWN: Final = ("ended", "alarms", "limits")
 
 
 @scenario.command()
@@ -169,6 +173,48 @@ def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Con
     if cells:
         there.print(sheet(("column", "expected", "came out", "verdict"), cells, left=range(4), title="expected"))
     return verdicts
+
+
+def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "MissionResult | None" = None) -> None:
+    """Print a line for each vehicle and each evader, and the row of the team.
+
+    Args:
+        rows: One for each evader; none if no game began.
+        console: Where to.
+        result: Of a flight; None in mathematics.
+    """
+    vehicles = [f"uav{number + 1}" for number in range(rows[0].pursuers)] if result is None else list(result.vehicles)
+    evaders = [f"rover{row.evader + 1}" for row in rows]
+    cells = list[Sequence[Cell]]()
+    for number, name in enumerate(vehicles):
+        roles = [f"{evaders[row.evader]}, {role}" for role in _ROLES for row in rows if getattr(row, role) == number]
+        captured = [evaders[row.evader] for row in rows if row.captor == number]
+        one = None if result is None else result.vehicles[name]
+        flown = [] if one is None else [str(one.ended), str(len(one.alarms)), ", ".join(one.limits) or "-"]
+        cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flown])
+    headings = ("vehicle", "assigned", "captured", *(() if result is None else _FLOWN))
+    console.print(sheet(headings, cells, left=range(len(headings))))
+    if not rows:
+        return
+    names = dict(enumerate(vehicles)) | {-1: "-"}
+    cells = []
+    for row, evader in zip(rows, evaders, strict=True):
+        who = (names[number] for number in (row.first, row.second, row.captor))
+        promise = [] if result is None else [_promise(result, row, evader)]
+        cells.append([evader, row.end, *who, *(_shown(getattr(row, name)) for name in _NUMBERS), *promise])
+    headings = ("evader", "end", *_ROLES, "captor", *_NUMBERS, *(() if result is None else ("promise",)))
+    left = [place for place, heading in enumerate(headings) if heading not in _NUMBERS]
+    console.print(sheet(headings, cells, left=left))
+    summary = summary_of(rows)
+    console.print(sheet(("team", *summary), [(rows[0].game, *map(_shown, summary.values()))]))
+
+
+def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
+    """Say whether the last promise about an evader was kept."""
+    roles = [one.board.roles for one in result.members.values() if one.board.roles is not None]
+    promises = [promise for each in roles for promise in each.promises if promise.evader == evader]
+    unit, captured = "s" if row.game == "pe" else "m", row.end == "captured"
+    return promises[0].verdict(row.predicted, row.achieved, unit, captured=captured) if promises else "-"
 
 
 def _unit(column: str) -> str:
@@ -298,19 +344,15 @@ def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 def expected(scenario: Scenario | TeamScenario) -> str:
     """Return the expectations of a scenario in one line."""
-    if isinstance(scenario, TeamScenario):
-        return ", ".join(f"{column} {value}" for column, value in scenario.expect if value is not None)
-    parts = [*_said(scenario.expect)]
-    for run in ("maths", "flown"):
-        said = ", ".join(_said(getattr(scenario.expect, run)))
-        parts += [f"{run}: {said}"] if said else []
-    return "; ".join(parts)
+    return "; ".join(_said(scenario.expect))
 
 
-def _said(expectations: Expectations) -> Iterator[str]:
-    for column in Expectations.model_fields:
-        value = getattr(expectations, column)
-        if column == "events":
+def _said(expectations: Ranges) -> Iterator[str]:
+    for column, value in expectations:
+        if isinstance(value, Ranges):
+            if said := ", ".join(_said(value)):
+                yield f"{column}: {said}"
+        elif column == "events":
             yield from (f"has {event!r}" for event in value)
         elif value is not None:
             yield str(value) if column in {"end", "winner"} else f"{column} {value}"

@@ -7,7 +7,8 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app, fly
+from guidance.cli import fly
+from guidance.cli.program import app
 from guidance.errors import ConfigError, FlightError
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
 from guidance.session.fly import NOBODY, Asked, MockOptions

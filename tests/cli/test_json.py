@@ -6,7 +6,7 @@ import math
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.flight import State
 from guidance.log.entries import CycleEntry, InputsEntry
 from guidance.log.writer import Recorder

@@ -20,14 +20,14 @@ PAPER = ("solve", "--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-r
 
 @pytest.mark.parametrize("arguments", [[], ["scenario"], ["log"], ["sweep"]])
 def test_a_command_that_holds_others_shows_its_help_and_ends_well(arguments):
-    result = CliRunner().invoke(cli.app, arguments)
+    result = CliRunner().invoke(program.app, arguments)
     assert result.exit_code == 0
     assert "--help" in result.output
     assert "Commands" in result.output
 
 
 def test_the_help_of_sweep_shows_the_options_of_sweep_file():
-    words = CliRunner().invoke(cli.app, ["sweep", "--help"], env={"COLUMNS": "120"}).output
+    words = CliRunner().invoke(program.app, ["sweep", "--help"], env={"COLUMNS": "120"}).output
     for said in ("--workers", "--chunk", "FILE", "report"):
         assert said in words
 

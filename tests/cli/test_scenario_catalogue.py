@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.cli.scenario import expected, facts_of, listing, names
 from guidance.config import find
 from guidance.errors import OutputError

@@ -7,7 +7,7 @@ import jsonschema
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.cli.vehicle_setup import KINDS, schema_of
 from guidance.config import config_folder
 from guidance.errors import ConfigError

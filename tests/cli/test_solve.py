@@ -8,7 +8,7 @@ import pytest
 from pyarrow import csv, parquet
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 from guidance.sweeps import states as state_files

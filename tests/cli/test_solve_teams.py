@@ -6,7 +6,7 @@ import pytest
 from pyarrow import csv, parquet
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, Reason, Winner
 from guidance.game.team import match_teams

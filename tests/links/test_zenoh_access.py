@@ -11,7 +11,7 @@ import pytest
 import zenoh
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.config import config_folder
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame

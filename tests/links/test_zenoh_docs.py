@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.config import config_folder
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.zenoh_access import ZenohSection, credentials_of, read_credentials

@@ -21,7 +21,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as dialect
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.control import Limits
 from guidance.control.polygon import Polygon
 from guidance.errors import ConfigError, OutputError

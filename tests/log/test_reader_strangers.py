@@ -15,7 +15,7 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.errors import ConfigError, GuidanceError
 from guidance.log import Survey, record_errors, scan
 from guidance.log.entries import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC

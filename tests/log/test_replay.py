@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.log import compare, cycles_of, metadata_of, replay, scan, title_of
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT_TOPIC

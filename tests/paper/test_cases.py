@@ -7,7 +7,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import guidance.paper
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.paper import Case, tables
 
 

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.autopilots import Verdict
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.config import find
 from guidance.session import host
 from guidance.session.vehicle_file import load_vehicle

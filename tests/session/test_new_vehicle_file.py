@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.autopilots import AUTOPILOTS
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.links.opening import Found

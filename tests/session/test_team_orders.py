@@ -8,7 +8,7 @@ import threading
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.errors import LinkError
 from guidance.links.zenoh_wire import open_session
 from guidance.session.control_bus import ControlBus, ask, free_endpoint, join_session, order_team

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.config import parse
 from guidance.errors import ConfigError, OutputError
 from guidance.game import Ball, Game, solve

@@ -8,7 +8,7 @@ from pyarrow import parquet
 from scipy import stats
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.sim.maths import play
 from guidance.sim.outcome import outcome_json

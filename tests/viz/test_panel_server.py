@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.clock import VirtualClock
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.viz.panel import access as accesses

@@ -16,7 +16,7 @@ from matplotlib.image import imread
 from PIL import Image
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.errors import ConfigError, OutputError
 from guidance.log import cycles_of, metadata_of
 from guidance.log.writer import Recorder

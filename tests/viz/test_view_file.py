@@ -16,7 +16,7 @@ import rerun as rr
 from rerun.chunk import McapReader, RrdReader
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli.program import app
 from guidance.config import load
 from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
