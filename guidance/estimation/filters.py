@@ -23,9 +23,6 @@ from guidance.estimation.measurement import TrackSettings
 
 Numbers = Sequence[float]
 
-_STEADY = ("north", "east", "north rate", "east rate")
-"""The state of the steady model; the turning model adds the turn rate."""
-
 _SMALL_TURN_RAD = 1e-3
 
 
@@ -182,7 +179,7 @@ def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
 
 def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[Normal, float, float]:
     """Correct by one number after the other, as their errors are independent; also return νᵀS⁻¹ν and det S."""
-    turns = len(state.mean) > len(_STEADY)
+    turns = len(state.mean) > 4
     n, e, x, y, w = state.mean if turns else (*state.mean, 0.0)
     nn, en, ee, xn, xe, xx, yn, ye, yx, yy, wn, we, wx, wy, ww = (
         state.covariance if turns else (*state.covariance, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -207,9 +204,8 @@ def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[No
         nn, en, ee = nn - share * (a * a), en - share * (b * a), ee - share * (b * b)
         xn, xe, xx = xn - share * (c * a), xe - share * (c * b), xx - share * (c * c)
         yn, ye, yx, yy = yn - share * (d * a), ye - share * (d * b), yx - share * (d * c), yy - share * (d * d)
-        if turns:
-            wn, we, wx = wn - share * (f * a), we - share * (f * b), wx - share * (f * c)
-            wy, ww = wy - share * (f * d), ww - share * (f * f)
+        wn, we, wx = wn - share * (f * a), we - share * (f * b), wx - share * (f * c)
+        wy, ww = wy - share * (f * d), ww - share * (f * f)
     steady = Normal((n, e, x, y), (nn, en, ee, xn, xe, xx, yn, ye, yx, yy))
     corrected = Normal((*steady.mean, w), (*steady.covariance, wn, we, wx, wy, ww)) if turns else steady
     return corrected, distance, spread

@@ -89,12 +89,10 @@ class Rivals(NamedTuple):
 def listen(rivals: Rivals, one: Report, settings: TrackSettings) -> Rivals:
     """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
     now_s = one.told.received_s
-    kept, first = (*rivals.recent[-_MAX_REPORTS + 1 :], one), 0
-    while now_s - kept[first].told.received_s > _WINDOW_S:
-        first += 1
+    kept = (each for each in rivals.recent[-_MAX_REPORTS + 1 :] if now_s - each.told.received_s <= _WINDOW_S)
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     odd_s = now_s if _is_odd(rivals.recent[-1] if rivals.recent else one, one) else rivals.odd_s
-    rivals = Rivals(kept[first:], rivals.judged_s, since_s, rivals.usual, odd_s, rivals.seen_s, rivals.why)
+    rivals = Rivals((*kept, one), rivals.judged_s, since_s, rivals.usual, odd_s, rivals.seen_s, rivals.why)
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals
     rivals = _learn_rate(rivals._replace(judged_s=now_s), now_s)

@@ -102,8 +102,9 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         return _outlier(replace(track, nis=nis), measurement, settings)
     history = _replayed((*track.history[:earlier], Accepted(measurement, taken)), track.history[earlier:], settings)
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
-    taken_in = Track(_recent(history, settings), None, outcome, _counted(track, outcome), nis, track.anchors)
-    return _anchored(taken_in, settings)
+    oldest_s = history[-1].measurement.time_s - settings.history_s
+    recent = tuple(one for one in history if one.measurement.time_s >= oldest_s)
+    return _anchored(_ended(replace(track, history=recent, rival=None, nis=nis), outcome), settings)
 
 
 def _within_way(track: Track, measurement: Measurement, settings: TrackSettings) -> bool:
@@ -169,14 +170,6 @@ def _replayed(
     return history
 
 
-def _recent(history: tuple[Accepted, ...], settings: TrackSettings) -> tuple[Accepted, ...]:
-    """Drop reports older than the history's time span, but never the newest."""
-    oldest_s, first = history[-1].measurement.time_s - settings.history_s, 0
-    while history[first].measurement.time_s < oldest_s:
-        first += 1
-    return history[first:]
-
-
 def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
     velocity = measurement.velocity_ned_m_s
     down_m_s, sd_m_s = 0.0, settings.prior_speed_sd_m_s
@@ -225,8 +218,4 @@ def _begun_anew(track: Track, anew: Track, outcome: ReportOutcome, settings: Tra
 
 
 def _ended(track: Track, outcome: ReportOutcome) -> Track:
-    return replace(track, outcome=outcome, counts=_counted(track, outcome))
-
-
-def _counted(track: Track, outcome: ReportOutcome) -> Mapping[ReportOutcome, int]:
-    return {**track.counts, outcome: track.counts.get(outcome, 0) + 1}
+    return replace(track, outcome=outcome, counts={**track.counts, outcome: track.counts.get(outcome, 0) + 1})

@@ -97,8 +97,7 @@ def _global_position(m: Fields, received_s: float) -> EvaderReport:
     * Clock: `time_boot_ms`, which wraps at 2^32.
     """
     place, said = (*codec.degrees(m.lat, m.lon), m.alt / 1e3), AltitudeSaid(m.alt / 1e3, Datum.AMSL)
-    velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
-    return EvaderReport(received_s, m.time_boot_ms / 1e3, m.msgname, *place, velocity, said=said)
+    return EvaderReport(received_s, m.time_boot_ms / 1e3, m.msgname, *place, codec.velocity_in_cm_s(m), said=said)
 
 
 def _odometry(frame: LocalFrame, m: Fields, received_s: float) -> EvaderReport:

@@ -60,12 +60,9 @@ def _gps_fix(m: Fields, received_s: float) -> messages.Message:
     return messages.GpsFix(received_s, m.fix_type, satellites)
 
 
-def _global_position(m: Fields, received_s: float) -> messages.Message:
-    velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
-    above_sea, above_home = m.alt / 1e3, m.relative_alt / 1e3
-    return messages.GlobalPosition(
-        received_s, m.time_boot_ms / 1e3, *degrees(m.lat, m.lon), above_sea, above_home, velocity
-    )
+def velocity_in_cm_s(m: Fields) -> Vector:
+    """Return the velocity of a GLOBAL_POSITION_INT: north, east, down in m/s."""
+    return m.vx / 1e2, m.vy / 1e2, m.vz / 1e2
 
 
 def _fence_item(m: Fields, received_s: float) -> messages.Message:
@@ -105,9 +102,8 @@ def other_aircraft(frame: Frame, received_s: float) -> messages.Aircraft:
         ValueError: If its place is unknown or implausible.
     """
     m = frame.fields
-    velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
     place = *degrees(m.lat, m.lon), m.alt / 1e3
-    value = messages.Aircraft(received_s, f"system {frame.system_id}", *place, velocity, 0.0, 0.0)
+    value = messages.Aircraft(received_s, f"system {frame.system_id}", *place, velocity_in_cm_s(m), 0.0, 0.0)
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")
     return value
@@ -123,7 +119,9 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     "LOCAL_POSITION_NED": lambda m, at_s: messages.LocalPosition(
         at_s, m.time_boot_ms / 1e3, (m.x, m.y, m.z), (m.vx, m.vy, m.vz)
     ),
-    "GLOBAL_POSITION_INT": _global_position,
+    "GLOBAL_POSITION_INT": lambda m, at_s: messages.GlobalPosition(
+        at_s, m.time_boot_ms / 1e3, *degrees(m.lat, m.lon), m.alt / 1e3, m.relative_alt / 1e3, velocity_in_cm_s(m)
+    ),
     "GPS_GLOBAL_ORIGIN": lambda m, at_s: messages.Origin(at_s, *degrees(m.latitude, m.longitude), m.altitude / 1e3),
     "COMMAND_ACK": lambda m, at_s: messages.CommandAck(at_s, m.command, m.result),
     "POSITION_TARGET_LOCAL_NED": lambda m, at_s: messages.PositionTarget(
@@ -177,7 +175,7 @@ def is_bytewise(param_type: int, *, autopilot: int) -> bool:
     return (autopilot, param_type) == (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_PARAM_TYPE_INT32)
 
 
-def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, component_id: int) -> Fields:
+def setpoint(setpoint: messages.Setpoint, *, now_s: float, to: tuple[int, int]) -> Fields:
     """Return a SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero.
 
     Its type mask is 3527 for velocity alone, 2503 with yaw, 3079 with acceleration and 2055 with both. PX4 and
@@ -186,8 +184,7 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, compo
     Args:
         setpoint: NED, m/s and m/s².
         now_s: Our clock; becomes time_boot_ms, which wraps at 2^32.
-        system_id: The vehicle's.
-        component_id: Its autopilot's.
+        to: System id and component id of the vehicle's autopilot.
 
     Raises:
         ValueError: If a value is not finite as a 32 bit float.
@@ -199,26 +196,22 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, system_id: int, compo
     mask = IGNORE_POSITION | IGNORE_YAW_RATE
     mask |= IGNORE_ACCELERATION if acceleration is None else 0
     mask |= IGNORE_YAW if yaw_rad is None else 0
-    target = int(now_s * 1e3) % 2**32, system_id, component_id, mavlink.MAV_FRAME_LOCAL_NED, mask
+    target = int(now_s * 1e3) % 2**32, *to, mavlink.MAV_FRAME_LOCAL_NED, mask
     return mavlink.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
 
 
-def request(
-    request: messages.Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0
-) -> Fields:
+def request(request: messages.Request, *, attempt: int, to: tuple[int, int], autopilot: int = 0) -> Fields:
     """Return a COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_* message.
 
     Args:
         request: The request.
         attempt: Counts from 0; becomes `confirmation`.
-        system_id: The vehicle's.
-        component_id: Its autopilot's.
+        to: System id and component id of the vehicle's autopilot.
         autopilot: MAV_AUTOPILOT; determines how the float of a parameter carries an integer.
 
     Raises:
         ValueError: If a parameter is infinite, a coordinate does not fit, or a parameter's name is too long.
     """
-    to = system_id, component_id
     match request:
         case messages.ParameterRequest():
             return mavlink.MAVLink_param_request_read_message(*to, _parameter_name(request.name), -1)

@@ -106,15 +106,12 @@ class MavsdkLink(PymavlinkLink):
         """Read the wire, keep the messages for the next `receive`, and send due requests."""
         super().poll()
         if self._direct is None and not self._closed and self.heartbeats:
-            self._find_system()
-
-    def _find_system(self) -> None:
-        """Find the vehicle in MAVSDK, which knows it some time after its first HEARTBEAT."""
-        for system in self._mavsdk.get_systems():
-            known = self._vehicle.component_id in system.component_ids()
-            if known and system.get_system_id() == self._vehicle.system_id:
-                self._direct = MavlinkDirect(system)
-                return
+            (system_id, component_id), systems = self._vehicle, self._mavsdk.get_systems()
+            systems = [
+                one for one in systems if one.get_system_id() == system_id and component_id in one.component_ids()
+            ]
+            if systems:  # some time after its first HEARTBEAT
+                self._direct = MavlinkDirect(systems[0])
 
     def _send(self, message: Fields) -> None:
         name = message.msgname

@@ -28,9 +28,6 @@ class VehicleLink(Protocol):
         it also repeats unanswered requests, and sends and answers TIMESYNC.
         """
 
-    def wait(self, timeout_s: float) -> None:
-        """Block until data has arrived, at most `timeout_s` of real time. For loops without a rate of their own."""
-
     def send_setpoint(self, setpoint: Setpoint) -> None:
         """Send one SET_POSITION_TARGET_LOCAL_NED frame now, and never repeat it.
 
@@ -91,9 +88,6 @@ class Wire(Protocol):
 
         They are not part of `receive`. Their rate is bounded. Wires without addresses return none.
         """
-
-    def wait(self, timeout_s: float) -> None:
-        """Block until data has arrived, at most `timeout_s` of real time. May return early without data."""
 
     def send(self, frame: bytes) -> None:
         """Send one whole frame, from any thread. Never blocks; frames that cannot be sent are counted, not raised."""

@@ -9,7 +9,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
@@ -34,13 +34,6 @@ _TEXT_TIMEOUT_S: Final = 1.0
 _LONGEST_TEXT: Final = 800
 _REASONS: Final = ("foreign", "unsigned", "refused", "unsent", "received", "invalid", "for_others")
 _COUNTED: Final = (*_REASONS, "overflowed", "requests_sent", "setpoints_sent")
-
-
-class Address(NamedTuple):
-    """MAVLink's ids of a sender."""
-
-    system_id: int
-    component_id: int
 
 
 def own_heartbeat() -> Fields:
@@ -110,9 +103,8 @@ class PymavlinkLink:
         """
         self._wire = wire
         self._clock = clock
-        self._own = Address(own_system_id or system_id, own_component_id)
-        self._vehicle = Address(system_id, component_id)
-        self._to_vehicle = self._vehicle._asdict()
+        self._own = own_system_id or system_id, own_component_id
+        self._vehicle = system_id, component_id
         self._signed = signing_key is not None
         self._station = Station(*self._own, signing_key=signing_key, clock=clock, unix_s=unix_s)
         self._frames = FrameReader(self._reads - unread)
@@ -143,11 +135,6 @@ class PymavlinkLink:
         self._inbox.clear()
         return received
 
-    def wait(self, timeout_s: float) -> None:
-        """Block until data has arrived, at most `timeout_s` of real time."""
-        if not self._inbox and not self._closed:
-            self._wire.wait(timeout_s)
-
     def poll(self) -> None:
         """Read the wire, keep the messages for the next `receive`, and send due requests."""
         if self._closed:
@@ -164,7 +151,7 @@ class PymavlinkLink:
         if frame[1:3] != self._vehicle:
             self.counts["foreign"] += 1
             self.others.add(frame.system_id)
-            if frame.name == "GLOBAL_POSITION_INT" and frame.system_id != self._vehicle.system_id and not self._signed:
+            if frame.name == "GLOBAL_POSITION_INT" and frame.system_id != self._vehicle[0] and not self._signed:
                 with contextlib.suppress(ValueError):
                     self._inbox.append(other_aircraft(frame, received_s))
         elif self._signed and (problem := self._station.problem(frame)) is not None:
@@ -205,14 +192,14 @@ class PymavlinkLink:
     def _is_for_us(self, message: Fields) -> bool:
         """Return whether the message is addressed to us or to all (0)."""
         system_id, component_id = message.target_system, getattr(message, "target_component", 0)
-        return system_id in (0, self._own.system_id) and component_id in (0, self._own.component_id)
+        return system_id in (0, self._own[0]) and component_id in (0, self._own[1])
 
     def _tend(self, now_s: float) -> None:
         """Send unanswered requests again, and our TIMESYNC once a HEARTBEAT has arrived."""
         if self._texts.open:
             self._inbox.extend(self._texts.close(now_s - _TEXT_TIMEOUT_S))
         for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
-            self._send(codec.request(request, attempt=attempt, autopilot=self.autopilot, **self._to_vehicle))
+            self._send(codec.request(request, attempt=attempt, to=self._vehicle, autopilot=self.autopilot))
             self.counts["requests_sent"] += 1
         if self.heartbeats and now_s >= self._timesync.next_ask_s:
             self._send(self._timesync.ask(now_s))
@@ -225,7 +212,7 @@ class PymavlinkLink:
         """
         if self._closed:
             return
-        codec.request(request, attempt=0, autopilot=self.autopilot, **self._to_vehicle)
+        codec.request(request, attempt=0, to=self._vehicle, autopilot=self.autopilot)
         self._requests.add(request)
         self._tend(self._clock())
 
@@ -236,7 +223,7 @@ class PymavlinkLink:
             ValueError: If it is not finite; it is not sent then.
         """
         if not self._closed:
-            self._send(codec.setpoint(setpoint, now_s=self._clock(), **self._to_vehicle))
+            self._send(codec.setpoint(setpoint, now_s=self._clock(), to=self._vehicle))
             self.counts["setpoints_sent"] += 1
 
     def send_heartbeat(self) -> None:

@@ -118,11 +118,6 @@ class TcpWire(StreamWire):
             raise LinkError(f"{name}: {error}; {busy if listen else absent}") from error
         super().__init__(clock, name, partial(self._called, host, port, _WAIT_S), first)
 
-    @property
-    def port(self) -> int:
-        """Our own port, for listening on port 0."""
-        return 0 if self._server is None else int(self._server.getsockname()[1])
-
     def _called(self, host: str, port: int, timeout_s: float) -> socket.socket:
         server = self._server
         peer = socket.create_connection((host, port), timeout_s) if server is None else server.accept()[0]

@@ -5,11 +5,9 @@ proves who sent a frame: with a key, only a validly signed frame can pin an addr
 """
 
 import contextlib
-import math
 import select
 import socket
 import threading
-import time
 from collections import Counter, deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,9 +30,6 @@ SILENT_S: Final = 3.0
 
 MAX_SYSTEMS: Final = 8
 """Largest number of pinned systems if any system is allowed."""
-
-YIELD_S: Final = 0.01
-"""The reader thread pauses this long while the loop itself waits at the socket."""
 
 STRANGERS_PER_S: Final = 50
 """Frames per second from systems that are not expected; they let an error name who is there instead."""
@@ -171,10 +166,8 @@ class UdpWire(QueuedWire):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._pins = AddressPins(systems, checks) if listen else None
         try:
-            if listen:
-                self._socket.bind((host, port))
-            else:
-                self._socket.connect((host, port))  # the kernel drops datagrams from all other addresses
+            # Of a connected socket, the kernel drops datagrams from all other addresses.
+            (self._socket.bind if listen else self._socket.connect)((host, port))
         except OSError as error:
             self._socket.close()
             advice = "choose another port or end the program that uses it" if listen else "is the host name right?"
@@ -184,19 +177,11 @@ class UdpWire(QueuedWire):
         for poll in (self._watched, self._readable):
             poll.register(self._socket, select.POLLIN)
         self._reading = threading.Lock()  # read and queue in one step: two threads must not change the order
-        self._awaited = False
         self._reader = Reader(self._watch, name=f"udp {host}:{port}")
-
-    @property
-    def port(self) -> int:
-        """Our own port, for listening on port 0."""
-        return int(self._socket.getsockname()[1])
 
     def _watch(self) -> None:
         """Read what has arrived, on the reader thread."""
-        if self._awaited:
-            time.sleep(YIELD_S)
-        elif self._watched.poll(_WAIT_MS) and self._reading.acquire(blocking=False):
+        if self._watched.poll(_WAIT_MS) and self._reading.acquire(blocking=False):
             try:
                 for packet in self._read():
                     self._arrivals.put(packet)
@@ -243,22 +228,6 @@ class UdpWire(QueuedWire):
         """Return datagrams since the last call with a pinned system's id from another address."""
         kept = () if self._pins is None else self._pins.impostors
         return [kept.popleft() for _ in range(len(kept))] if kept else ()
-
-    def wait(self, timeout_s: float) -> None:
-        """Block until something has arrived, at most `timeout_s`; `receive` reads it, not the reader thread.
-
-        So no thread is woken only to wake another. The reader thread resumes up to `YIELD_S` later; datagrams that
-        arrive in between are stamped when they are read.
-        """
-        if self._arrivals.closed:
-            return
-        self._awaited = True
-        try:
-            with self._reading:
-                if not self._arrivals:
-                    self._readable.poll(math.ceil(timeout_s * 1e3))
-        finally:
-            self._awaited = False
 
     def _write(self, frame: bytes) -> bool:
         """Send one datagram to each pinned address; without any, the frame is not sent."""

@@ -28,37 +28,23 @@ class Arrivals(Generic[T]):
 
     def __init__(self) -> None:
         self._waiting: deque[T] = deque(maxlen=QUEUE_LENGTH)
-        self._arrived = threading.Event()
         self.closed = False
         self.dropped = 0
 
-    def __len__(self) -> int:
-        return len(self._waiting)
-
     def put(self, item: T) -> None:
-        """Add an item and wake the thread that waits. Does nothing once closed."""
-        if self.closed:
-            return
-        self.dropped += len(self._waiting) == QUEUE_LENGTH
-        self._waiting.append(item)
-        if not self._arrived.is_set():
-            self._arrived.set()
+        """Add an item. Does nothing once closed."""
+        if not self.closed:
+            self.dropped += len(self._waiting) == QUEUE_LENGTH
+            self._waiting.append(item)
 
     def take(self) -> list[T]:
         """Return and remove all items, oldest first; none once closed."""
         waiting = self._waiting
         return [] if self.closed else [waiting.popleft() for _ in range(len(waiting))]
 
-    def wait(self, timeout_s: float) -> None:
-        """Block until an item is here, at most `timeout_s`."""
-        self._arrived.clear()
-        if not (self._waiting or self.closed):
-            self._arrived.wait(timeout_s)
-
     def close(self) -> None:
         """Accept no more items."""
         self.closed = True
-        self._arrived.set()
 
 
 class Reader(threading.Thread):
@@ -110,10 +96,6 @@ class QueuedWire(ABC):
     def impostors(self) -> Sequence[bytes]:
         """Return none: this wire has no addresses."""
         return ()
-
-    def wait(self, timeout_s: float) -> None:
-        """Block until a piece has arrived, at most `timeout_s`."""
-        self._arrivals.wait(timeout_s)
 
     def send(self, frame: bytes) -> None:
         """Send one frame; if that fails, or the wire is closed, count it."""
@@ -175,11 +157,6 @@ class WireShare:
                 share.arrivals.put(packet)
         return self.arrivals.take()
 
-    def wait(self, timeout_s: float) -> None:
-        """Wait at the wire, unless something is here already."""
-        if not self.arrivals:
-            self._wire.wait(timeout_s)
-
     def send(self, frame: bytes) -> None:
         """Send on the common wire."""
         if not self.arrivals.closed:
@@ -226,7 +203,7 @@ class TappedWire:
         self._to, self._from = raw_keys(namespace)
         self._captured: deque[CapturedFrame] = deque(maxlen=_MAX_CAPTURED)
         self.stream = wire.stream
-        self.impostors, self.wait, self.counters, self.close = wire.impostors, wire.wait, wire.counters, wire.close
+        self.impostors, self.counters, self.close = wire.impostors, wire.counters, wire.close
 
     def drain(self) -> Sequence[CapturedFrame]:
         """Return everything captured since the last call, oldest first."""

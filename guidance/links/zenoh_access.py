@@ -32,12 +32,10 @@ class ZenohSection(Section):
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:
+        authority, certificate, key, password = _PATHS
         for one, other in (
-            ("tls_certificate_file", "tls_key_file"),
-            ("tls_key_file", "tls_certificate_file"),
-            ("tls_certificate_file", "tls_ca_file"),
-            ("user", "password_file"),
-            ("password_file", "user"),
+            *((certificate, key), (key, certificate), (certificate, authority)),
+            *(("user", password), (password, "user")),
         ):
             if getattr(self, one) is not None and getattr(self, other) is None:
                 raise ValueError(f"zenoh.{other}: missing; zenoh.{one} = {str(getattr(self, one))!r} needs it")

@@ -4,7 +4,7 @@
 
 A vehicle in its own process sends what a PX4 sends on its onboard link (LOCAL_POSITION_NED at 50 Hz among 300 other
 messages a second) and takes the time from each LOCAL_POSITION_NED to the first setpoint that comes back. The
-other end runs in a process of its own as well: our link, woken by the arrival, sends one setpoint for each position;
+other end runs in a process of its own as well: our link, polled every 0.2 ms, sends one setpoint for each position;
 the script does only that with MAVSDK's Telemetry and Offboard plugins. Rounds are interleaved, and
 the ratio is to the script on the same wire in the same round.
 """
@@ -26,6 +26,7 @@ SETPOINT = 84
 WIRES = ("udp", "zenoh")
 ENDS = ("script", "mavsdk", "pymavlink")
 NAMESPACE = "uav1"
+POLL_S = 2e-4
 SETTLING_S = 2  # for imports and discovery, not measured
 
 
@@ -139,7 +140,7 @@ def url_of(wire: str, port: int) -> str:
 
 
 def our_end(kind: str, wire: str, port: int) -> None:
-    """One setpoint for each position, woken by the arrival, until standard input closes."""
+    """One setpoint for each position, found by polling, until standard input closes."""
     from guidance.links.opening import open_link, open_wire
     from guidance.messages import LocalPosition, Setpoint
 
@@ -148,7 +149,7 @@ def our_end(kind: str, wire: str, port: int) -> None:
     link = open_link(open_wire(url, clock=now, systems=(1,)), kind, system_id=1, clock=now, who=url)
     setpoint = Setpoint((1.0, 0.0, 0.0), yaw_rad=0.0)
     while not over.is_set():
-        link.wait(0.1)
+        time.sleep(POLL_S)
         for message in link.receive():
             if isinstance(message, LocalPosition):
                 link.send_setpoint(setpoint)

@@ -26,7 +26,7 @@ import guidance
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.udp import YIELD_S, UdpWire
+from guidance.links.udp import UdpWire
 from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
@@ -125,7 +125,7 @@ class WatchedWire(UdpWire):
     walk: Walk | None = None
 
     def _watch(self) -> None:
-        time.sleep(YIELD_S)
+        time.sleep(0.01)
 
     def send(self, frame: bytes) -> None:
         """See `Wire`."""

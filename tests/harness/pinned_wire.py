@@ -44,10 +44,6 @@ class PinnedWire:
         kept = self._pins.impostors
         return [kept.popleft() for _ in range(len(kept))]
 
-    def wait(self, timeout_s: float) -> None:
-        """Wait at the wire."""
-        self._wire.wait(timeout_s)
-
     def send(self, frame: bytes) -> None:
         """Send on the wire."""
         self._wire.send(frame)

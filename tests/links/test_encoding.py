@@ -80,12 +80,12 @@ def test_a_field_that_does_not_fit_is_no_frame_and_takes_no_number():
 
 
 def test_our_clock_wraps_like_time_boot_ms():
-    sent = codec.setpoint(Setpoint(VELOCITY), now_s=2**32 / 1e3 + 5.0, system_id=1, component_id=1)
+    sent = codec.setpoint(Setpoint(VELOCITY), now_s=2**32 / 1e3 + 5.0, to=(1, 1))
     assert sent.time_boot_ms == 5000
 
 
 def test_a_command_long_keeps_its_parameters_and_counts_its_repeats():
-    sent = codec.request(Command(176, (1, 6, 0, math.nan, 5, 6, 7)), attempt=2, system_id=3, component_id=1)
+    sent = codec.request(Command(176, (1, 6, 0, math.nan, 5, 6, 7)), attempt=2, to=(3, 1))
     assert (sent.msgname, sent.command, sent.confirmation, sent.target_system) == ("COMMAND_LONG", 176, 2, 3)
     assert [getattr(sent, f"param{n}") for n in (1, 2, 3, 5, 6, 7)] == [1, 6, 0, 5, 6, 7]
     assert math.isnan(sent.param4)
@@ -100,7 +100,7 @@ def test_a_command_long_keeps_its_parameters_and_counts_its_repeats():
     ],
 )
 def test_the_fence_is_requested_by_its_mission_type(request_, name, fields):
-    sent = codec.request(request_, attempt=2, system_id=1, component_id=1)
+    sent = codec.request(request_, attempt=2, to=(1, 1))
     assert sent.msgname == name
     for field, value in {"target_system": 1, "target_component": 1, "mission_type": 1, **fields}.items():
         assert getattr(sent, field) == value
@@ -108,11 +108,11 @@ def test_the_fence_is_requested_by_its_mission_type(request_, name, fields):
 
 def test_a_command_int_carries_degrees_as_integers_and_nan_as_not_used():
     command = Command(192, (-1.0, 1.0, 0.0, math.nan, 47.3977419, -8.5455938, 520.0), frame=0)
-    sent = codec.request(command, attempt=0, system_id=1, component_id=1)
+    sent = codec.request(command, attempt=0, to=(1, 1))
     assert (sent.msgname, sent.x, sent.y, sent.z) == ("COMMAND_INT", 473977419, -85455938, 520.0)
     assert (sent.frame, sent.command, sent.param1, sent.param2) == (0, 192, -1.0, 1.0)
     unused = command._replace(params=(-1.0, 1.0, 0.0, math.nan, math.nan, math.nan, 520.0))
-    assert codec.request(unused, attempt=0, system_id=1, component_id=1).x == 2**31 - 1
+    assert codec.request(unused, attempt=0, to=(1, 1)).x == 2**31 - 1
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_command_int_carries_degrees_as_integers_and_nan_as_not_used():
 )
 def test_a_request_that_cannot_be_encoded_is_refused(request_):
     with pytest.raises(ValueError, match=r"infinite|latitude|1 to 16|only finite|must be an integer"):
-        codec.request(request_, attempt=0, system_id=1, component_id=1, autopilot=12)
+        codec.request(request_, attempt=0, to=(1, 1), autopilot=12)
 
 
 @pytest.mark.parametrize(
@@ -140,6 +140,6 @@ def test_a_request_that_cannot_be_encoded_is_refused(request_):
 )
 def test_an_integer_parameter_is_carried_as_its_autopilot_reads_it(autopilot, param_type, value, carried):
     wanted = ParameterSet("COM_OBL_RC_ACT", value, param_type)
-    sent = codec.request(wanted, attempt=0, system_id=1, component_id=1, autopilot=autopilot)
+    sent = codec.request(wanted, attempt=0, to=(1, 1), autopilot=autopilot)
     assert (sent.msgname, sent.param_id, sent.param_type) == ("PARAM_SET", "COM_OBL_RC_ACT", param_type)
     assert struct.pack("<f", sent.param_value) == carried

@@ -174,26 +174,6 @@ def test_the_library_is_silent_on_standard_output(capfd):
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
-def test_a_loop_that_waits_is_woken_by_an_arrival(kind):
-    port = free_port()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs:
-        peer = Peer(lambda data: theirs.sendto(data, ("127.0.0.1", port)))
-        with living(peer, list, heartbeat_every_s=0.05):
-            url = f"udpin://127.0.0.1:{port}"
-            link = opened_link(kind, url, system_id=1, clock=clock)
-        link.receive()
-        begun_s = clock()
-        link.wait(0.0)
-        peer.local_position(1)
-        link.wait(60.0)
-        assert clock() < begun_s + 10.0
-        assert len(link.receive()) == 1
-        link.close()
-        link.wait(60.0)
-        assert clock() < begun_s + 10.0
-
-
-@pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
 def test_an_autopilot_that_waits_to_be_called_is_called(kind):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs:
         theirs.bind(("127.0.0.1", 0))
