@@ -32,6 +32,7 @@ from guidance.game.extent import nearest
 from guidance.game.pe import escape, take_apart
 
 _NOWHERE: Final[Vector] = (math.nan, math.nan, math.nan)
+_NO_SOLUTION: Final = StateSolution(0, math.nan, math.nan, _NOWHERE, math.nan, _NOWHERE, _NOWHERE, 0)
 _TAKEN_FOR_GRANTED: Final = 0.8
 """Share of the speed that the verdict uses before the vehicle has flown its full speed."""
 
@@ -168,33 +169,29 @@ def certify(
         plays the solution, and the certificate without a command.
     """
     P, E, T, seen = players.pursuer_m, players.evader_m, players.target_m, players.evader_m_s
-    here = solve_state(game, P, E, T, evader_velocity_m_s=seen)
+    here, u = solve_state(game, P, E, T, evader_velocity_m_s=seen), game.pursuer.horizontal_m_s
     optimal = here.pursuer_velocity_m_s
     optimal_m_s = optimal if before_m_s is None else before_m_s
     late = late_start(P, optimal_m_s, players.pursuer_m_s, vehicle.acceleration)
     farthest_m = max(gaps.ground_m, abs(gaps.height_m))
-    certificate = without_game(players, gaps, evader_age_s)._replace(
-        winner=here.winner,
-        value=here.value,
-        margin_s=here.margin_s,
-        meeting_point_game_m=here.meeting_point_m,
-        meeting_time_s=here.meeting_time_s,
-        speed_ratio=game.pursuer.horizontal_m_s / game.evader_speed_m_s,
+    certificate = without_game(players, gaps, evader_age_s, here)._replace(
+        speed_ratio=u / game.evader_speed_m_s,
         captured=farthest_m <= tolerance_m,
         strayed=farthest_m > 3.0 * tolerance_m,
         reason=here.reason,
         vehicle_winner=int(Winner.PURSUER),
-        reachable_speed_m_s=game.pursuer.horizontal_m_s,
-        no_game=False,
+        reachable_speed_m_s=u,
     )
     if T is None:
         time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late, E, None))
         return here, None, certificate._replace(time_needed_s=time_s, allowance=time_s - here.value)
-    shown = _demonstrated(game, vehicle.shown_m_s)
+    # The speed over the ground that the vehicle has shown, or is trusted with before.
+    trusted_m_s = min(u, max(vehicle.shown_m_s, _TAKEN_FOR_GRANTED * u, _FASTER * game.evader_speed_m_s))
+    shown = game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
     low = abs(gaps.height_m) <= tolerance_m
-    asked_m_s = (None if low else _waiting(game, here, players, vehicle, shown.pursuer.horizontal_m_s)) or optimal
+    asked_m_s = (None if low else _waiting(game, here, players, vehicle, trusted_m_s)) or optimal
     reaction_s = vehicle.envelope.reaction_s
     guard = partial(_guard, game, shown, here, players, vehicle, tolerance_m=tolerance_m)
     _, margin_s = guard(flies_on_s=reaction_s)
@@ -217,14 +214,10 @@ def certify(
     return here, waiting_m_s, certificate
 
 
-def without_game(players: Players, gaps: Gaps, evader_age_s: float) -> Certificate:
-    """Return the certificate of a cycle without a game."""
+def without_game(players: Players, gaps: Gaps, evader_age_s: float, here: StateSolution = _NO_SOLUTION) -> Certificate:
+    """Return the certificate of a cycle without a game, or the part of one with a game that needs only its solution."""
     return Certificate(
-        winner=0,
-        value=math.nan,
-        margin_s=math.nan,
-        meeting_point_game_m=_NOWHERE,
-        meeting_time_s=math.nan,
+        *here[:5],
         speed_ratio=math.nan,
         evader_age_s=evader_age_s,
         pursuer_game_m=players.pursuer_m,
@@ -237,14 +230,8 @@ def without_game(players: Players, gaps: Gaps, evader_age_s: float) -> Certifica
         captured=False,
         strayed=False,
         evader_arrived=False,
-        no_game=True,
+        no_game=here is _NO_SOLUTION,
     )
-
-
-def _demonstrated(game: Game, shown_m_s: float) -> Game:
-    """Return the game with the speed over the ground that the vehicle has shown, or is trusted with before."""
-    trusted_m_s = max(shown_m_s, _TAKEN_FOR_GRANTED * game.pursuer.horizontal_m_s, _FASTER * game.evader_speed_m_s)
-    return game.against(game.evader_speed_m_s, game.information_age_s, min(trusted_m_s, game.pursuer.horizontal_m_s))
 
 
 def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float) -> Vector | None:

@@ -128,7 +128,9 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     optimal = solution.pursuer_velocity_m_s
     asked = waiting or optimal
     if settings.strategy.name != OPTIMAL:
-        asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
+        seen, at = np.array(seen_m_s), None if T is None else np.array(T)
+        flies = pursue(settings.strategy, game, np.array(P), np.array(E), at, seen, memory.strategy, dt_s=dt_s)
+        asked = (float(flies[0]), float(flies[1]), float(flies[2]))
     hurried = asked is not waiting
     nominal_ned_m_s = ned_from_game(_at_nominal_speed(asked, game, settings))
     asked_ned_m_s = held_back(nominal_ned_m_s, walls, envelope)
@@ -210,10 +212,3 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
         FollowMemory(drift=drift), limited.memory, height, yaw_rad, place, paused, speed=memory.speed.paused()
     )
     return CycleOutput(limited.setpoint, None, kept)
-
-
-def _pursue(strategy: Strategy, game: Game, players: Players, memory: StrategyMemory, dt_s: float) -> Vector:
-    P, E, seen = np.array(players.pursuer_m), np.array(players.evader_m), np.array(players.evader_m_s)
-    T = None if players.target_m is None else np.array(players.target_m)
-    x, y, z = pursue(strategy, game, P, E, T, seen, memory, dt_s=dt_s).tolist()
-    return (x, y, z)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, Space, Truth, components, dot3, is_array, plus3, times3, vectors
+from guidance.game.arrays import Array, Library, Real, Space, components, dot3, is_array, plus3, times3, vectors
 from guidance.game.game import Game
 from guidance.game.pe import Geometry, StateSolution, pursuit
 from guidance.game.records import is_finite
@@ -47,9 +47,7 @@ def apollonius_circle(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) 
     Raises:
         ConfigError: δ is not a finite number above 1.
     """
-    xp, P, E, ratio = _given(pursuer, evader, speed_ratio)
-    centre, hand = _centre(P, E, ratio), (ratio - 1.0) * (ratio + 1.0)
-    x, y, z = components(P - E)
+    xp, E, (x, y, z), ratio, hand, centre = _sphere(pursuer, evader, speed_ratio)
     radius = xp.sqrt(z * z * hand + ratio * ratio * (x * x + y * y)) / hand
     foot = xp.stack((centre[..., 0], centre[..., 1], 0.0 * centre[..., 2] + E[..., 2]), axis=-1)
     return Apollonius(foot, radius)
@@ -66,8 +64,8 @@ def apollonius_sphere(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) 
     Raises:
         ConfigError: δ is not a finite number above 1.
     """
-    xp, P, E, ratio = _given(pursuer, evader, speed_ratio)
-    return Apollonius(_centre(P, E, ratio), ratio * xp.norm3(components(P - E)) / ((ratio - 1.0) * (ratio + 1.0)))
+    xp, _, away, ratio, hand, centre = _sphere(pursuer, evader, speed_ratio)
+    return Apollonius(centre, ratio * xp.norm3(away) / hand)
 
 
 def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_ratio: Real) -> Array:
@@ -86,20 +84,17 @@ def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_rati
     return speed_ratio * speed_ratio * dot3(near, near) - dot3(far, far)
 
 
-def _given(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) -> tuple[Library, Array, Array, Real]:
+def _sphere(pursuer: ArrayLike, evader: ArrayLike, ratio: Array) -> tuple[Library, Array, Space, Array, Array, Array]:
+    """Return the library, E, the components of P − E, δ, δ² − 1 and the centre of the sphere."""
     xp, taken = vectors({"pursuer": pursuer, "evader": evader})
-    if not is_array(speed_ratio):
-        if not (is_finite(speed_ratio) and speed_ratio > 1):
-            raise ConfigError(f"speed_ratio = {speed_ratio!r}: must be a finite number above 1")
-        speed_ratio = float(speed_ratio)
-    return xp, taken["pursuer"], taken["evader"], speed_ratio
-
-
-def _centre(P: Array, E: Array, ratio: Array) -> Array:
+    P, E = taken["pursuer"], taken["evader"]
+    if not is_array(ratio):
+        if not (is_finite(ratio) and ratio > 1):
+            raise ConfigError(f"speed_ratio = {ratio!r}: must be a finite number above 1")
+        ratio = float(ratio)
     hand = (ratio - 1.0) * (ratio + 1.0)
-    if is_array(hand):
-        ratio, hand = ratio[..., None], hand[..., None]
-    return (ratio * ratio * E - P) / hand
+    factor, divisor = (ratio[..., None], hand[..., None]) if is_array(ratio) else (ratio, hand)
+    return xp, E, components(P - E), ratio, hand, (factor * factor * E - P) / divisor
 
 
 def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> StateSolution:
@@ -116,37 +111,22 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
     to_evader = plus3(E, -1.0, P)
     first, far = _unit(xp, to_evader if T is None else plus3(T, -1.0, E))
     along = dot3(to_evader, first)
-    second, across = _across(xp, to_evader, first, along)
-    zero, still = 0.0 * along, (0.0, 0.0)
-    if T is None:
-        state = Geometry((zero, zero), zero, (along, zero), zero, None, still)
-        play = pursuit(xp, game, state)
-    else:
-        state = Geometry((zero, zero), zero, (along, across), zero, None, still)
-        play = defence(xp, game, state, (far, zero))
+    second, across = _unit(xp, plus3(to_evader, -along, first))
+    second, zero = plus3(second, -dot3(second, first), first), 0.0 * along
+    state = Geometry((zero, zero), zero, (along, zero if T is None else across), zero, (0.0, 0.0))
+    play = pursuit(xp, game, state) if T is None else defence(xp, game, state, (far, zero))
 
     def unfold(v: Space) -> Space:
         return plus3(times3(v[0], first), v[1], second)
 
     meeting = plus3(E, 1.0, unfold(play.meeting_point_m))
     flown = unfold(play.pursuer_velocity_m_s)
-    if seen is not None:
-        flown = _follow(xp, game, play.meeting_time_s <= 0, seen, flown)
+    if seen is not None:  # a captured evader is followed, at most at its speed bound
+        direction, length = _unit(xp, seen)
+        pace = xp.select(length > game.evader_speed_m_s, game.evader_speed_m_s, length)
+        flown = xp.select_all(play.meeting_time_s <= 0, times3(pace, direction), flown)
     evading = unfold(play.evader_velocity_m_s)
     return play._replace(meeting_point_m=meeting, pursuer_velocity_m_s=flown, evader_velocity_m_s=evading)
-
-
-def _across(xp: Library, v: Space, first: Space, along: Real) -> tuple[Space, Real]:
-    """Return the direction and length of a vector's component across the first axis."""
-    second, across = _unit(xp, plus3(v, -along, first))
-    return plus3(second, -dot3(second, first), first), across
-
-
-def _follow(xp: Library, game: Game, caught: Truth, seen: Space, flown: Space) -> Space:
-    """Follow a captured evader, at most at its speed bound."""
-    direction, length = _unit(xp, seen)
-    pace = xp.select(length > game.evader_speed_m_s, game.evader_speed_m_s, length)
-    return xp.select_all(caught, times3(pace, direction), flown)
 
 
 def _unit(xp: Library, v: Space) -> tuple[Space, Real]:

@@ -257,8 +257,6 @@ def less_length(u: Real, v: Real, w: Plane) -> Real:
     It is ((u − v)² − ‖w‖²) / ((u − v) + ‖w‖), with every square as a sum of two floats: the rounded one and its error.
     """
     difference = u - v
-    if not any(is_array(part) for part in w) and w == (0.0, 0.0):
-        return difference
     back = u - difference
     lost = (u - (difference + back)) + (back - v)
     (a, a_lost), (b, b_lost), (c, c_lost) = (_square(part) for part in (difference, *w))

@@ -9,7 +9,7 @@ by most. That point lies on the edge of the set, which consists of straight line
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from guidance.errors import ConfigError
@@ -105,13 +105,6 @@ POINT = Extent()
 ORIGIN = (0.0, 0.0)
 
 
-def lines(extent: Extent) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
-    """Yield both ends of the straight lines of a polygon, counterclockwise."""
-    corners = extent.corners_m
-    for number in range(len(corners) if len(corners) > 2 else len(corners) - 1):
-        yield corners[number], corners[(number + 1) % len(corners)]
-
-
 def nearest(xp: Library, extent: Extent, place: Plane) -> tuple[Plane, Truth]:
     """Return the nearest point of the polygon to a place, and whether it lies on a line and not at a corner.
 
@@ -120,13 +113,15 @@ def nearest(xp: Library, extent: Extent, place: Plane) -> tuple[Plane, Truth]:
         extent: the polygon, whose radius is not used.
         place: from the target's position, m.
     """
-    found: Plane = extent.corners_m[0]
+    corners = extent.corners_m
+    found: Plane = corners[0]
     flat: Truth = False
-    if len(extent.corners_m) == 1:
+    if len(corners) == 1:
         return found, flat
-    least: Real = float("inf")
-    inside: Truth = len(extent.corners_m) > 2
-    for (a_x, a_y), (b_x, b_y) in lines(extent):
+    least: Real = math.inf
+    inside: Truth = len(corners) > 2
+    ends = corners[1:] + (corners[:1] if inside else ())
+    for (a_x, a_y), (b_x, b_y) in zip(corners, ends, strict=False):
         way_x, way_y = b_x - a_x, b_y - a_y
         x, y = place[0] - a_x, place[1] - a_y
         share = (x * way_x + y * way_y) / (way_x * way_x + way_y * way_y)

@@ -267,11 +267,6 @@ def guaranteed_age_s(game: Game) -> Real:
     return (game.standoff.radius_m + capture) / v
 
 
-def wind_speed(game: Game) -> Real:
-    """Return the strength of the wind, m/s."""
-    return pair_length(game.wind_m_s)
-
-
 def head_wind(wind: Plane, n: Plane) -> Real:
     """Return ‖w‖ + n·w, m/s: how much less the wind hinders the pursuer than the worst wind against heading n.
 
@@ -289,7 +284,7 @@ def least_square_in_hand(game: Game) -> Real:
     For an evader that runs along n it is u² − ‖v n − w‖², 2 v (‖w‖ + n·w) more; see `head_wind`.
     """
     u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
-    return speed_in_hand(game) * (u + v + wind_speed(game))
+    return speed_in_hand(game) * (u + v + pair_length(game.wind_m_s))
 
 
 def parameters(game: Game) -> dict[str, Real]:

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, Truth, dot2
+from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, Truth, dot2, times2
 from guidance.game.extent import to_set
 from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.records import is_zero
@@ -55,10 +55,8 @@ class Geometry(NamedTuple):
     """Horizontal vector from the pursuer to the evader, m."""
     z: Real
     """Height of the pursuer above the stand-off disc, m."""
-    seen: Plane | None
-    """Observed velocity of the evader, at most v, m/s; None if unknown."""
     hold: Plane
-    """Velocity of a pursuer that has reached its goal: the evader's, or zero."""
+    """Velocity of a pursuer that has reached its goal: the evader's as observed, at most v, m/s; zero if unknown."""
 
 
 class StateSolution(NamedTuple):
@@ -88,11 +86,10 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) 
     to_evader = (east - x, north - y)
     z = height - ground - game.standoff.height_m
     if seen is None:
-        return Geometry((east, north), ground, to_evader, z, None, (0.0, 0.0))
-    bound, (run, rise, _) = game.evader_speed_m_s, seen
-    scale = bound / xp.maximum(xp.sqrt(run * run + rise * rise), bound)
-    hold = (run * scale, rise * scale)
-    return Geometry((east, north), ground, to_evader, z, hold, hold)
+        return Geometry((east, north), ground, to_evader, z, (0.0, 0.0))
+    bound = game.evader_speed_m_s
+    hold = times2(bound / xp.maximum(xp.norm2(seen[:2]), bound), seen[:2])
+    return Geometry((east, north), ground, to_evader, z, hold)
 
 
 def to_target(xp: Library, game: Game, E: Space, T: Space) -> Space:
@@ -254,17 +251,14 @@ def fly_to(xp: Library, game: Game, state: Geometry, to: Plane, t: Real) -> Spac
 
 def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Plane, Real]:
     """Point a Ball at the disc around y: horizontal and vertical velocity through the air."""
-    radius, share = game.standoff.radius_m, None
-    if is_zero(radius):
-        square = dot2(y, y)
-    else:
+    square, share = dot2(y, y), 1.0
+    if not is_zero(game.standoff.radius_m):
         length = xp.norm2(y)
-        reach = xp.maximum(length - radius, 0.0)
+        reach = xp.maximum(length - game.standoff.radius_m, 0.0)
         square, share = reach * reach, reach / xp.select(length > 0, length, 1.0)
     distance = xp.sqrt(square + z * z)
     rate = pursuer.speed_m_s / xp.select(distance > 0, distance, 1.0)
-    pace = rate if share is None else rate * share
-    return (pace * y[0], pace * y[1]), -z * rate
+    return times2(rate * share, y), -z * rate
 
 
 def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
@@ -273,8 +267,8 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     t, direction, distance = escape(xp, game, state)
     gap = (distance if game.calm else xp.norm2(state.to_evader)) + (v * age - game.standoff.radius_m)
     free = distance <= 0
-    if free is not False and state.seen is not None:
-        direction = xp.select2(free, xp.unit2(state.seen, xp.norm2(state.seen)), direction)
+    if free is not False:
+        direction = xp.select2(free, xp.unit2(state.hold, xp.norm2(state.hold)), direction)
     run = v * (t + age)
     dash = (run * direction[0], run * direction[1])
     if isinstance(game.pursuer, Cylinder):
@@ -317,9 +311,7 @@ def _overhead(xp: Library, game: Game, state: Geometry, above: Truth, flown: Spa
     reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
     if isinstance(game.pursuer, Cylinder):
         return flown, reason
-    rest = game.pursuer.speed_m_s
-    if state.seen is not None:
-        rest = xp.sqrt(rest * rest - dot2(state.seen, state.seen))
+    rest = xp.sqrt(game.pursuer.speed_m_s * game.pursuer.speed_m_s - dot2(state.hold, state.hold))
     copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
     vertical = xp.select(state.z > 0, -rest, xp.select(state.z < 0, rest, 0.0))
     return (*xp.select2(above, copied, (flown[0], flown[1])), xp.select(above, vertical, flown[2])), reason

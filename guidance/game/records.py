@@ -55,10 +55,10 @@ def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 
 def take(record: Numbers, name: str, *, zero_allowed: bool = False) -> None:
     """Check a number of a record and keep it as a float; `solve` checks arrays row by row."""
     value = getattr(record, name)
-    if type(value) is not float:
-        object.__setattr__(record, name, as_reals(value) if is_array(value) else _float(value))
     if not is_array(value):
         require(name, value, zero_allowed=zero_allowed)
+    if type(value) is not float:
+        object.__setattr__(record, name, as_reals(value) if is_array(value) else float(value))
 
 
 def take_pair(record: Numbers, name: str, *, rows_allowed: bool = False) -> None:
@@ -68,8 +68,7 @@ def take_pair(record: Numbers, name: str, *, rows_allowed: bool = False) -> None
         parts = tuple(pair)
     except TypeError:
         parts = ()
-    rows = rows_allowed and any(map(is_array, parts))
-    if [(rows and is_array(part)) or is_finite(part) for part in parts] != [True, True]:
+    if [(rows_allowed and is_array(part)) or is_finite(part) for part in parts] != [True, True]:
         raise ConfigError(f"{name} = {pair!r}: must be two finite numbers (x, y), m/s")
     object.__setattr__(record, name, tuple(as_reals(part) if is_array(part) else float(part) for part in parts))
 
@@ -85,10 +84,6 @@ def require_kind(name: str, value: object, kinds: tuple[type, ...], allowed: str
     """
     if not isinstance(value, kinds):
         raise ConfigError(f"{name} = {value!r}: must be {allowed}")
-
-
-def _float(value: Real) -> Real:
-    return float(value) if is_finite(value) else value
 
 
 def require(name: str, value: Real, *, zero_allowed: bool = False) -> None:

@@ -9,6 +9,7 @@ A few rows need more steps, or a bracket around the minimum. Beyond the guarante
 a dent in front of the pursuer and several minima; `solve` gives no value there (`Reason.NO_REGION`).
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,11 +75,8 @@ def closest_point(xp: Library, game: Game, state: Geometry, target: Plane, goal:
     if wanted is False:
         return Closest(target, 0.0, 0.0)
     hunt = hunt_for(xp, game, state, target, goal)
-    if not isinstance(wanted, np.ndarray) or wanted.all():
-        return _closest(xp, hunt)
-    rows = np.nonzero(wanted)
-    found = _closest(xp, _rows(hunt, wanted.shape, rows))
-    return Closest(*_put((target, 0.0, 0.0), wanted.shape, rows, tuple(found)))
+    found: Closest = _in_rows(wanted, Closest(target, 0.0, 0.0), lambda hunt: _closest(xp, hunt), hunt)
+    return found
 
 
 def _closest(xp: Library, hunt: Hunt) -> Closest:
@@ -111,13 +109,7 @@ def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
     steps = 1 if _is_bare(hunt) else STEPS
     aim, there = _newton(xp, hunt, start, within, steps, NEWTON_STEPS)
     there = within | (there & (abs(aim.s - start.s) <= 2.0))
-    if not isinstance(there, np.ndarray):
-        return aim if there else _bracket(xp, hunt, start, MORE_STEPS)
-    if there.all():
-        return aim
-    shape, rows = there.shape, np.nonzero(~there)
-    hunt, start = (_rows(part, shape, rows) for part in (hunt, start))
-    found: Aim = _put(aim, shape, rows, _bracket(xp, hunt, start, MORE_STEPS))
+    found: Aim = _in_rows(there == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start)
     return found
 
 
@@ -128,15 +120,12 @@ def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: i
         turn, _, sound = judge(hunt, way)
         aim = turned(aim, way, turn)
     there = there | (sound & (abs(turn) <= xp.half_of_digits(turn)))
-    one = not isinstance(there, np.ndarray)
-    if steps == most or (there if one else there.all()):
+    if steps == most:
         return aim, there
-    if one:
-        return _newton(xp, hunt, aim, there, 1, most - steps)
-    shape, rows = there.shape, np.nonzero(~there)
-    few, some = (_rows(part, shape, rows) for part in (hunt, aim))
-    aim, there = _put((aim, there), shape, rows, _newton(xp, few, some, there[rows], 1, most - steps))
-    return aim, there
+    found: tuple[Aim, Truth] = _in_rows(
+        there == 0, (aim, there), lambda hunt, aim: _newton(xp, hunt, aim, False, 1, most - steps), hunt, aim
+    )
+    return found
 
 
 def _is_bare(hunt: Hunt) -> bool:
@@ -241,13 +230,19 @@ def _settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
     return aim, way
 
 
-def _rows(value: Any, shape: tuple[int, ...], rows: tuple[Array, ...]) -> Any:  # noqa: ANN401 - a record of numbers and arrays
-    """Return some rows of a record of arrays; a number is the same for all rows."""
-    return rows_of(value, lambda array: (array if array.shape == shape else np.broadcast_to(array, shape))[rows])
+def _in_rows(wanted: Truth, whole: Any, function: Callable[..., Any], *records: Any) -> Any:  # noqa: ANN401 - records
+    """Return a record in which the rows that are wanted are those that a function computes from the rows of others.
 
+    A single state, and a library that is not NumPy, has no rows to choose from.
+    """
+    if isinstance(wanted, (bool, np.bool_, np.ndarray)) and not np.any(wanted):
+        return whole
+    if not isinstance(wanted, np.ndarray) or wanted.all():
+        return function(*records)
+    shape, rows = wanted.shape, np.nonzero(wanted)
 
-def _put(whole: Any, shape: tuple[int, ...], rows: tuple[Array, ...], part: Any) -> Any:  # noqa: ANN401 - as above
-    """Return a record with some rows replaced."""
+    def few(array: Array) -> Array:
+        return (array if array.shape == shape else np.broadcast_to(array, shape))[rows]
 
     def filled(all_rows: Real, some: Array) -> Array:
         found = np.empty(shape, dtype=np.result_type(some))
@@ -255,4 +250,4 @@ def _put(whole: Any, shape: tuple[int, ...], rows: tuple[Array, ...], part: Any)
         found[rows] = some
         return found
 
-    return mapped(filled, whole, part)
+    return mapped(filled, whole, function(*(rows_of(record, few) for record in records)))

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, component, components, vectors
-from guidance.game.game import Ball, Game, wind_speed
+from guidance.game.arrays import Array, Library, component, components, pair_length, vectors
+from guidance.game.game import Ball, Game
 from guidance.game.pe import TOUCH_M, take_apart, to_target, vertical_speed
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, policy_of
 from guidance.game.records import is_zero, require
@@ -271,7 +271,7 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
         target: position T, (..., 3), m, or None for PE.
     """
     state = take_apart(xp, game, components(pursuer), components(evader), None)
-    closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + wind_speed(game)
+    closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + pair_length(game.wind_m_s)
     capture, turn = game.capture_radius_m, math.inf
     beside = xp.norm2(state.to_evader) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):

@@ -29,9 +29,6 @@ ROWS = 12288
 
 np.empty(64 * ROWS)  # glibc keeps freed memory for the next chunk only after it has seen a block of this size freed
 
-KINDS = (np.int8, float, float, float, float, float, float, np.int8)
-"""Types of the fields of an answer."""
-
 Place: TypeAlias = tuple[float, float, float]
 """A place or a velocity of one state: x, y and z."""
 
@@ -126,8 +123,7 @@ def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Sol
     places: dict[str, Any] = {name: tuple(value.tolist()) for name, value in given.items()}
     answer = solve_state(game, **places)
     _refuse(answer.reason, given)
-    if out is None:
-        return Solution(*map(np.array, answer, KINDS))
+    out = out or _empty((), given["pursuer"])
     for field, value in zip(out, answer, strict=True):
         field[...] = value
     return out

@@ -68,7 +68,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     if edge is not lead:
         leading = xp.select2(won, lead.run, goal)
     to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
-    hold = state.hold if state.seen is None else xp.select2(won, state.hold, (0.0, 0.0))
+    hold = xp.select2(won, state.hold, (0.0, 0.0))
     v, age, time = game.evader_speed_m_s, game.information_age_s, xp.select(won, edge.time, contest.arrival)
     length = v * (time + age)
     moves = length > 0

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from guidance.flight import Event, State
 from guidance.flight.settings import LIMITS_S
 from guidance.game import Ball, Game, Solution, solve
-from guidance.game.arrays import NUMPY, Real
-from guidance.game.game import wind_speed
+from guidance.game.arrays import NUMPY, Real, pair_length
 from guidance.game.pe import TOUCH_M
 from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
 from guidance.sim.batch import Array, Batch, by_kind, keep, kind_of, stack, starts
@@ -228,7 +227,7 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, velocities: tuple[Arra
     if share is None or batch.kind.sensor != PERFECT:
         return 0.0
     P, game, (v, w) = moment.pursuer_m, batch.game, velocities
-    speeds, level_m_s = game.pursuer, game.pursuer.horizontal_m_s + wind_speed(game)
+    speeds, level_m_s = game.pursuer, game.pursuer.horizontal_m_s + pair_length(game.wind_m_s)
     vertical_m_s = 0.0 if isinstance(speeds, Ball) else np.maximum(speeds.climb_m_s, speeds.descent_m_s)
     apart = beside(P, moment.evader_m)
     if not isinstance(speeds, Ball):  # it holds its place when it is beside the evader
