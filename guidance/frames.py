@@ -11,8 +11,9 @@ Sums, differences and bounds of vectors are here too.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import pymap3d
 
@@ -47,45 +48,42 @@ Place = tuple[float, float, Amsl]
 """Latitude and longitude in degrees, and altitude."""
 
 
-class Projection(Protocol):
+class Projection(NamedTuple):
     """How latitude and longitude become metres. An autopilot's local position needs the autopilot's own projection.
 
     Autopilots treat the Earth as a sphere; their metres differ from WGS-84's by up to 0.5 %.
+
+    Attributes:
+        to_metres: From a frame, latitude and longitude in degrees to metres north and east of the frame's zero.
+        to_degrees: The inverse. The longitude need not be wrapped.
     """
 
-    def to_metres(self, zero: "LocalFrame", latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """Metres north and east of the frame's zero."""
-        ...
-
-    def to_degrees(self, zero: "LocalFrame", north_m: float, east_m: float) -> tuple[float, float]:
-        """Latitude and longitude in degrees; the inverse of `to_metres`. The longitude need not be wrapped."""
-        ...
+    to_metres: Callable[["LocalFrame", float, float], tuple[float, float]]
+    to_degrees: Callable[["LocalFrame", float, float], tuple[float, float]]
 
 
-@dataclass(frozen=True, slots=True)
-class TangentPlane:
-    """The plane that touches the WGS-84 ellipsoid at the frame's zero."""
+def _to_plane(zero: "LocalFrame", latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """Project; the point is taken at the zero's altitude, so the evader's height does not change the metres."""
+    height = zero.altitude.metres
+    north, east, _ = pymap3d.geodetic2ned(
+        latitude_deg, longitude_deg, height, zero.latitude_deg, zero.longitude_deg, height
+    )
+    return float(north), float(east)
 
-    def to_metres(self, zero: "LocalFrame", latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """Project; the point is taken at the zero's altitude, so the evader's height does not change the metres."""
-        height = zero.altitude.metres
-        north, east, _ = pymap3d.geodetic2ned(
-            latitude_deg, longitude_deg, height, zero.latitude_deg, zero.longitude_deg, height
+
+def _from_plane(zero: "LocalFrame", north_m: float, east_m: float) -> tuple[float, float]:
+    """Find the place below a point of the plane. The plane rises above the ellipsoid by s²/2R: a fixed point."""
+    height, down_m = zero.altitude.metres, 0.0
+    for _ in range(4):
+        latitude, longitude, reached = pymap3d.ned2geodetic(
+            north_m, east_m, down_m, zero.latitude_deg, zero.longitude_deg, height
         )
-        return float(north), float(east)
-
-    def to_degrees(self, zero: "LocalFrame", north_m: float, east_m: float) -> tuple[float, float]:
-        """Find the place below a point of the plane. The plane rises above the ellipsoid by s²/2R: a fixed point."""
-        height, down_m = zero.altitude.metres, 0.0
-        for _ in range(4):
-            latitude, longitude, reached = pymap3d.ned2geodetic(
-                north_m, east_m, down_m, zero.latitude_deg, zero.longitude_deg, height
-            )
-            down_m += float(reached) - height
-        return float(latitude), float(longitude)
+        down_m += float(reached) - height
+    return float(latitude), float(longitude)
 
 
-WGS84: Final = TangentPlane()
+WGS84: Final = Projection(_to_plane, _from_plane)
+"""The plane that touches the WGS-84 ellipsoid at the frame's zero."""
 
 
 @dataclass(frozen=True, slots=True)

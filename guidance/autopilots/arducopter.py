@@ -6,35 +6,34 @@ simulated quadrotor, default parameters).
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 from guidance.autopilots import description, rules
 from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Handling, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
 from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains
-from guidance.frames import LocalFrame, wrap_deg
+from guidance.frames import LocalFrame, Projection, wrap_deg
+
+_RADIUS_M: Final = 0.011131884502145034e7 * 180.0 / math.pi  # LOCATION_SCALING_FACTOR, metres per 1e-7 degree
 
 
-@dataclass(frozen=True, slots=True)
-class Equirectangular:
-    """ArduPilot's map: equal steps of latitude and longitude, scaled at the mean latitude (`get_distance_NE`)."""
+def _to_metres(zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """See `guidance.frames.Projection`."""
+    north = math.radians(latitude_deg - zero.latitude_deg)
+    east = math.radians(wrap_deg(longitude_deg - zero.longitude_deg))
+    midway = math.cos(math.radians(0.5 * (latitude_deg + zero.latitude_deg)))
+    return _RADIUS_M * north, _RADIUS_M * east * midway
 
-    radius_m: float = 0.011131884502145034e7 * 180.0 / math.pi  # LOCATION_SCALING_FACTOR, metres per 1e-7 degree
 
-    def to_metres(self, zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """See `guidance.frames.Projection`."""
-        north = math.radians(latitude_deg - zero.latitude_deg)
-        east = math.radians(wrap_deg(longitude_deg - zero.longitude_deg))
-        midway = math.cos(math.radians(0.5 * (latitude_deg + zero.latitude_deg)))
-        return self.radius_m * north, self.radius_m * east * midway
+def _to_degrees(zero: LocalFrame, north_m: float, east_m: float) -> tuple[float, float]:
+    """See `guidance.frames.Projection`."""
+    latitude = zero.latitude_deg + math.degrees(north_m / _RADIUS_M)
+    midway = math.cos(math.radians(0.5 * (latitude + zero.latitude_deg)))
+    return latitude, zero.longitude_deg + math.degrees(east_m / (_RADIUS_M * midway))
 
-    def to_degrees(self, zero: LocalFrame, north_m: float, east_m: float) -> tuple[float, float]:
-        """See `guidance.frames.Projection`."""
-        latitude = zero.latitude_deg + math.degrees(north_m / self.radius_m)
-        midway = math.cos(math.radians(0.5 * (latitude + zero.latitude_deg)))
-        return latitude, zero.longitude_deg + math.degrees(east_m / (self.radius_m * midway))
 
+PROJECTION: Final = Projection(_to_metres, _to_degrees)
+"""ArduPilot's map: equal steps of latitude and longitude, scaled at the mean latitude (`get_distance_NE`)."""
 
 HANDLING: Final = Handling(
     following=Following(
@@ -135,7 +134,7 @@ RULES: Final = (
 _ARDUPILOT: Final[Mapping[str, Any]] = {
     "autopilot_id": 3,
     "arming_mode": Mode.GUIDED,
-    "projection": Equirectangular(),
+    "projection": PROJECTION,
     "unused": 0.0,
     "takeoff_frame": description.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     "stream_before_guided": False,

@@ -5,43 +5,42 @@ Sources: `px4_custom_mode.h`, MAVLink common, PX4 v1.17's parameter reference, a
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 from guidance.autopilots import rules
 from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Bound, Handling, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
 from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains
-from guidance.frames import LocalFrame
+from guidance.frames import LocalFrame, Projection
+
+_RADIUS_M: Final = 6371000.0  # CONSTANTS_RADIUS_OF_EARTH
 
 
-@dataclass(frozen=True, slots=True)
-class AzimuthalEquidistant:
-    """PX4's map: azimuthal equidistant on a sphere (Snyder, Map Projections, eqs. 22-4, 22-5, 25-2)."""
+def _to_metres(zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """See `guidance.frames.Projection`."""
+    lat0, lat = math.radians(zero.latitude_deg), math.radians(latitude_deg)
+    east = math.radians(longitude_deg - zero.longitude_deg)
+    cosine = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(east)
+    arc = math.acos(min(1.0, max(-1.0, cosine)))
+    scale_m = _RADIUS_M * (arc / math.sin(arc) if arc > 1e-9 else 1.0)
+    north = math.cos(lat0) * math.sin(lat) - math.sin(lat0) * math.cos(lat) * math.cos(east)
+    return scale_m * north, scale_m * math.cos(lat) * math.sin(east)
 
-    radius_m: float = 6371000.0  # CONSTANTS_RADIUS_OF_EARTH
 
-    def to_metres(self, zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """See `guidance.frames.Projection`."""
-        lat0, lat = math.radians(zero.latitude_deg), math.radians(latitude_deg)
-        east = math.radians(longitude_deg - zero.longitude_deg)
-        cosine = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(east)
-        arc = math.acos(min(1.0, max(-1.0, cosine)))
-        scale_m = self.radius_m * (arc / math.sin(arc) if arc > 1e-9 else 1.0)
-        north = math.cos(lat0) * math.sin(lat) - math.sin(lat0) * math.cos(lat) * math.cos(east)
-        return scale_m * north, scale_m * math.cos(lat) * math.sin(east)
+def _to_degrees(zero: LocalFrame, north_m: float, east_m: float) -> tuple[float, float]:
+    """See `guidance.frames.Projection`."""
+    lat0, distance_m = math.radians(zero.latitude_deg), math.hypot(north_m, east_m)
+    if distance_m == 0.0:
+        return zero.latitude_deg, zero.longitude_deg
+    arc = distance_m / _RADIUS_M
+    sine, cosine = math.sin(arc), math.cos(arc)
+    lat = math.asin(cosine * math.sin(lat0) + north_m * sine * math.cos(lat0) / distance_m)
+    turn = math.atan2(east_m * sine, distance_m * math.cos(lat0) * cosine - north_m * math.sin(lat0) * sine)
+    return math.degrees(lat), zero.longitude_deg + math.degrees(turn)
 
-    def to_degrees(self, zero: LocalFrame, north_m: float, east_m: float) -> tuple[float, float]:
-        """See `guidance.frames.Projection`."""
-        lat0, distance_m = math.radians(zero.latitude_deg), math.hypot(north_m, east_m)
-        if distance_m == 0.0:
-            return zero.latitude_deg, zero.longitude_deg
-        arc = distance_m / self.radius_m
-        sine, cosine = math.sin(arc), math.cos(arc)
-        lat = math.asin(cosine * math.sin(lat0) + north_m * sine * math.cos(lat0) / distance_m)
-        turn = math.atan2(east_m * sine, distance_m * math.cos(lat0) * cosine - north_m * math.sin(lat0) * sine)
-        return math.degrees(lat), zero.longitude_deg + math.degrees(turn)
 
+PROJECTION: Final = Projection(_to_metres, _to_degrees)
+"""PX4's map: azimuthal equidistant on a sphere (Snyder, Map Projections, eqs. 22-4, 22-5, 25-2)."""
 
 HANDLING: Final = Handling(
     following=Following(
@@ -176,7 +175,7 @@ PX4: Final = Autopilot(
     },
     mode_titles={Mode.GUIDED: "OFFBOARD"},
     arming_mode=Mode.HOLD,
-    projection=AzimuthalEquidistant(),
+    projection=PROJECTION,
     unused=math.nan,
     takeoff_frame=MAV_FRAME_GLOBAL,
     stream_before_guided=True,

@@ -6,6 +6,7 @@ import math
 import re
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Annotated, Any, Final, NoReturn
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from guidance.cli import INTERRUPTED, arguments
 from guidance.cli.arguments import may_fly, refuse
@@ -228,15 +230,14 @@ def flown(there: Console, scenario: Played, folder: Path, how: Way, onlooker: On
 @contextlib.contextmanager
 def noted_ctrl_c(show: Show) -> Iterator[Show]:
     """Raise KeyboardInterrupt on Ctrl-C, and again from the yielded `show`: a library may swallow the first one."""
-    noted = False
+    noted = threading.Event()
 
     def note(*_: object) -> NoReturn:
-        nonlocal noted
-        noted = True
+        noted.set()
         raise KeyboardInterrupt
 
     def look(progress: Progress) -> None:
-        if noted:
+        if noted.is_set():
             raise KeyboardInterrupt
         show(progress)
 
@@ -352,17 +353,14 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
     with contextlib.suppress(OSError):  # the picture reports a full disk
         row = json.dumps(outcome_json(outcome), indent=2) + "\n"
         private_file(folder / OUTCOME).write_text(row, encoding="utf-8")
-    advice = how_to_add("plot")
-    if advice is not None:
-        there.print(f"picture  {advice}", soft_wrap=True, markup=False)
-        return
-    from guidance.viz.report import draw_flight  # noqa: PLC0415 - matplotlib takes a second
-
     title = f"{outcome.scenario}: {ending_words(outcome)}, {score(outcome)}"
     try:
+        require(PICTURE, "plot")
+        from guidance.viz.report import draw_flight  # noqa: PLC0415 - matplotlib takes a second
+
         draw_flight(folder / RECORD, folder / PICTURE, title)
     except (ConfigError, OutputError) as error:
-        there.print(f"[yellow]picture  {error}[/yellow]", soft_wrap=True)
+        there.print(Text(f"picture  {error}", "yellow"), soft_wrap=True)
     else:
         there.print(f"picture  {folder / PICTURE}", soft_wrap=True)
 

@@ -258,13 +258,10 @@ def show(
 
         figures.check_picture(out)
     path, shown = load_any(name)
-    title, about = shown.title, " ".join(shown.description.split())
-    facts = list(facts_of(shown))
+    title, about, facts = shown.title, " ".join(shown.description.split()), list(facts_of(shown))
     there = console(stderr=as_json)
     if as_json:
-        said: dict[str, list[str]] = {}
-        for fact, words in facts:
-            said.setdefault(fact, []).append(words)
+        said = {fact: [words for name, words in facts if name == fact] for fact, _ in facts}
         typer.echo(json.dumps({"file": path.name, "title": title, "description": about, "facts": said}, indent=2))
     else:  # the file may be a stranger's
         there.print(printable(title), style="bold", markup=False, end="")

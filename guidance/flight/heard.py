@@ -68,7 +68,6 @@ class Heard:
         beats: HEARTBEATs of this cycle.
         mode: Mode in the last HEARTBEAT.
         foreign: Whether another source commands the vehicle, confirmed by a HEARTBEAT without a pilot's mode.
-        local: The last LOCAL_POSITION_NED.
         position_ned_m: Position of the vehicle in the local frame.
         moved_ned_m: Movement of that frame in this cycle.
         cycle: Settings of the guidance cycle, with heights and fences about home.
@@ -92,7 +91,6 @@ class Heard:
         self.beats: Sequence[Heartbeat] = ()
         self.mode: Mode | None = None
         self.foreign = False
-        self.local: LocalPosition | None = None
         self.position_ned_m: Vector | None = None
         self.moved_ned_m = NOWHERE
         self.cycle = settings.cycle
@@ -182,18 +180,17 @@ class Heard:
             self.cycle = replace(self.cycle, envelope=self._settings.limits.about_home(envelope, home_ned_m, frame))
         if tracking.game_frame is not None and self._settings.start_game_m is not None:
             self.start_ned_m = tracking.game_frame.position_to_ned(self._settings.start_game_m)
-        self.local = self.vehicle.last(LocalPosition)
-        if self.local is not None:
-            self.position_ned_m = self.local.position_ned_m
-            if held_back_ned_m != NOWHERE:
-                self.position_ned_m = difference(self.position_ned_m, held_back_ned_m)
+        if (local := self.vehicle.last(LocalPosition)) is not None:
+            here, back = local.position_ned_m, held_back_ned_m
+            self.position_ned_m = here if back == NOWHERE else difference(here, back)
 
     def view(self, now_s: float) -> CycleInputs | None:
         """Return the inputs of the guidance in this cycle, computed once; None before the first position."""
-        if self.seen is None and self.local is not None and self.position_ned_m is not None:
-            evader, vehicle = self.tracking.evader(now_s), self.vehicle
+        vehicle, local = self.vehicle, self.vehicle.last(LocalPosition)
+        if self.seen is None and local is not None and self.position_ned_m is not None:
+            evader = self.tracking.evader(now_s)
             estimator = vehicle.last(messages.EstimatorStatus)
-            flown, yaw_rad, gained = self.local.velocity_ned_m_s, vehicle.yaw_rad, vehicle.acceleration_ned_m_s2
+            flown, yaw_rad, gained = local.velocity_ned_m_s, vehicle.yaw_rad, vehicle.acceleration_ned_m_s2
             its: tuple[Vector | None, Vector | None] = (None, None) if evader is None else evader[:2]
             height_sd_m = 0.0 if estimator is None else estimator.height_sd_m
             here = Situation(self.position_ned_m, flown, yaw_rad, *its, gained, height_sd_m)

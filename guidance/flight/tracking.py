@@ -24,7 +24,6 @@ from guidance.vehicle import VehicleState, local_frame
 
 NOWHERE: Final[Vector] = (0.0, 0.0, 0.0)
 
-NO_EVADERS: Final[Mapping[str, float]] = MappingProxyType({})
 _UNHEARD: Final = Observer()
 
 HARMLESS_M: Final = 0.5
@@ -42,7 +41,7 @@ class Tracking:
     """
 
     def __init__(
-        self, settings: CycleSettings, profile: AutopilotProfile, evaders: Mapping[str, float] = NO_EVADERS
+        self, settings: CycleSettings, profile: AutopilotProfile, evaders: Mapping[str, float] = MappingProxyType({})
     ) -> None:
         self._site = settings.site
         self.evaders = evaders

@@ -132,7 +132,6 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     usual = {"evader_ned_m": None, "evader_silence_s": 0.1, "rival": "", "home_ned_m": (0.0, 0.0, HOME_DOWN_M)}
     heard.tracking = Told(*(changes.pop(name, value) for name, value in usual.items()))
     heard.position_ned_m = changes.pop("position_ned_m", (0.0, 0.0, HOME_DOWN_M - 10.0))
-    heard.local = None if heard.position_ned_m is None else local(position=heard.position_ned_m)
     about_home = replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
     heard.cycle = replace(settings.cycle, envelope=changes.pop("envelope", about_home))
     stage = {**STAGE, **{name: changes.pop(name) for name in Stage.__dataclass_fields__ if name in changes}}
