@@ -136,7 +136,7 @@ def _difference(what: str, difference: Difference) -> str:
 
 def _first(step: ReplayedCycle) -> str:
 
-    recorded, present = CYCLE.plain(step.row), CYCLE.plain(cycle_entry(step.row.flight_inputs, step.outputs))
+    recorded, present = CYCLE.plain(step.row), CYCLE.plain(cycle_entry(step.row.now_s, step.row.inputs, step.outputs))
     lines = [f"at {step.row.now_s:.6f} s, in state {step.row.state}:"]
     for name in step.differing:
         lines += [f"  {name}", f"    recorded  {json.dumps(recorded.get(name))}"]

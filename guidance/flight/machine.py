@@ -114,7 +114,7 @@ class Flight:
         event = self._meant(order, self._moment(now_s, refusals))
         return event is not None and table.next_state(self.state, event) is not self.state
 
-    def step(self, inputs: Inputs) -> Outputs:
+    def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """Run one cycle. An exception hands the vehicle to the autopilot's hold and ends the flight.
 
         Raises:
@@ -126,25 +126,26 @@ class Flight:
         try:
             if self.fault is not None:
                 self.heard.vehicle_says(inputs.messages)  # for display
-                return self._hand_over(inputs)
-            self._take_in(inputs)
-            happenings = tuple(self._follow(inputs))
-            requests = self._asking.requests(self._stage, self.heard, inputs.now_s)
-            setpoint = self._setpoint(inputs.now_s)
+                return self._hand_over(now_s, inputs)
+            self._take_in(now_s, inputs)
+            happenings = tuple(self._follow(now_s, inputs))
+            requests = self._asking.requests(self._stage, self.heard, now_s)
+            setpoint = self._setpoint(now_s)
         except Exception as error:  # guidance must not leave the vehicle without a command
-            return self.give_up(inputs, error)
+            return self.give_up(now_s, inputs, error)
         certificate, alarm = self._playing.certificate, self._playing.alarm
         return Outputs(self._stage.state, setpoint, requests, happenings, certificate, alarm, cause=self.cause)
 
-    def give_up(self, inputs: Inputs, error: Exception) -> Outputs:
+    def give_up(self, now_s: float, inputs: Inputs, error: Exception) -> Outputs:
         """End the flight after an internal error: request the hold if the vehicle follows our setpoints, and yield.
 
         Args:
-            inputs: Inputs of the failed cycle.
+            now_s: Time of the failed cycle.
+            inputs: Its inputs.
             error: The exception.
         """
         if self.fault is not None:
-            return self._hand_over(inputs)
+            return self._hand_over(now_s, inputs)
         frames = traceback.extract_tb(error.__traceback__)
         where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
         self.fault = f"{type(error).__name__}: {error}{where}"
@@ -152,19 +153,19 @@ class Flight:
         ours = before in SETPOINT_STATES or (before is not after and self.heard.mode is Mode.GUIDED)
         self._stage.state = after
         self._asking.hand_over(flown=ours and after is State.YIELDED, at_once=True)
-        outputs = self._hand_over(inputs)
-        self.cause = Happening(inputs.now_s, Event.FAULT, before, after, detail=self.fault)
+        outputs = self._hand_over(now_s, inputs)
+        self.cause = Happening(now_s, Event.FAULT, before, after, detail=self.fault)
         return outputs._replace(happenings=(*outputs.happenings, self.cause), fault=self.fault, cause=self.cause)
 
-    def _hand_over(self, inputs: Inputs) -> Outputs:
+    def _hand_over(self, now_s: float, inputs: Inputs) -> Outputs:
         state = self._stage.state
-        unheeded = tuple(Happening(inputs.now_s, order, state, state, by) for by, order in _orders(inputs))
-        requests = self._asking.hold_requests(inputs.now_s, inputs.messages)
+        unheeded = tuple(Happening(now_s, order, state, state, by) for by, order in _orders(inputs))
+        requests = self._asking.hold_requests(now_s, inputs.messages)
         return Outputs(state, None, requests, unheeded, None, cause=self.cause)
 
-    def _take_in(self, inputs: Inputs) -> None:
+    def _take_in(self, now_s: float, inputs: Inputs) -> None:
         """Update with the inputs."""
-        now_s, heard, stage = inputs.now_s, self.heard, self._stage
+        heard, stage = self.heard, self._stage
         if self._last_s is None:
             self._last_s = stage.since_s = now_s
         dt_s, self._last_s = now_s - self._last_s, now_s
@@ -181,19 +182,19 @@ class Flight:
                 stage.other_mode_seen |= mode is not Mode.GUIDED
                 stage.mode_left = stage.mode_left if mode is stage.mode_left else None
 
-    def _follow(self, inputs: Inputs) -> Iterator[Happening]:
+    def _follow(self, now_s: float, inputs: Inputs) -> Iterator[Happening]:
         for by, order in _orders(inputs):
             event = None
             if by is Authority.OPERATOR or not self.ordered_by_operator:
-                event = self._meant(order, self._moment(inputs.now_s, inputs.refusals))
-            refused = Happening(inputs.now_s, order, self._stage.state, self._stage.state, by)
-            yield refused if event is None else self._change(inputs.now_s, event, by)
-        now = self._moment(inputs.now_s, inputs.refusals)
-        before, self._rival = self._rival, self.tracking.rival(inputs.now_s)
+                event = self._meant(order, self._moment(now_s, inputs.refusals))
+            refused = Happening(now_s, order, self._stage.state, self._stage.state, by)
+            yield refused if event is None else self._change(now_s, event, by)
+        now = self._moment(now_s, inputs.refusals)
+        before, self._rival = self._rival, self.tracking.rival(now_s)
         if self._rival and not before and not self.settings.hold_on_rival:
-            yield Happening(inputs.now_s, Event.RIVAL, self._stage.state, self._stage.state)
+            yield Happening(now_s, Event.RIVAL, self._stage.state, self._stage.state)
         for event in detection.events(now):
-            yield self._change(inputs.now_s, event, detail=detection.detail_of(event, now))
+            yield self._change(now_s, event, detail=detection.detail_of(event, now))
             return  # only the most severe event; the next cycle judges the new state
 
     def _meant(self, order: Event, now: Moment) -> Event | None:

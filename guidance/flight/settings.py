@@ -154,10 +154,9 @@ class Authority(StrEnum):
 
 
 class Inputs(NamedTuple):
-    """Everything that one cycle reads.
+    """Everything that one cycle reads, except for the time.
 
     Attributes:
-        now_s: Time of the injected clock.
         messages: From the vehicle, since the last cycle.
         reports: Of the evader, since the last cycle.
         orders: Orders of people, oldest first; each one of `ORDERS`.
@@ -168,7 +167,6 @@ class Inputs(NamedTuple):
         role: A new role in the team, from this cycle on; None for no change.
     """
 
-    now_s: float
     messages: Sequence[Message] = ()
     reports: Sequence[EvaderReport] = ()
     orders: Sequence[Event] = ()

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
+from guidance.flight import Inputs
 from guidance.links.zenoh_wire import is_over
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, InputsEntry, encoded
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, encoded
 from guidance.log.reader import Idle, Item
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ class Broadcast:
             query = self._queries.popleft()
             answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
             if self._last is not None:
-                inputs = InputsEntry(tuple(self._latest.values()), (), (), role=self._role)
+                inputs = Inputs(tuple(self._latest.values()), role=self._role)
                 answer["heard"] = CYCLE.plain(CycleEntry(self._last.now_s, self._last.state, inputs, ()))
             data = json.dumps(answer, allow_nan=False).encode()
             query.reply(broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON)

@@ -5,9 +5,9 @@ from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
 from guidance.clock import Timing
-from guidance.flight import Authority, Event, Inputs, Outputs, State
+from guidance.flight import Authority, Inputs, Outputs, State
 from guidance.log.codec import Codec
-from guidance.messages import EvaderReport, MateState, Message, Request, Role, Setpoint
+from guidance.messages import EvaderReport, Request, Setpoint
 from guidance.monitor import Alarm
 from guidance.team.messages import RolesMessage
 
@@ -38,25 +38,12 @@ STOPPED: Final = "recording has stopped; the flight goes on"
 """Event of a failed record; it goes to the log, the metrics and the bus."""
 
 
-class InputsEntry(NamedTuple):
-    """Inputs of a cycle, without its time."""
-
-    messages: Sequence[Message]
-    reports: Sequence[EvaderReport]
-    orders: Sequence[Event]
-    refusals: Sequence[str] = ()
-    alive: bool | None = None
-    mission: Sequence[Event] = ()
-    mates: Sequence[MateState] | None = None
-    role: Role | None = None
-
-
 class CycleEntry(NamedTuple):
     """One cycle: inputs, outputs, who caused the state (`by`), timing, and the vehicle's name (older records: None)."""
 
     now_s: float
     state: State
-    inputs: InputsEntry
+    inputs: Inputs
     requests: Sequence[Request]
     setpoint: Setpoint | None = None
     certificate: Certificate | None = None
@@ -64,11 +51,6 @@ class CycleEntry(NamedTuple):
     timing: Timing | None = None
     by: Authority | None = None
     vehicle: str | None = None
-
-    @property
-    def flight_inputs(self) -> Inputs:
-        """Its inputs as the flight takes them."""
-        return Inputs(self.now_s, *self.inputs)
 
 
 class EventEntry(NamedTuple):
@@ -100,9 +82,9 @@ def encoded(entry: CycleEntry | EventEntry) -> bytes:
 
 
 def cycle_entry(
-    inputs: Inputs, outputs: Outputs, timing: Timing | None = None, vehicle: str | None = None
+    now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None = None, vehicle: str | None = None
 ) -> CycleEntry:
     """Return the entry of a cycle of a vehicle."""
     made = outputs.requests, outputs.setpoint, outputs.certificate, outputs.alarm
     by = Authority.FLIGHT if outputs.cause is None else outputs.cause.by
-    return CycleEntry(inputs.now_s, outputs.state, InputsEntry(*inputs[1:]), *made, timing, by, vehicle)
+    return CycleEntry(now_s, outputs.state, inputs, *made, timing, by, vehicle)

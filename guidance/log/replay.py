@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from guidance.errors import ConfigError
-from guidance.flight import Flight, Outputs
+from guidance.flight import Flight, Inputs, Outputs
 from guidance.frames import Vector
 from guidance.log.aggregator import SettingsOf
-from guidance.log.entries import BEGUN, CYCLE, RELOADED, CycleEntry, EventEntry, InputsEntry, cycle_entry
+from guidance.log.entries import BEGUN, CYCLE, RELOADED, CycleEntry, EventEntry, cycle_entry
 from guidance.log.reader import CONFIG, Survey, metadata_of, row_of, scan
 from guidance.messages import PositionTarget
 
@@ -115,11 +115,11 @@ def replay(
                 flight = Flight(settings)
         if not isinstance(row, CycleEntry):
             continue
-        inputs = row.flight_inputs
+        inputs = row.inputs
         if what_if:
             inputs = inputs._replace(messages=[one for one in inputs.messages if not isinstance(one, PositionTarget)])
         try:
-            outputs = flight.step(inputs)
+            outputs = flight.step(row.now_s, inputs)
         except ConfigError as error:
             raise ConfigError(f"{path}: another version wrote the cycle at {row.now_s:.3f} s: {error}") from error
         yield ReplayedCycle(row, outputs, tuple(_differing(row, outputs)))
@@ -151,12 +151,10 @@ def angle_between_rad(a: Vector, b: Vector) -> float:
 
 def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
-    present = cycle_entry(row.flight_inputs, outputs)
+    present = cycle_entry(row.now_s, row.inputs, outputs)
     present = present if row.by is not None else present._replace(by=None)
     recorded_json, present_json = (
-        CYCLE.encode(
-            one._replace(inputs=InputsEntry((), (), ()), certificate=None, alarm=None, timing=None, vehicle=None)
-        )
+        CYCLE.encode(one._replace(inputs=Inputs(), certificate=None, alarm=None, timing=None, vehicle=None))
         for one in (row, present)
     )
     if recorded_json == present_json:

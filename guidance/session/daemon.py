@@ -77,7 +77,7 @@ class Daemon:
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
         self._refused: tuple[str, ...] = ()
-        self._inputs = Inputs(float("-inf"))
+        self._now_s, self._inputs = float("-inf"), Inputs()
         self.outputs: Outputs | None = None
         self.finished = False
         self._begin(plan)
@@ -108,7 +108,7 @@ class Daemon:
     @property
     def position_age_s(self) -> float:
         """Age of the vehicle's position at the last cycle, s; infinite before the first one."""
-        return self.flight.vehicle.age_s(LocalPosition, self._inputs.now_s)
+        return self.flight.vehicle.age_s(LocalPosition, self._now_s)
 
     @property
     def in_flight(self) -> bool:
@@ -124,13 +124,13 @@ class Daemon:
         """Run one cycle; `timing` is how the loop kept time."""
         asked, queries = self.mailbox.take()
         orders = self._orders(asked, now_s)
-        inputs = self._inputs = self._read(now_s, queries, orders)
-        outputs = self.outputs = self.flight.step(inputs)
+        self._now_s, self._inputs = now_s, self._read(now_s, queries, orders)
+        outputs = self.outputs = self.flight.step(now_s, self._inputs)
         self._write(outputs, timing)
         if self.team is not None:
             self._tell(self.team, now_s, outputs)
         self._answer(queries, orders, outputs)
-        self._preflight(inputs)
+        self._preflight(self._inputs)
         self._report(outputs, timing)
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
@@ -195,7 +195,7 @@ class Daemon:
         if self.team is not None:
             mates, role, relayed = self.team.hear(now_s, self.flight, reports)
             reports = (*reports, *relayed)
-        return Inputs(now_s, messages, reports, people, self._barred() + bars, alive, mission, mates, role)
+        return Inputs(messages, reports, people, self._barred() + bars, alive, mission, mates, role)
 
     def _reports(self) -> Sequence[EvaderReport]:
         """Read the reports of all evaders; without a team an evader needs no name."""
@@ -220,7 +220,7 @@ class Daemon:
             self._link.send_setpoint(outputs.setpoint)
         for request in outputs.requests:
             self._link.request(request)
-        stopped = self.recording.cycle(self._inputs, outputs, timing)
+        stopped = self.recording.cycle(self._now_s, self._inputs, outputs, timing)
         if stopped is not None:
             self.metrics.happened(STOPPED)
             self._log.say(logging.WARNING, STOPPED, reason=stopped.reason)
@@ -242,7 +242,7 @@ class Daemon:
             error: Raised by `step`.
             now_s: The present.
         """
-        outputs = self.outputs = self.flight.give_up(Inputs(now_s), error)
+        outputs = self.outputs = self.flight.give_up(now_s, Inputs(), error)
         for request in outputs.requests:
             self._link.request(request)
         if outputs.fault is not None:
@@ -294,7 +294,7 @@ class Daemon:
 
     def _answer(self, queries: Sequence[Question], orders: Sequence[Question], outputs: Outputs) -> None:
         """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
-        now_s = self._inputs.now_s
+        now_s = self._now_s
         for question, happening in zip(orders, outputs.happenings, strict=False):
             order = Event(question.order)
             done = happening.after is not happening.before or is_done(order, happening.after)
@@ -327,7 +327,7 @@ class Daemon:
 
     def _preflight(self, inputs: Inputs) -> None:
         """Read and judge parameters on the ground, and read the failsafe parameters again before the game begins."""
-        now_s, wants = inputs.now_s, self._plan.wants
+        now_s, wants = self._now_s, self._plan.wants
         if wants is None or not (self._judging or self._engaging.reading):
             return
         self.survey.observe(inputs.messages, inputs.reports)
@@ -346,7 +346,7 @@ class Daemon:
 
     def _report(self, outputs: Outputs, timing: Timing) -> None:
         """Log the cycle's events, count it, and show the flight once a second and when its state changes."""
-        now_s = self._inputs.now_s
+        now_s = self._now_s
         say_outputs(self._log, outputs)
         self.metrics.follow(outputs, timing.late_s)
         self._notifier.alive(now_s)

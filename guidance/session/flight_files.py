@@ -149,15 +149,14 @@ class Recording:
         """The next cycle is the first of another flight."""
         self._begun = False
 
-    def cycle(self, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> Stopped | None:
+    def cycle(self, now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> Stopped | None:
         """Keep a cycle with its events; return the reason once, when the record stops."""
         if not self._each:
             return None
-        now_s = inputs.now_s
         if not self._begun:
             self._begun = True
             self.event(now_s, BEGUN)
-        entry = cycle_entry(inputs, outputs, timing, self._vehicle)
+        entry = cycle_entry(now_s, inputs, outputs, timing, self._vehicle)
         for one in self._each:
             one.cycle(entry)
         for happening in outputs.happenings:

@@ -115,11 +115,11 @@ def main() -> None:
         begin = time.process_time()
         comparison, _ = compare(path, recorded_settings)
         replayed_s = time.process_time() - begin
-        inputs = [row.flight_inputs for row in cycles_of(path)]
+        inputs = [(row.now_s, row.inputs) for row in cycles_of(path)]
         flight = Flight(settings)
         begin = time.process_time()
         for one in inputs:
-            flight.step(one)
+            flight.step(*one)
         core_s = time.process_time() - begin
         count = len(inputs)
         per_s = count / replayed_s

@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.cli.program import app
-from guidance.flight import State
-from guidance.log.entries import CycleEntry, InputsEntry
+from guidance.flight import Inputs, State
+from guidance.log.entries import CycleEntry
 from guidance.log.writer import Recorder
 
 
@@ -22,7 +22,7 @@ def printed(*arguments):
 def record(tmp_path):
     path = tmp_path / "record.mcap"
     recorder = Recorder(path, {"scenario": '{"title": "A flight"}'})
-    recorder.cycle(CycleEntry(0.5, State.READY, InputsEntry((), (), ()), ()))
+    recorder.cycle(CycleEntry(0.5, State.READY, Inputs(), ()))
     recorder.event(1.0, "armed", "arming -> climbing")
     recorder.close()
     return path

@@ -53,7 +53,7 @@ class Flown:
                 home(self.now_s),
             ]
         heard = [*([] if self.evader is None else [self.report()]), *reports]
-        self.outputs = self.flight.step(self.inputs(self.now_s, [*said, *more], heard, orders, refusals))
+        self.outputs = self.flight.step(self.now_s, self.inputs([*said, *more], heard, orders, refusals))
         return self.outputs
 
     def inputs(self, *read):

@@ -23,7 +23,7 @@ class Held:
     def step(self, *messages, alive=None, orders=()):
         now_s = self.now_s
         well = [heartbeat(now_s), local(now_s), Attitude(now_s, now_s, 0.0), LandedState(now_s, 2), status(now_s)]
-        outputs = self.flight.step(Inputs(now_s, [*messages, *well], (), orders, (), alive))
+        outputs = self.flight.step(now_s, Inputs([*messages, *well], (), orders, (), alive))
         self.now_s += CYCLE_S
         return [one.event for one in outputs.happenings]
 

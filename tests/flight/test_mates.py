@@ -29,9 +29,9 @@ def mate(north_m, *, at_s=AT_S, velocity=(0.0, 0.0, 0.0), airborne=True, doubt_m
 def heard(*mates, now_s=AT_S, role=None, reports=()):
     one = Heard(TEAM)
     messages = [home(AT_S), Origin(AT_S, *HERE, 488.0), local(AT_S, (0.0, 0.0, UP_M))]
-    one.take_in(Inputs(AT_S, messages, reports, mates=mates, role=role), in_flight=True)
+    one.take_in(Inputs(messages, reports, mates=mates, role=role), in_flight=True)
     if now_s != AT_S:
-        one.take_in(Inputs(now_s), in_flight=True)
+        one.take_in(Inputs(), in_flight=True)
     return one
 
 
@@ -55,9 +55,9 @@ def aircraft(north_m, *, name="ICAO 3C6444", velocity=(0.0, 0.0, 0.0), error_m=0
 def flown_beside(*others, mates=(), now_s=AT_S, reports=(), settings=TEAM):
     one = Heard(settings)
     messages = [home(AT_S), Origin(AT_S, *HERE, 488.0), local(AT_S, (0.0, 0.0, UP_M)), *others]
-    one.take_in(Inputs(AT_S, messages, reports, mates=mates, role=Role("red")), in_flight=True)
+    one.take_in(Inputs(messages, reports, mates=mates, role=Role("red")), in_flight=True)
     if now_s != AT_S:
-        one.take_in(Inputs(now_s), in_flight=True)
+        one.take_in(Inputs(), in_flight=True)
     return one
 
 
@@ -111,5 +111,5 @@ def test_a_role_chooses_the_evader_its_speed_and_the_height():
         assert math.copysign(1.0, one.view(AT_S).evader.position_ned_m[0]) == sign
         assert one.cycle.game.evader_speed_m_s == speed_m_s
         assert one.cycle.game.standoff.height_m == TEAM.cycle.game.standoff.height_m + 4.0
-        one.take_in(Inputs(AT_S + 0.02), in_flight=True)
+        one.take_in(Inputs(), in_flight=True)
         assert not one.switched

@@ -62,7 +62,7 @@ def held(away_m, battery, **changes):
     flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0), **changes))
     flight._stage.state = State.STANDING_BY
     said = [heartbeat(NOW_S), local(NOW_S, (away_m, 0.0, -14.0)), Attitude(NOW_S, NOW_S, 0.0), LandedState(NOW_S, 2)]
-    flight.step(Inputs(NOW_S, [home(NOW_S), *said, status(NOW_S, battery)]))
+    flight.step(NOW_S, Inputs([home(NOW_S), *said, status(NOW_S, battery)]))
     return flight
 
 
@@ -85,7 +85,7 @@ def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
     flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
     needed = RESERVE.needed(300.0, 10.0)
     for battery, passed in ((needed - 0.01, False), (needed + 0.01, True)):
-        flight.step(Inputs(NOW_S + battery, [heartbeat(NOW_S, Mode.HOLD, armed=False), status(NOW_S, battery)]))
+        flight.step(NOW_S + battery, Inputs([heartbeat(NOW_S, Mode.HOLD, armed=False), status(NOW_S, battery)]))
         assert {check.name: check.passed for check in flight.checks(NOW_S)}["battery"] is passed
 
 

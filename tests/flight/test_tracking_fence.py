@@ -35,7 +35,7 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autop
     )
     flight = Flight(settings_of(autopilot, limits=Limits.model_construct(fence_polygon_deg=corners_deg)))
     origin = Origin(50.0, frame.latitude_deg, frame.longitude_deg, 488.0)
-    flight.step(Inputs(50.0, [heartbeat(50.0, autopilot=autopilot), origin, home, local(50.0)]))
+    flight.step(50.0, Inputs([heartbeat(50.0, autopilot=autopilot), origin, home, local(50.0)]))
     envelope = flight.heard.cycle.envelope
     assert envelope.home_ned_m == home_ned_m
     assert envelope.fence_polygon.contains((49.0, 39.0))
@@ -51,7 +51,7 @@ def test_a_new_home_shifts_heights_only_on_the_ground_and_never_the_fence(armed,
     for n, home_ned_m in enumerate(homes):
         latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
         home = Home(50.0 + n, latitude, longitude, altitude.metres, home_ned_m)
-        flight.step(Inputs(50.0 + n, [heartbeat(50.0 + n, armed=armed), origin, home, local(50.0 + n)]))
+        flight.step(50.0 + n, Inputs([heartbeat(50.0 + n, armed=armed), origin, home, local(50.0 + n)]))
     envelope, (north_m, east_m, _) = flight.heard.cycle.envelope, homes[flown_by]
     assert envelope.home_ned_m == homes[flown_by]
     first = envelope.fence_polygon.corners_ne_m[0]
@@ -63,9 +63,9 @@ def test_an_origin_that_comes_after_home_moves_the_fence_into_its_frame():
     home_ned_m = told.ned_from_wgs84(47.397742, 8.545594, Amsl(488.0))
     flight = Flight(settings_of(limits=Limits.model_construct(fence_polygon_deg=on_the_map(told, home_ned_m))))
     home = Home(50.0, 47.397742, 8.545594, 488.0, home_ned_m)
-    flight.step(Inputs(50.0, [heartbeat(50.0), home, local(50.0)]))
+    flight.step(50.0, Inputs([heartbeat(50.0), home, local(50.0)]))
     before = flight.heard.cycle.envelope.fence_polygon
-    flight.step(Inputs(50.02, [Origin(50.02, 47.4, 8.55, 488.0)]))
+    flight.step(50.02, Inputs([Origin(50.02, 47.4, 8.55, 488.0)]))
     after = flight.heard.cycle.envelope.fence_polygon
     assert before != after  # reckoned from home first, which is right to millimetres only
     for polygon in (before, after):
@@ -76,7 +76,7 @@ def test_an_origin_that_comes_after_home_moves_the_fence_into_its_frame():
 def test_without_corners_on_the_map_the_fence_stays_as_it_was_configured():
     flight = Flight(SETTINGS)
     home = Home(50.0, 47.397742, 8.545594, 488.0, (1.0, 2.0, 3.0))
-    flight.step(Inputs(50.0, [heartbeat(50.0), home, local(50.0)]))
+    flight.step(50.0, Inputs([heartbeat(50.0), home, local(50.0)]))
     assert flight.heard.cycle.envelope.fence_polygon is SETTINGS.cycle.envelope.fence_polygon
     assert flight.heard.cycle.envelope.home_ned_m == (1.0, 2.0, 3.0)
 

@@ -66,7 +66,7 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
                 EvaderReport(due_s, due_s, "test", latitude_deg, longitude_deg, altitude.metres, velocity, 0.1, 0.1)
             )
             due_s += 0.1
-        flight.step(Inputs(message.received_s, [message], reports))
+        flight.step(message.received_s, Inputs([message], reports))
         if not flight.vehicle.armed:
             continue
         floors.add(flight.heard.cycle.envelope.home_ned_m)

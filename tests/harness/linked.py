@@ -20,14 +20,14 @@ class FlownByHand:
 
     def run(self, now_s: float, orders: Sequence[Event] = (), timing: Timing | None = None) -> Outputs:
         """Run one cycle."""
-        inputs = Inputs(now_s, self._link.receive(), self._evader.receive(), orders)
+        inputs = Inputs(self._link.receive(), self._evader.receive(), orders)
         if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
-        outputs = self.flight.step(inputs)
+        outputs = self.flight.step(now_s, inputs)
         if outputs.setpoint is not None:
             self._link.send_setpoint(outputs.setpoint)
         for request in outputs.requests:
             self._link.request(request)
-        self._recording.cycle(inputs, outputs, timing)
+        self._recording.cycle(now_s, inputs, outputs, timing)
         return outputs

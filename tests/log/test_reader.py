@@ -6,15 +6,15 @@ from mcap.opcode import Opcode
 from mcap.writer import Writer
 
 from guidance.errors import ConfigError
-from guidance.flight import State
+from guidance.flight import Inputs, State
 from guidance.log import Survey, cycles_of, events_of, metadata_of, scan, survey_of
-from guidance.log.entries import CYCLE_TOPIC, CycleEntry, InputsEntry
+from guidance.log.entries import CYCLE_TOPIC, CycleEntry
 from guidance.log.writer import Recorder
 
 
 def entry(number, *text):
     """Return a cycle that contains its number."""
-    return CycleEntry(0.02 * number, State.ENGAGED, InputsEntry((), (), (), (str(number), *text)), ())
+    return CycleEntry(0.02 * number, State.ENGAGED, Inputs(refusals=(str(number), *text)), ())
 
 
 def number_of(item):

@@ -6,11 +6,11 @@ import threading
 import pytest
 from mcap.reader import make_reader
 
-from guidance.flight import State
-from guidance.log.entries import CycleEntry, InputsEntry
+from guidance.flight import Inputs, State
+from guidance.log.entries import CycleEntry
 from guidance.log.writer import MAX_WAITING, Recorder
 
-READY = CycleEntry(0.0, State.READY, InputsEntry((), (), ()), ())
+READY = CycleEntry(0.0, State.READY, Inputs(), ())
 
 
 def test_the_thread_writes_a_complete_record(tmp_path):

@@ -12,10 +12,10 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
-from guidance.flight import State
+from guidance.flight import Inputs, State
 from guidance.log import writer as record
 from guidance.log.codec import plain
-from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, CycleEntry, InputsEntry
+from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, CycleEntry
 from guidance.log.writer import Recorder, started_utc, versions
 
 
@@ -26,7 +26,7 @@ class Pair(NamedTuple):
 
 def entry(number, *text):
     """Return a cycle that contains its number."""
-    return CycleEntry(0.02 * number, State.ENGAGED, InputsEntry((), (), (), (str(number), *text)), ())
+    return CycleEntry(0.02 * number, State.ENGAGED, Inputs(refusals=(str(number), *text)), ())
 
 
 def number_of(item):
@@ -109,8 +109,8 @@ def test_rows_become_plain_json():
 FLYING = """
 import sys
 from pathlib import Path
-from guidance.flight import State
-from guidance.log.entries import CycleEntry, InputsEntry
+from guidance.flight import Inputs, State
+from guidance.log.entries import CycleEntry
 from guidance.clock import MonotonicClock
 from guidance.log.writer import Recorder
 recorder, clock, due_s = Recorder(Path(sys.argv[1]), {}, threaded=True), MonotonicClock(), 0.0
@@ -118,7 +118,7 @@ while True:
     clock.sleep_until(due_s)
     due_s += 0.02
     now_s = clock.now_s()
-    recorder.cycle(CycleEntry(now_s, State.ENGAGED, InputsEntry((), (), ()), ()))
+    recorder.cycle(CycleEntry(now_s, State.ENGAGED, Inputs(), ()))
     print(now_s, flush=True)
 """
 

@@ -9,9 +9,9 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.errors import ConfigError
-from guidance.flight import State
+from guidance.flight import Inputs, State
 from guidance.log import Survey, compare, cycles_of, metadata_of, scan
-from guidance.log.entries import CYCLE_TOPIC, CycleEntry, InputsEntry
+from guidance.log.entries import CYCLE_TOPIC, CycleEntry
 from guidance.log.replay import Comparison
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Equipment
@@ -23,7 +23,7 @@ from guidance.sim.stepped import SteppedWorld
 
 def entry(number, *text):
     """Return a cycle that contains its number."""
-    return CycleEntry(0.02 * number, State.ENGAGED, InputsEntry((), (), (), (str(number), *text)), ())
+    return CycleEntry(0.02 * number, State.ENGAGED, Inputs(refusals=(str(number), *text)), ())
 
 
 def number_of(item):

@@ -437,7 +437,7 @@ def test_an_order_out_of_its_time_is_refused_with_what_the_flight_is_doing(base)
 def test_a_broken_guarantee_is_said_and_counted(base):
     base = base.engaged()
     step, alarm = base.daemon.flight.step, Alarm(Violation.CAPTURE_LATER, 1.5)
-    base.daemon.flight.step = lambda inputs: step(inputs)._replace(alarm=alarm)
+    base.daemon.flight.step = lambda *read: step(*read)._replace(alarm=alarm)
     base.run(0.1)
     said = base.log.messages(logging.WARNING).count(str(Violation.CAPTURE_LATER))
     labels = {"vehicle": "uav1", "broken": str(Violation.CAPTURE_LATER)}
