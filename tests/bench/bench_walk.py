@@ -144,7 +144,7 @@ def walk(autopilot: str) -> Walk:
         socket.socket(type=socket.SOCK_DGRAM),
     )
     with contextlib.closing(wire), theirs:
-        theirs.connect(("127.0.0.1", wire.port))
+        theirs.connect(wire._socket.getsockname())
         theirs.setblocking(False)
         link, runner = PymavlinkLink(wire, clock.now_s, system_id=1), Runner(scenario, plan.flight)
         daemon, engaged_s = Daemon("walk", plan, link, runner), float("inf")
