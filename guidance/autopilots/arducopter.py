@@ -99,7 +99,6 @@ def _lean(value: float, wants: Wants, _: Parameters) -> Judgement:
     return passes(value >= 2000.0, "at least 2000 (20°)", 3000, why, otherwise=Verdict.WARN)
 
 
-_TIMEOUT: Final = rules.loss_time("the last velocity is flown for this long when setpoints stop (3 s by default)")
 _OPTIONS: Final = rules.mask(
     "without bits 4 and 5",
     "velocities would not be held: the servo expects ArduCopter's own loop",
@@ -113,7 +112,7 @@ _ESTIMATOR: Final = rules.one_of(
 )
 
 RULES: Final = (
-    Rule("GUID_TIMEOUT", _TIMEOUT, "{:g} s".format),
+    Rule("GUID_TIMEOUT", rules.loss_time(" (3 s by default)"), "{:g} s".format),
     Rule("GUID_OPTIONS", _OPTIONS, bits(_OPTION_NAMES), needed=False),
     Rule("FENCE_ENABLE", rules.one_of({1}, "1 (on)", 1, "the autopilot's fence is off"), named({0: "off", 1: "on"})),
     Rule("FENCE_ACTION", _FENCE_ACTION, named(_FENCE_ACTIONS)),

@@ -127,7 +127,6 @@ def _at_least(value: float, wanted_m_s: float) -> Judgement:
     return passes(enough, f"at least {wanted_m_s:g} m/s", wanted_m_s, "or play with less: PX4 cuts setpoints to it")
 
 
-_LOSS_TIME: Final = rules.loss_time("the last velocity is flown for this long when setpoints stop")
 _RADIO_EXCEPTIONS: Final = rules.mask(
     "without Offboard, where a pilot has a radio",
     "radio loss is ignored in OFFBOARD: nothing happens when the pilot's link is lost",
@@ -143,7 +142,7 @@ _BATTERY: Final = rules.one_of(range(1, 10), "3 (Return, then Land)", 3, _SILENT
 _M_S: Final = "{:g} m/s".format
 
 RULES: Final = (
-    Rule("COM_OF_LOSS_T", _LOSS_TIME, "{:g} s".format),
+    Rule("COM_OF_LOSS_T", rules.loss_time(), "{:g} s".format),
     Rule("COM_OBL_RC_ACT", _loss_action, named(_LOSS_ACTIONS)),
     Rule("COM_RCL_EXCEPT", _RADIO_EXCEPTIONS, bits(_EXCEPTIONS), needed=False),
     Rule("COM_RC_OVERRIDE", _OVERRIDE, bits(_OVERRIDES), needed=False),

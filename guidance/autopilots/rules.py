@@ -153,8 +153,9 @@ def mask(wanted: str, why: str, *, set_bits: int = 0, clear_bits: int = 0, other
     return judged
 
 
-def loss_time(why: str) -> Judge:
-    """Judge how long the last setpoint is flown when setpoints stop."""
+def loss_time(usual: str = "") -> Judge:
+    """Judge how long the last setpoint is flown when setpoints stop; `usual` adds the default."""
+    why = f"the last velocity is flown for this long when setpoints stop{usual}"
 
     def judged(value: float, wants: Wants, _: Parameters) -> Judgement:
         limit_s = wants.preflight.loss_time_limit_s

@@ -118,12 +118,15 @@ class Endpoint(NamedTuple):
     @property
     def on_loopback(self) -> bool:
         """True if the other end is on this computer, so most likely a simulator."""
-        if self.scheme == "serial":
-            return False
-        try:
-            return ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return self.host == "localhost"
+        return self.scheme != "serial" and is_loopback(self.host)
+
+
+def is_loopback(host: str) -> bool:
+    """True if only this computer can reach the host."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def parse(url: str) -> Endpoint:

@@ -131,8 +131,7 @@ class PymavlinkLink:
     def receive(self) -> Sequence[messages.Message]:
         """Return all messages of the vehicle since the last call, oldest first."""
         self.poll()
-        received = list(self._inbox)
-        self._inbox.clear()
+        received, self._inbox = list(self._inbox), deque()
         return received
 
     def poll(self) -> None:

@@ -295,10 +295,9 @@ def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool =
 
 
 def _judged(facts: Facts) -> dict[str, float]:
-    parameters = dict(facts.parameters)
-    if facts.uploaded.areas is not None:
-        parameters[UPLOADED] = float(facts.uploaded.holds_in)
-    return parameters
+    areas = facts.uploaded.areas
+    told = {} if areas is None else {UPLOADED: float(any(area.inclusion for area in areas))}
+    return {**facts.parameters, **told}
 
 
 def refusals(rows: Sequence[Finding]) -> tuple[str, ...]:

@@ -51,11 +51,6 @@ class Uploaded(NamedTuple):
     refused: int | None = None
 
     @property
-    def holds_in(self) -> bool:
-        """Whether there is an inclusion area."""
-        return any(area.inclusion for area in self.areas or ())
-
-    @property
     def words(self) -> str:
         """Short description."""
         if self.areas is None:
@@ -136,11 +131,10 @@ def about_home(wants: Wants, home: Home | None, frame: LocalFrame | None) -> Wan
 
 def home_row(wants: Wants) -> Iterator[Finding]:
     """Refuse a fence that does not contain home."""
-    if wants.limits.fence_polygon_ne_m is None:
-        return
-    inside = Polygon(wants.limits.fence_polygon_ne_m).contains((0.0, 0.0))
-    found = "inside" if inside else "outside"
-    yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
+    if (corners := wants.limits.fence_polygon_ne_m) is not None:
+        inside = Polygon(corners).contains((0.0, 0.0))
+        found = "inside" if inside else "outside"
+        yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
 
 
 def uploaded_row(

@@ -24,6 +24,7 @@ from aiohttp import web
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
 from guidance.files import text_of
+from guidance.links.port import is_loopback
 
 MIN_PASSWORD_LENGTH: Final = 12
 PASSWORD_INTERVAL_S: Final = 1.0
@@ -162,14 +163,6 @@ def remote_access(
             f"--certificate {certificate}, --key {key}: cannot be used ({error}); give PEM files"
         ) from error
     return RemoteAccess(context, read_password(password_file))
-
-
-def is_loopback(host: str) -> bool:
-    """True if only this computer can reach the host."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def read_password(path: Path) -> str:
