@@ -13,7 +13,6 @@ import zenoh
 
 from guidance.clock import MonotonicClock
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.carriers import EvaderIdentity
 from guidance.links.opening import open_source
 from guidance.messages import EvaderReport
 
@@ -54,7 +53,6 @@ def main(count: int = 5, rate_hz: float = 20.0) -> list[EvaderReport]:
             f"zenoh://127.0.0.1:{port}/evader/report",
             clock=MonotonicClock().now_s,
             frame=LocalFrame(47.397742, 8.545594, Amsl(488.0)),
-            identity=EvaderIdentity(),
         )
         try:
             time.sleep(0.3)  # until the subscription has reached the publisher

@@ -6,7 +6,7 @@ OPEN_DRONE_ID_LOCATION of others.
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final, NamedTuple
 
@@ -168,31 +168,32 @@ def _open_drone_id(undulation_m: float, id_or_mac: str | None, m: Fields, receiv
     return EvaderReport(received_s, sent_s, m.msgname, *place, velocity, sd_m, sd_m_s, said=said)
 
 
-class EvaderIdentity(NamedTuple):
-    """The evader's identity, as far as its carrier needs it: MAVLink ids, an ICAO address, a hexadecimal remote id."""
-
-    system_id: int | None = None
-    component_id: int | None = None
-    icao_address: int | None = None
-    id_or_mac: str | None = None
-
-
 FOLLOW_TARGET: Final = Carrier("FOLLOW_TARGET", _follow_target)
 GLOBAL_POSITION: Final = Carrier("GLOBAL_POSITION_INT", _global_position)
 
-CARRIERS: Final[Mapping[str, Callable[[LocalFrame, EvaderIdentity], Carrier]]] = {
-    "follow_target": lambda _frame, _identity: FOLLOW_TARGET,
-    "global_position": lambda _frame, _identity: GLOBAL_POSITION,
-    "odometry": lambda frame, _identity: Carrier("ODOMETRY", partial(_odometry, frame), 2.0**64 / 1e6),
-    "open_drone_id": lambda frame, identity: Carrier(
-        "OPEN_DRONE_ID_LOCATION", partial(_open_drone_id, _undulation_m(frame), identity.id_or_mac), 3600.0
-    ),
-    "adsb": lambda frame, identity: Carrier(
-        "ADSB_VEHICLE", partial(_adsb, _undulation_m(frame), identity.icao_address)
-    ),
-}
-"""Carriers on a MAVLink wire, by their name in a configuration. They raise ConfigError if the frame declares no
-undulation although they need it."""
+
+def carrier_of(
+    kind: str, frame: LocalFrame, *, icao_address: int | None = None, id_or_mac: str | None = None
+) -> Carrier:
+    """Return the carrier of a kind that a vehicle file names.
+
+    Args:
+        kind: "follow_target", "global_position", "odometry", "open_drone_id" or "adsb".
+        frame: The evader's local frame, for metres and for heights above the ellipsoid.
+        icao_address: The aircraft of ADSB_VEHICLE.
+        id_or_mac: The drone of OPEN_DRONE_ID_LOCATION, hexadecimal; None for any.
+
+    Raises:
+        ConfigError: If the frame does not declare the undulation although the heights need it.
+    """
+    match kind:
+        case "odometry":
+            return Carrier("ODOMETRY", partial(_odometry, frame), 2.0**64 / 1e6)
+        case "open_drone_id":
+            return Carrier("OPEN_DRONE_ID_LOCATION", partial(_open_drone_id, _undulation_m(frame), id_or_mac), 3600.0)
+        case "adsb":
+            return Carrier("ADSB_VEHICLE", partial(_adsb, _undulation_m(frame), icao_address))
+    return FOLLOW_TARGET if kind == "follow_target" else GLOBAL_POSITION
 
 
 def _undulation_m(frame: LocalFrame) -> float:

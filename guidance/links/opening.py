@@ -2,16 +2,14 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.errors import LinkError
 from guidance.frames import LocalFrame
-from guidance.links.carriers import CARRIERS, EvaderIdentity
 from guidance.links.frames import FrameReader, SignatureCheck, SigningKey, Station
-from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import Clock, EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink, own_heartbeat
@@ -34,8 +32,8 @@ def open_wire(
     url: str,
     *,
     clock: Clock,
-    systems: Collection[int] | None = None,
-    keys: Mapping[int, SigningKey] | None = None,
+    systems: Collection[int | None] | None = None,
+    signing_key: SigningKey | None = None,
     credentials: Credentials = NO_CREDENTIALS,
     timeout_s: float = 5.0,
 ) -> Wire:
@@ -45,7 +43,7 @@ def open_wire(
         url: See `guidance.links.port`.
         clock: Stamps what arrives.
         systems: MAVLink system ids that may call a listening UDP port; None accepts any.
-        keys: Signing keys by system id. Such a system is accepted from an address only after a validly signed frame.
+        signing_key: Theirs: each is accepted from an address only after a validly signed frame.
         credentials: For a Zenoh router.
         timeout_s: Limit for connecting (TCP, Zenoh), in real time.
 
@@ -60,7 +58,7 @@ def open_wire(
         return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
     listen = endpoint.scheme.endswith("in")
     if endpoint.scheme.startswith("udp"):
-        checks = {system_id: SignatureCheck(key) for system_id, key in (keys or {}).items()}
+        checks = {system_id: SignatureCheck(signing_key) for system_id in systems or () if signing_key is not None}
         return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, systems=systems, checks=checks)
     return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
 
@@ -195,39 +193,23 @@ def open_source(
     *,
     clock: Clock,
     frame: LocalFrame,
-    identity: EvaderIdentity,
-    wire: Wire | None = None,
-    signing_key: SigningKey | None = None,
     credentials: Credentials = NO_CREDENTIALS,
     timeout_s: float = 5.0,
 ) -> EvaderSource:
-    """Open the source of reports called `kind` at `url`.
+    """Open a source of reports that arrive over Zenoh; for MAVLink see `MavlinkEvader`.
 
     Args:
-        kind: A name in `CARRIERS` (MAVLink; the identity has a system id then) or in `KEYS` (Zenoh).
-        url: As for links; for Zenoh zenoh://host:port/key.
+        kind: A name in `KEYS`.
+        url: zenoh://host:port/key.
         clock: Stamps what arrives.
         frame: The evader's declared local frame, for the datum and for positions in metres.
-        identity: The evader.
-        wire: For MAVLink: an open wire to use instead of `url`.
-        signing_key: MAVLink reports must be signed with it; None asks for no signature.
-        credentials: For a Zenoh router.
+        credentials: For a router.
         timeout_s: Limit for connecting, in real time.
 
     Raises:
-        ConfigError: If the URL or the key is wrong, or the frame does not declare what the kind needs.
-        LinkError: If the wire cannot be opened.
+        ConfigError: If the URL or the key is wrong.
+        LinkError: If the router does not answer.
     """
-    if kind in KEYS:
-        endpoint = parse(url)
-        key, read = KEYS[kind](frame, endpoint.namespace)
-        return ZenohEvader(clock, session_to(endpoint, credentials, timeout_s), key, read)
-    carrier, system_id = CARRIERS[kind](frame, identity), identity.system_id or 0
-    if wire is None:
-        keys = {} if signing_key is None else {system_id: signing_key}
-        wire = open_wire(
-            url, clock=clock, systems=(system_id,), keys=keys, credentials=credentials, timeout_s=timeout_s
-        )
-    return MavlinkEvader(
-        wire, carrier, system_id=system_id, component_id=identity.component_id, clock=clock, signing_key=signing_key
-    )
+    endpoint = parse(url)
+    key, read = KEYS[kind](frame, endpoint.namespace)
+    return ZenohEvader(clock, session_to(endpoint, credentials, timeout_s), key, read)

@@ -60,7 +60,7 @@ class AddressPins:
     """
 
     def __init__(
-        self, systems: Collection[int] | None = None, checks: Mapping[int, SignatureCheck] | None = None
+        self, systems: Collection[int | None] | None = None, checks: Mapping[int | None, SignatureCheck] | None = None
     ) -> None:
         self._systems = None if systems is None else frozenset(systems)
         self._checks = checks or {}
@@ -154,8 +154,8 @@ class UdpWire(QueuedWire):
         host: str,
         port: int,
         listen: bool,
-        systems: Collection[int] | None = None,
-        checks: Mapping[int, SignatureCheck] | None = None,
+        systems: Collection[int | None] | None = None,
+        checks: Mapping[int | None, SignatureCheck] | None = None,
     ) -> None:
         """Open the socket; `systems` and `checks` apply to a listening wire, see `AddressPins`.
 

@@ -1,7 +1,7 @@
 """From a configuration to an open link and evader source. Importing this imports every wire library."""
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -10,8 +10,9 @@ from guidance.autopilots.description import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.clock import Clock
 from guidance.files import text_of
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.carriers import EvaderIdentity
+from guidance.links.carriers import carrier_of
 from guidance.links.frames import SigningKey
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import open_link, open_source, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -71,7 +72,7 @@ def open_all(
         _claim(config, credentials, closing)
         if wire is None:  # the evader's reports arrive on it too, unless they have a URL of their own
             both = (vehicle.system_id, evader.system_id if evader.url is None else None)
-            wire = _open_wire(vehicle.url, both, key, clock, credentials)
+            wire = open_wire(vehicle.url, clock=clock.now_s, systems=both, signing_key=key, credentials=credentials)
         closing.callback(wire.close)
         if tapped:
             wire = TappedWire(wire, clock.now_s, config.name)
@@ -100,38 +101,25 @@ def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitSta
     closing.callback(token.close)
 
 
-def _open_wire(
-    url: str, systems: Iterable[int | None], key: SigningKey | None, clock: Clock, credentials: Credentials
-) -> Wire:
-    known = {system for system in systems if system is not None}
-    keys = {} if key is None else dict.fromkeys(known, key)
-    return open_wire(url, clock=clock.now_s, systems=known, keys=keys, credentials=credentials)
-
-
 def _open_source(
     config: Config, evader: EvaderSection, clock: Clock, credentials: Credentials, wire: Wire | None
 ) -> EvaderSource:
     """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
-    url, key, rate_hz = evader.url or config.vehicle.url, _evader_key(config, evader), evader.request_rate_hz
-    link = None
-    if rate_hz is not None:
-        wire = _open_wire(url, (evader.system_id,), key, clock, credentials) if wire is None else wire
-        wire, asked = share(wire, 2)
-        ids: dict[str, Any] = {"system_id": evader.system_id, "component_id": evader.component_id or 1}
-        link = PymavlinkLink(asked, clock.now_s, **ids, own_system_id=OWN_ID, signing_key=key)
-    source = open_source(
-        evader.kind,
-        url,
-        clock=clock.now_s,
-        frame=_frame(evader.frame),
-        identity=EvaderIdentity(evader.system_id, evader.component_id, evader.icao_address, evader.id_or_mac),
-        wire=None if evader.kind in ON_ZENOH else wire,
-        signing_key=key,
-        credentials=credentials,
-    )
-    if link is None or rate_hz is None:
+    url, now_s, frame = evader.url or config.vehicle.url, clock.now_s, _frame(evader.frame)
+    if evader.kind in ON_ZENOH:
+        return open_source(evader.kind, url, clock=now_s, frame=frame, credentials=credentials)
+    carrier = carrier_of(evader.kind, frame, icao_address=evader.icao_address, id_or_mac=evader.id_or_mac)
+    key, rate_hz, system_id = _evader_key(config, evader), evader.request_rate_hz, evader.system_id or 0
+    if wire is None:
+        wire = open_wire(url, clock=now_s, systems=(system_id,), signing_key=key, credentials=credentials)
+    wire, asked = share(wire, 2) if rate_hz is not None else (wire, wire)
+    ids: dict[str, Any] = {"system_id": system_id, "component_id": evader.component_id}
+    source = MavlinkEvader(wire, carrier, **ids, clock=now_s, signing_key=key)
+    if rate_hz is None:
         return source
-    return PolledEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=rate_hz)
+    ids["component_id"] = evader.component_id or 1
+    link = PymavlinkLink(asked, now_s, **ids, own_system_id=OWN_ID, signing_key=key)
+    return PolledEvader(source, link, now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=rate_hz)
 
 
 def _frame(given: EvaderFrame | None) -> LocalFrame:
@@ -145,7 +133,7 @@ def _frame(given: EvaderFrame | None) -> LocalFrame:
 def _evader_key(config: Config, evader: EvaderSection) -> SigningKey | None:
     """Return the key that signs an evader's reports; on the vehicle's link the vehicle's key."""
     vehicle = config.vehicle
-    if evader.kind not in ON_ZENOH and evader.url is None and vehicle.signing_key_file is not None:
+    if evader.url is None and vehicle.signing_key_file is not None:
         return signing_key(vehicle.signing_key_file)
     return signing_key(evader.signing_key_file, "evader")
 

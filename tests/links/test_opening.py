@@ -199,7 +199,7 @@ def test_an_autopilot_that_waits_to_be_called_is_called(kind):
 def test_unsigned_heartbeats_sent_first_do_not_keep_a_signed_vehicle_out():
     key, now = SigningKey(bytes(range(32))), FastClock()
     to = ("127.0.0.1", free_port())
-    wire = open_wire(f"udpin://127.0.0.1:{to[1]}", clock=now, systems=(1,), keys={1: key})
+    wire = open_wire(f"udpin://127.0.0.1:{to[1]}", clock=now, systems=(1,), signing_key=key)
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as strangers,

@@ -15,7 +15,6 @@ from guidance.cli.program import app
 from guidance.config import config_folder
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.carriers import EvaderIdentity
 from guidance.links.keys import Validity, make_keys
 from guidance.links.opening import open_source, open_wire
 from guidance.links.port import parse
@@ -98,7 +97,6 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
         f"zenoh://127.0.0.1:{port}/{REPORT}",
         clock=clock,
         frame=FRAME,
-        identity=EvaderIdentity(),
         credentials=mine,
     )
     owner = OwnerToken(joined("uav1-guidance"), "uav1/guidance")

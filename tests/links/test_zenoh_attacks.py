@@ -10,7 +10,6 @@ import pytest
 from guidance.config import config_folder
 from guidance.errors import LinkError
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.carriers import EvaderIdentity
 from guidance.links.keys import Validity, make_keys
 from guidance.links.opening import open_source, open_wire
 from guidance.links.zenoh_access import Credentials, read_credentials
@@ -186,10 +185,7 @@ def test_after_a_routers_restart_frames_reports_orders_and_the_claim_are_back(ke
     mine, url = of(keys, "uav1-guidance"), endpoint.replace("tls/", "zenoh://")
     router = open_router(ROUTER, keys, endpoint)
     wire = open_wire(f"{url}/uav1", clock=clock, credentials=mine)
-    identity = EvaderIdentity()
-    reports = open_source(
-        "json", f"{url}/evader1/report", clock=clock, frame=FRAME, identity=identity, credentials=mine
-    )
+    reports = open_source("json", f"{url}/evader1/report", clock=clock, frame=FRAME, credentials=mine)
     with (
         closing(wire),
         closing(reports),

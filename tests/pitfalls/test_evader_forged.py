@@ -16,8 +16,7 @@ from guidance.config import parse
 from guidance.flight import Event, State
 from guidance.frames import Amsl, LocalFrame, game_from_ned
 from guidance.links import MemoryWire
-from guidance.links.carriers import CARRIERS as MAVLINK
-from guidance.links.carriers import FOLLOW_TARGET, EvaderIdentity
+from guidance.links.carriers import FOLLOW_TARGET, carrier_of
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.zenoh_evader import KEYS
 from guidance.session.loop import run
@@ -203,7 +202,7 @@ CARRIERS = {
     "json": lambda: (20.0, over_zenoh("json")),
     "ros_pose": lambda: (20.0, over_zenoh("ros_pose")),
     "follow_target": lambda: (10.0, over_mavlink(FOLLOW_TARGET, follow_target)),
-    "adsb": lambda: (4.0, over_mavlink(MAVLINK["adsb"](SITE, EvaderIdentity(icao_address=0xABCDEF)), adsb_vehicle)),
+    "adsb": lambda: (4.0, over_mavlink(carrier_of("adsb", SITE, icao_address=0xABCDEF), adsb_vehicle)),
 }
 
 

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.carriers import CARRIERS, EvaderIdentity
+from guidance.links.carriers import carrier_of
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.zenoh_evader import read_ros
 from tests.links.evaders.test_mavlink import drone_id
@@ -65,7 +65,7 @@ def remote_id(clock):
     """OPEN_DRONE_ID_LOCATION once a second: the height above the ellipsoid, the seconds of the hour."""
     ours, radio = MemoryWire.pair(clock.now_s)
     source, sender = (
-        MavlinkEvader(ours, CARRIERS["open_drone_id"](FRAME, EvaderIdentity()), system_id=9),
+        MavlinkEvader(ours, carrier_of("open_drone_id", FRAME), system_id=9),
         mavlink.MAVLink(None, 9, 1),
     )
 

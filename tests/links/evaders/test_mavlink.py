@@ -14,10 +14,10 @@ from guidance.estimation import Observer, observe, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.carriers import CARRIERS, FOLLOW_TARGET, GLOBAL_POSITION, Carrier, EvaderIdentity
+from guidance.links.carriers import FOLLOW_TARGET, GLOBAL_POSITION, carrier_of
 from guidance.links.frames import ticks
 from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.opening import open_source
+from guidance.links.opening import open_wire
 from guidance.messages import AltitudeSaid, Datum, EvaderReport
 from tests.links.peer import Peer, until
 from tests.links.rigs import free_port
@@ -25,10 +25,6 @@ from tests.links.rigs import free_port
 UNDULATION_M = 47.3
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), undulation_m=UNDULATION_M)
 NAN = math.nan
-
-
-def carrier_of(kind, frame=FRAME, **identity) -> Carrier:
-    return CARRIERS[kind](frame, EvaderIdentity(**identity))
 
 
 class World:
@@ -178,7 +174,7 @@ def odometry(*, frame=1, child=1, position=(100.0, 50.0, -20.0), q=(1.0, 0.0, 0.
 
 
 def test_odometry_is_metres_about_the_evaders_own_origin():
-    report = World(carrier_of("odometry")).report(odometry(pose=0.25))
+    report = World(carrier_of("odometry", FRAME)).report(odometry(pose=0.25))
     assert FRAME.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)) == (
         pytest.approx((100.0, 50.0, -20.0), abs=1e-3)
     )
@@ -192,25 +188,29 @@ def test_odometry_is_metres_about_the_evaders_own_origin():
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0, 180.0, 270.0])
 def test_a_body_velocity_is_turned_by_the_attitude(heading_deg):
     half = math.radians(heading_deg) / 2.0
-    report = World(carrier_of("odometry")).report(odometry(child=12, q=(math.cos(half), 0.0, 0.0, math.sin(half))))
+    report = World(carrier_of("odometry", FRAME)).report(
+        odometry(child=12, q=(math.cos(half), 0.0, 0.0, math.sin(half)))
+    )
     heading = math.radians(heading_deg)
     assert report.velocity_ned_m_s == pytest.approx((3 * math.cos(heading), 3 * math.sin(heading), 0.0), abs=1e-6)
 
 
 def test_a_body_that_pitches_down_flies_down():
     half = math.radians(-90.0) / 2.0
-    report = World(carrier_of("odometry")).report(odometry(child=12, q=(math.cos(half), 0.0, math.sin(half), 0.0)))
+    report = World(carrier_of("odometry", FRAME)).report(
+        odometry(child=12, q=(math.cos(half), 0.0, math.sin(half), 0.0))
+    )
     assert report.velocity_ned_m_s == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("bad", [{"child": 20}, {"child": 12, "q": (0.0, 0.0, 0.0, 0.0)}, {"v": (NAN, 0.0, 0.0)}])
 def test_an_odometry_velocity_that_cannot_be_turned_is_unknown(bad):
-    assert is_unknown(World(carrier_of("odometry")).report(odometry(**bad)).velocity_ned_m_s)
+    assert is_unknown(World(carrier_of("odometry", FRAME)).report(odometry(**bad)).velocity_ned_m_s)
 
 
 @pytest.mark.parametrize("bad", [{"frame": 20}, {"frame": 4}, {"position": (NAN, 0.0, 0.0)}, {"position": (1e9, 0, 0)}])
 def test_an_odometry_in_another_frame_or_nowhere_is_refused(bad):
-    world = World(carrier_of("odometry"))
+    world = World(carrier_of("odometry", FRAME))
     assert world.report(odometry(**bad)) is None
     assert sum(world.refused().values()) == 1
 
@@ -241,7 +241,7 @@ def drone_id(**changes):
 
 
 def test_remote_id_is_ellipsoidal_and_its_climb_is_up():
-    report = World(carrier_of("open_drone_id")).report(drone_id())
+    report = World(carrier_of("open_drone_id", FRAME)).report(drone_id())
     assert report.altitude_amsl_m == pytest.approx(600.0 - UNDULATION_M)
     assert report.said == (600.0, Datum.ELLIPSOID)
     assert report.velocity_ned_m_s == pytest.approx((0.0, 4.0, -0.5), abs=1e-9)
@@ -250,7 +250,7 @@ def test_remote_id_is_ellipsoidal_and_its_climb_is_up():
 
 @pytest.mark.parametrize("unknown", [{"direction": 36100}, {"speed_horizontal": 25500}, {"speed_vertical": 6300}])
 def test_remote_id_sentinels_make_the_velocity_unknown(unknown):
-    assert is_unknown(World(carrier_of("open_drone_id")).report(drone_id(**unknown)).velocity_ned_m_s)
+    assert is_unknown(World(carrier_of("open_drone_id", FRAME)).report(drone_id(**unknown)).velocity_ned_m_s)
 
 
 @pytest.mark.parametrize(
@@ -263,13 +263,13 @@ def test_remote_id_sentinels_make_the_velocity_unknown(unknown):
     ],
 )
 def test_remote_id_without_a_place_is_refused(unknown):
-    world = World(carrier_of("open_drone_id"))
+    world = World(carrier_of("open_drone_id", FRAME))
     assert world.report(drone_id(**unknown)) is None
     assert sum(world.refused().values()) == 1
 
 
 def test_remote_id_time_goes_on_over_the_full_hour_and_may_be_unknown():
-    world = World(carrier_of("open_drone_id"))
+    world = World(carrier_of("open_drone_id", FRAME))
     sent = [world.report(drone_id(timestamp=second)).sent_s for second in (3598.5, 3599.5, 0.5, 65535.0, 1.5)]
     assert sent[:3] == [3598.5, 3599.5, 3600.5]
     assert math.isnan(sent[3])
@@ -277,13 +277,13 @@ def test_remote_id_time_goes_on_over_the_full_hour_and_may_be_unknown():
 
 
 def test_undefined_accuracy_classes_are_unknown():
-    report = World(carrier_of("open_drone_id")).report(drone_id(horizontal_accuracy=0, speed_accuracy=200))
+    report = World(carrier_of("open_drone_id", FRAME)).report(drone_id(horizontal_accuracy=0, speed_accuracy=200))
     assert math.isnan(report.position_sd_m)
     assert math.isnan(report.velocity_sd_m_s)
 
 
 def test_one_relayed_identity_can_be_pinned():
-    world = World(carrier_of("open_drone_id", id_or_mac="010203"))
+    world = World(carrier_of("open_drone_id", FRAME, id_or_mac="010203"))
     assert world.report(drone_id()) is None
     assert world.report(drone_id(id_or_mac=[1, 2, 3] + [0] * 17)) is not None
     assert world.refused() == {"refused_other_id": 1}
@@ -309,8 +309,8 @@ def adsb(**changes):
 
 
 def test_adsb_altitude_has_the_datum_of_its_type():
-    assert World(carrier_of("adsb", icao_address=0xABCDEF)).report(adsb()).altitude_amsl_m == 600.0
-    geometric = World(carrier_of("adsb", icao_address=0xABCDEF)).report(adsb(altitude_type=1))
+    assert World(carrier_of("adsb", FRAME, icao_address=0xABCDEF)).report(adsb()).altitude_amsl_m == 600.0
+    geometric = World(carrier_of("adsb", FRAME, icao_address=0xABCDEF)).report(adsb(altitude_type=1))
     assert geometric.altitude_amsl_m == pytest.approx(600.0 - UNDULATION_M)
     assert geometric.said == (600.0, Datum.ELLIPSOID)
     assert geometric.velocity_ned_m_s == pytest.approx((-50.0, 0.0, 2.0), abs=1e-9)
@@ -320,7 +320,7 @@ def test_adsb_altitude_has_the_datum_of_its_type():
 @pytest.mark.parametrize("missing", [4, 8, 128])
 def test_an_adsb_velocity_without_its_flags_is_unknown(missing):
     assert is_unknown(
-        World(carrier_of("adsb", icao_address=0xABCDEF)).report(adsb(flags=0x8F & ~missing)).velocity_ned_m_s
+        World(carrier_of("adsb", FRAME, icao_address=0xABCDEF)).report(adsb(flags=0x8F & ~missing)).velocity_ned_m_s
     )
 
 
@@ -334,7 +334,7 @@ def test_an_adsb_velocity_without_its_flags_is_unknown(missing):
     ],
 )
 def test_adsb_of_others_or_old_or_of_no_place_is_refused(change, reason):
-    world = World(carrier_of("adsb", icao_address=0xABCDEF))
+    world = World(carrier_of("adsb", FRAME, icao_address=0xABCDEF))
     assert world.report(adsb(**change)) is None
     assert world.refused() == {reason: 1}
 
@@ -405,6 +405,16 @@ def test_a_source_without_a_clock_never_sends():
     assert theirs.receive() == []
 
 
+@pytest.mark.parametrize("kind", ["follow_target", "global_position", "odometry", "open_drone_id", "adsb"])
+def test_nothing_is_sent_before_an_evader_has_reported(kind):
+    ours, theirs = MemoryWire.pair(lambda: 1.0)
+    source = MavlinkEvader(ours, carrier_of(kind, FRAME, icao_address=5), system_id=9, clock=lambda: 1.0)
+    Peer(theirs.send, system_id=9).heartbeat()
+    assert source.receive() == []
+    source.close()
+    assert ours.counters()["wire_sent"] == 0
+
+
 def test_garbage_and_other_messages_are_nothing():
     world = World(FOLLOW_TARGET)
     world.peer._send(b"\xfd\xff\x00garbage")
@@ -427,14 +437,8 @@ def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_know
 
 def test_unsigned_reports_sent_first_do_not_keep_a_signed_evader_out():
     key, port = SigningKey(bytes(range(32))), free_port()
-    source = open_source(
-        "follow_target",
-        f"udpin://127.0.0.1:{port}",
-        clock=time.monotonic,
-        frame=FRAME,
-        identity=EvaderIdentity(system_id=9),
-        signing_key=key,
-    )
+    wire = open_wire(f"udpin://127.0.0.1:{port}", clock=time.monotonic, systems=(9,), signing_key=key)
+    source = MavlinkEvader(wire, FOLLOW_TARGET, system_id=9, clock=time.monotonic, signing_key=key)
     reports = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as forgers, socket.socket(type=socket.SOCK_DGRAM) as theirs:
         forger = Peer(lambda data: forgers.sendto(data, ("127.0.0.1", port)), system_id=9)

@@ -13,12 +13,11 @@ from hypothesis import strategies as st
 
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
-from guidance.links import MemoryWire
-from guidance.links.carriers import EvaderIdentity, Refused
+from guidance.links.carriers import Refused
 from guidance.links.opening import open_source
 from guidance.links.zenoh_evader import ZenohEvader, json_schema, read_json, read_ros, rmw_key
 from guidance.links.zenoh_wire import open_session
-from tests.links.peer import Peer, until
+from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), home=Amsl(490.0), undulation_m=47.3)
@@ -227,7 +226,7 @@ def test_ros_messages_cut_anywhere_are_refused(length):
 )
 def test_an_evader_is_received_from_its_zenoh_key_only(router, kind, path, key, payload):
     url = f"zenoh://127.0.0.1:{router.port}/{path}"
-    source = open_source(kind, url, clock=clock, frame=FRAME, identity=EvaderIdentity())
+    source = open_source(kind, url, clock=clock, frame=FRAME)
     reports = []
     try:
         before_s = clock()
@@ -253,21 +252,7 @@ def test_an_evader_is_received_from_its_zenoh_key_only(router, kind, path, key, 
 
 def test_a_bad_url_of_a_source_is_named():
     with pytest.raises(ConfigError, match="nonsense"):
-        open_source("follow_target", "nonsense", clock=clock, frame=FRAME, identity=EvaderIdentity(9))
-
-
-@pytest.mark.parametrize("kind", ["follow_target", "global_position", "odometry", "open_drone_id", "adsb"])
-def test_mavlink_evaders_open_on_a_port_of_their_own_or_on_a_wire_that_is_shared(kind):
-    who = EvaderIdentity(system_id=9, icao_address=5)
-    own = open_source(kind, f"udpin://127.0.0.1:{free_port()}", clock=clock, frame=FRAME, identity=who)
-    assert own.receive() == []
-    own.close()
-    ours, theirs = MemoryWire.pair(clock)
-    shared = open_source(kind, "", clock=clock, frame=FRAME, identity=who, wire=ours)
-    Peer(theirs.send, system_id=9).heartbeat()
-    assert shared.receive() == []
-    shared.close()
-    assert ours.counters()["wire_sent"] == 0
+        open_source("json", "nonsense", clock=clock, frame=FRAME)
 
 
 def test_a_source_without_a_router_is_a_clear_error():
@@ -277,7 +262,6 @@ def test_a_source_without_a_router_is_a_clear_error():
             f"zenoh://127.0.0.1:{free_port()}/t",
             clock=clock,
             frame=FRAME,
-            identity=EvaderIdentity(),
             timeout_s=0.2,
         )
 
