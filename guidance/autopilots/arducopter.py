@@ -148,7 +148,6 @@ ARDUCOPTER: Final = Autopilot(
     name="arducopter",
     custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
     mode_titles={Mode.HOLD: "BRAKE", Mode.RETURN: "RTL"},
-    loss_parameter="GUID_TIMEOUT",
     streams_hz=description.STREAMS_HZ,
     handling=HANDLING,
     rules=RULES,
@@ -170,7 +169,6 @@ ROVER: Final = AutopilotProfile(
     name="rover",
     custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
     mode_titles={Mode.RETURN: "RTL"},
-    loss_parameter="FS_TIMEOUT",
     streams_hz={description.LOCAL_POSITION_NED: 20.0, description.GLOBAL_POSITION_INT: 20.0},
 )
 """The ground vehicle that plays the evader in mocked flights."""

@@ -50,8 +50,7 @@ class AutopilotProfile:
         unused: Value of a command's unused parameters.
         takeoff_frame: Datum of NAV_TAKEOFF's altitude.
         stream_before_guided: Whether it grants the guided mode only while setpoints arrive.
-        loss_parameter: Parameter with the time that it waits for setpoints.
-        setpoint_timeout_s: Default of that parameter.
+        setpoint_timeout_s: How long it waits for setpoints, by default.
         waits_in_guided: Whether it stays in the guided mode and hovers when setpoints stop.
         prearm_always_told: Whether SYS_STATUS reports the arming checks in `health` even if `present` lacks the bit.
         streams_hz: Requested rate of each message id.
@@ -66,7 +65,6 @@ class AutopilotProfile:
     unused: float
     takeoff_frame: int
     stream_before_guided: bool
-    loss_parameter: str
     setpoint_timeout_s: float
     waits_in_guided: bool
     prearm_always_told: bool

@@ -178,7 +178,6 @@ PX4: Final = Autopilot(
     unused=math.nan,
     takeoff_frame=MAV_FRAME_GLOBAL,
     stream_before_guided=True,
-    loss_parameter="COM_OF_LOSS_T",
     setpoint_timeout_s=1.0,
     waits_in_guided=False,
     prearm_always_told=True,

@@ -66,7 +66,6 @@ class Track:
         rival: A track of outliers that agree, not accepted yet.
         outcome: Of the last report.
         counts: Number of reports by outcome.
-        nis: Normalised innovation squared of the last report that was compared with the estimate.
         anchors: Estimated places of the last seconds, oldest first; they bound how far it can have moved.
         estimate: The newest one, None before the first report.
     """
@@ -75,7 +74,6 @@ class Track:
     rival: "Track | None" = None
     outcome: ReportOutcome | None = None
     counts: Mapping[ReportOutcome, int] = field(default_factory=dict)
-    nis: float = float("nan")
     anchors: tuple["Anchor", ...] = ()
     estimate: Estimate | None = field(init=False, repr=False)
 
@@ -97,14 +95,14 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     earlier = len(track.history)
     while track.history[earlier - 1].measurement.time_s > measurement.time_s:
         earlier -= 1
-    taken, nis = _take(track.history[earlier - 1].estimate, measurement, settings)
+    taken = _take(track.history[earlier - 1].estimate, measurement, settings)
     if taken is None:
-        return _outlier(replace(track, nis=nis), measurement, settings)
+        return _outlier(track, measurement, settings)
     history = _replayed((*track.history[:earlier], Accepted(measurement, taken)), track.history[earlier:], settings)
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
     oldest_s = history[-1].measurement.time_s - settings.history_s
     recent = tuple(one for one in history if one.measurement.time_s >= oldest_s)
-    return _anchored(_ended(replace(track, history=recent, rival=None, nis=nis), outcome), settings)
+    return _anchored(_ended(replace(track, history=recent, rival=None), outcome), settings)
 
 
 def _within_way(track: Track, measurement: Measurement, settings: TrackSettings) -> bool:
@@ -164,8 +162,7 @@ def _replayed(
 ) -> tuple[Accepted, ...]:
     """Process the later reports again; drop those that no longer fit."""
     for one in later:
-        again, _ = _take(history[-1].estimate, one.measurement, settings)
-        if again is not None:
+        if (again := _take(history[-1].estimate, one.measurement, settings)) is not None:
             history = (*history, Accepted(one.measurement, again))
     return history
 
@@ -181,18 +178,17 @@ def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     return replace(track, history=(first,), rival=None)
 
 
-def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -> tuple[Estimate | None, float]:
-    """Return the estimate after a report, None if the report is an outlier; and its NIS."""
+def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -> Estimate | None:
+    """Return the estimate after a report, None if the report is an outlier."""
     moved = advance(before, measurement.time_s, settings)
     measured, variances = measurement.plane()
-    nis = filters.distance(moved.modes, measured, variances)
-    if not nis <= _GATE[len(measured)]:
-        return None, nis
+    if not filters.distance(moved.modes, measured, variances) <= _GATE[len(measured)]:
+        return None
     height = filters.correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
     if measurement.velocity_ned_m_s is not None:
         height = filters.correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
     received_s = max(before.received_s, measurement.received_s)
-    return Estimate(moved.time_s, received_s, filters.correct(moved.modes, measured, variances), height), nis
+    return Estimate(moved.time_s, received_s, filters.correct(moved.modes, measured, variances), height)
 
 
 def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance import estimation
-from guidance.estimation.filters import advance, blended
+from guidance.estimation.filters import advance, blended, distance
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update
 
@@ -43,6 +43,11 @@ def tracked(reports, options=SETTINGS, track=None):
     for one in reports:
         track = update(track, one, options)
     return track
+
+
+def nis_of(track, one, options):
+    """Return the normalised innovation squared of a report that is newer than the track's last."""
+    return distance(advance(track.estimate, one.time_s, options).modes, *one.plane())
 
 
 class Predicted(NamedTuple):

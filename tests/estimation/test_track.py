@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 
 from guidance.estimation.measurement import Measurement
 from guidance.estimation.track import ReportOutcome, Track, update
-from tests.estimation.scenes import SETTINGS, measured, predict, straight, tracked
+from tests.estimation.scenes import SETTINGS, measured, nis_of, predict, straight, tracked
 from tests.harness.examples import drawn
 
 
@@ -148,10 +148,10 @@ def test_no_reports_at_all_break_a_track(reports):
 
 
 def test_a_single_outlier_moves_nothing():
-    track = tracked(straight(50))
-    wild_one = update(track, measured(5.0, (500.0, 0.0, 0.0), (3.0, -1.0, 0.2)), SETTINGS)
+    track, far = tracked(straight(50)), measured(5.0, (500.0, 0.0, 0.0), (3.0, -1.0, 0.2))
+    wild_one = update(track, far, SETTINGS)
     assert wild_one.outcome is ReportOutcome.OUTLIER
-    assert wild_one.nis > 33.38
+    assert nis_of(track, far, SETTINGS) > 33.38
     back = update(wild_one, measured(5.1, (25.3, 14.9, 0.02), (3.0, -1.0, 0.2)), SETTINGS)
     assert back.outcome is ReportOutcome.ACCEPTED
     assert back.rival is None
@@ -193,8 +193,8 @@ def test_the_gate_is_chi_square_at_one_in_a_million(known, gate):
     judged = {}
     for offset_m in np.linspace(0.0, 6.0, 121):
         place = (25.0 + offset_m, 15.0, 0.0)
-        after = update(track, measured(5.0, place, (3.0, -1.0, 0.2) if known else None), SETTINGS)
-        judged[after.nis] = after.outcome
+        one = measured(5.0, place, (3.0, -1.0, 0.2) if known else None)
+        judged[nis_of(track, one, SETTINGS)] = update(track, one, SETTINGS).outcome
     assert all((outcome is ReportOutcome.OUTLIER) == (nis > gate) for nis, outcome in judged.items())
     assert set(judged.values()) == {ReportOutcome.ACCEPTED, ReportOutcome.OUTLIER}
 

@@ -9,7 +9,7 @@ from scipy.special import chdtri
 
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import ReportOutcome, Track, update
-from tests.estimation.scenes import predict
+from tests.estimation.scenes import nis_of, predict
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 SPEED_SD_M_S = 2.0  # of the evaders, north and east each: an evader of about 3 m/s
@@ -65,13 +65,10 @@ def run(seed, *, rate_hz, with_velocity, delay_s, seconds, after_s):
     track, nis = Track(), []
     for step in range(round(seconds * rate_hz) + 1):
         time_s = step / rate_hz
-        track = update(
-            track,
-            report(rng, time_s, path[round(time_s / 0.01)], with_velocity=with_velocity, delay_s=delay_s),
-            SETTINGS,
-        )
+        one = report(rng, time_s, path[round(time_s / 0.01)], with_velocity=with_velocity, delay_s=delay_s)
         if time_s > after_s:
-            nis.append(track.nis)
+            nis.append(nis_of(track, one, SETTINGS))
+        track = update(track, one, SETTINGS)
     now_s = time_s + delay_s
     evader = predict(track, now_s, SETTINGS)
     estimate = np.array([*evader.position_ned_m[:2], *evader.velocity_ned_m_s[:2]])
