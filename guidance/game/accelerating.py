@@ -4,8 +4,7 @@ The pursuer is a double integrator: ‖a‖ ≤ A, ‖w‖ ≤ u. The evader cha
 for the point where the evader's reach first lies within the pursuer's. In a direction n, the pursuer's reach is the
 largest distance along n that it can fly by then:
 
-* **Below top speed** it accelerates along n throughout: n·w₀ t + A t²/2. Its reach is a disc, and the time of capture
-  is the root of a quartic.
+* **Below top speed** it accelerates along n throughout: n·w₀ t + A t²/2. Its reach is a disc.
 * **At top speed** it has to turn its velocity to n. The best way is a catenary in the plane of velocities: an
   acceleration whose tangent is linear in time, until the velocity touches the circle ‖w‖ = u; from there it turns along
   the circle, at the rate A/u. The angle of that point is the one unknown.
@@ -19,18 +18,15 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-
 from guidance.errors import ConfigError
 from guidance.game.arrays import along2, dot2, in_plane, plus2
+from guidance.game.records import require
 
 Point = tuple[float, float]
 
 _HEADINGS = 48
 """Directions of the first search."""
 _HEADING_RAD = 1e-8
-_REAL = 1e-7
-"""Share of the imaginary part that counts as rounding of a real root."""
 _ROUNDING = 1e-12
 _STEPS = 60
 _INSIDE = 1.0 - 1e-9
@@ -77,17 +73,14 @@ def solve_accelerating(
     Raises:
         ConfigError: A value is not a finite number, or not in its range.
     """
-    given = (*pursuer_m, *pursuer_m_s, *evader_m, speed_m_s, acceleration_m_s2, evader_speed_m_s, capture_radius_m)
+    require("acceleration_m_s2", acceleration_m_s2)
+    require("capture_radius_m", capture_radius_m, zero_allowed=True)
+    given = (*pursuer_m, *pursuer_m_s, *evader_m, speed_m_s, evader_speed_m_s)
     if not all(map(math.isfinite, given)):
-        raise ConfigError(f"positions, velocity, speeds, acceleration and radius must be finite numbers, not {given}")
+        raise ConfigError(f"positions, velocity and speeds must be finite numbers, not {given}")
     if not 0.0 <= evader_speed_m_s < speed_m_s:
         raise ConfigError(
             f"evader_speed_m_s = {evader_speed_m_s:g}: allowed is 0 up to below {speed_m_s:g} (speed_m_s)"
-        )
-    if acceleration_m_s2 <= 0.0 or capture_radius_m < 0.0:
-        raise ConfigError(
-            f"acceleration_m_s2 = {acceleration_m_s2:g}, capture_radius_m = {capture_radius_m:g}: allowed are an "
-            "acceleration above 0 and a radius of 0 or more"
         )
     away = (evader_m[0] - pursuer_m[0], evader_m[1] - pursuer_m[1])
     excess = max(1.0, math.hypot(*pursuer_m_s) / (_INSIDE * speed_m_s))
@@ -95,7 +88,20 @@ def solve_accelerating(
     chase = _Chase(away, flown, speed_m_s, acceleration_m_s2, evader_speed_m_s, capture_radius_m)
     if math.hypot(*away) <= capture_radius_m:
         return AcceleratingSolution(0.0, math.atan2(away[1], away[0]), evader_m, (0.0, 0.0))
-    heading, met = chase.solved()
+    step = 2.0 * math.pi / _HEADINGS
+    tried = [(number * step, chase.escape(number * step)) for number in range(_HEADINGS)]
+    best, last = tried[0][0], _NONE
+    while later := [(heading, one) for heading, one in tried if one.begin_s <= last.end_s < one.end_s]:
+        best, last = max(later, key=lambda one: one[1].end_s)
+    low, high, golden = best - step, best + step, 0.5 * (math.sqrt(5.0) - 1.0)
+    while high - low > _HEADING_RAD:
+        inner, outer = high - golden * (high - low), low + golden * (high - low)
+        if chase.escape(inner).end_s > chase.escape(outer).end_s:
+            high = outer
+        else:
+            low = inner
+    heading = 0.5 * (low + high)
+    met = chase.escape(heading)
     ahead = math.cos(heading), math.sin(heading)
     meeting = plus2(evader_m, evader_speed_m_s * met.end_s, ahead)
     return AcceleratingSolution(met.end_s, heading, meeting, in_plane(ahead, met.acceleration_m_s2))
@@ -132,46 +138,6 @@ class _Chase(NamedTuple):
     a: float
     v: float
     radius_m: float
-
-    def solved(self) -> tuple[float, _Escape]:
-        """Return the evader's heading, and its escape along it."""
-        step = 2.0 * math.pi / _HEADINGS
-        tried = [(number * step, self.escape(number * step)) for number in range(_HEADINGS)]
-        closed = self.below_top_speed()
-        if closed is not None and not any(one.begin_s < closed[1].end_s < one.end_s for _, one in tried):
-            return closed
-        best, last = tried[0][0], _NONE
-        while later := [(heading, one) for heading, one in tried if one.begin_s <= last.end_s < one.end_s]:
-            best, last = max(later, key=lambda one: one[1].end_s)
-        low, high, golden = best - step, best + step, 0.5 * (math.sqrt(5.0) - 1.0)
-        while high - low > _HEADING_RAD:
-            inner, outer = high - golden * (high - low), low + golden * (high - low)
-            if self.escape(inner).end_s > self.escape(outer).end_s:
-                high = outer
-            else:
-                low = inner
-        heading = 0.5 * (low + high)
-        return heading, self.escape(heading)
-
-    def below_top_speed(self) -> tuple[float, _Escape] | None:
-        """Return heading and escape if the pursuer is below top speed throughout: ‖d − w₀ t‖ = A t²/2 + l − v t."""
-        (x, y), (p, q), radius_m = self.away_m, self.flown_m_s, self.radius_m
-        quartic = (
-            0.25 * self.a * self.a,
-            -self.a * self.v,
-            self.v * self.v + self.a * radius_m - p * p - q * q,
-            2.0 * (x * p + y * q - self.v * radius_m),
-            radius_m * radius_m - x * x - y * y,
-        )
-        for root in sorted(np.roots(quartic), key=lambda one: one.real):
-            time_s = float(root.real)
-            reach_m = 0.5 * self.a * time_s * time_s + radius_m - self.v * time_s
-            if abs(root.imag) > _REAL * abs(root) or time_s <= 0.0 or reach_m < 0.0:
-                continue
-            heading = math.atan2(y - q * time_s, x - p * time_s)
-            end = (p + self.a * time_s * math.cos(heading), q + self.a * time_s * math.sin(heading))
-            return (heading, _Escape(0.0, time_s, (self.a, 0.0))) if math.hypot(*end) <= self.u else None
-        return None
 
     def escape(self, heading: float) -> _Escape:
         """Return when the evader is out of the pursuer's reach along a heading."""

@@ -245,7 +245,7 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
 
 def fly_to(xp: Library, game: Game, state: Geometry, to: Plane, t: Real) -> Space:
     """Return the pursuer's velocity, m/s, that captures an evader in time `t` that is at `to` from the pursuer then."""
-    gap = xp.norm2(to) - game.standoff.radius_m - game.capture_radius_m
+    gap = 0.0 if isinstance(game.pursuer, Ball) else xp.norm2(to) - game.standoff.radius_m - game.capture_radius_m
     return steer(xp, game, to, gap, t, state.z, state.hold)
 
 

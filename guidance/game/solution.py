@@ -155,8 +155,7 @@ def solve_state(
         play = _play(FLOATS, game, *known)
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero
         return _row_of_one(game, known)
-    contested = target is not None
-    if not _is_sound(game, play, squares, contested=contested) or (contested and _has_no_region(game, play)):
+    if not _is_sound(game, play, squares) or _has_no_region(game, play):
         return _row_of_one(game, known)
     (x, y, z), (px, py, pz), (ex, ey, ez) = play.meeting_point_m, play.pursuer_velocity_m_s, play.evader_velocity_m_s
     return StateSolution(
@@ -210,32 +209,33 @@ def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Sp
 
 def _fault(xp: Library, game: Game, given: dict[str, Array], play: StateSolution) -> Real:
     """Return 0, or the reason why a row can have no answer."""
-    contested = "target" in given
-    sound = _is_sound(game, play, most_squares(given) if xp is NUMPY else squares(given), contested=contested)
+    sound = _is_sound(game, play, most_squares(given) if xp is NUMPY else squares(given))
     fault: Real = int(Reason.SOLVED)
-    lost = contested and _has_no_region(game, play)
+    lost = _has_no_region(game, play)
     if lost is not False:
         fault = xp.select(lost, int(Reason.NO_REGION), fault)
     if xp is not NUMPY or not np.all(sound):
-        sound = _is_sound(game, play, squares(given), contested=contested)
+        sound = _is_sound(game, play, squares(given))
         zero = sum(0.0 * part for array in given.values() for part in components(array))
         fault = xp.select(sound, fault, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     return refused_rows(xp, game, fault) if game.varies else fault
 
 
-def _is_sound(game: Game, play: StateSolution, squares: Real, *, contested: bool) -> Truth:
+def _is_in_pe(play: StateSolution) -> bool:
+    """Return whether an answer is that of PE, where the margin is infinite."""
+    return isinstance(play.margin_s, float) and math.isinf(play.margin_s)
+
+
+def _is_sound(game: Game, play: StateSolution, squares: Real) -> Truth:
     """Return whether an answer is finite, and no square inside the kernels can have been infinite.
 
     Args:
         game: the game.
         play: the answer.
         squares: sum of the squares of all positions and velocities, or more.
-        contested: whether it is TAD; in PE the margin is infinite.
     """
     x, y, _ = play.meeting_point_m
-    answered = play.value + play.meeting_time_s + x + y
-    if contested:
-        answered = answered + play.margin_s
+    answered = play.value + play.meeting_time_s + x + y + (0.0 if _is_in_pe(play) else play.margin_s)
     standoff, u = game.standoff, game.pursuer.horizontal_m_s
     length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
     square = u * u
@@ -245,7 +245,7 @@ def _is_sound(game: Game, play: StateSolution, squares: Real, *, contested: bool
 
 def _has_no_region(game: Game, play: StateSolution) -> Truth:
     """Return where the evader of TAD was seen too long ago for a convex region, and the pursuer would win."""
-    old = game.information_age_s > guaranteed_age_s(game)
+    old = not _is_in_pe(play) and game.information_age_s > guaranteed_age_s(game)
     return old if old is False else old & (play.winner > 0) & (play.reason != int(Reason.CAPTURED))
 
 
@@ -275,8 +275,7 @@ def _put_together(
 
 def _doubted(xp: Library, game: Game, play: StateSolution) -> Real:
     """Return the reason, which is TOO_OLD for a prediction from old information; present facts keep theirs."""
-    in_pe = isinstance(play.margin_s, float) and math.isinf(play.margin_s)
-    old = game.information_age_s > (guaranteed_age_s(game) if in_pe else 0.0)
+    old = game.information_age_s > (guaranteed_age_s(game) if _is_in_pe(play) else 0.0)
     if old is False:
         return play.reason
     promise = (play.reason == Reason.SOLVED) | (play.reason == Reason.OVERHEAD) | (play.reason == Reason.ON_BARRIER)

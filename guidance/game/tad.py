@@ -76,9 +76,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     heading = xp.unit2(xp.select2(moves, run, goal), length)
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
-    reach = game.standoff.radius_m + game.capture_radius_m
-    gap = 0.0 if isinstance(game.pursuer, Ball) else xp.norm2(to) - reach  # a Ball does not use it
-    flown = pe.steer(xp, game, to, gap, xp.select(won, lead.time, contest.guard), state.z, hold)
+    flown = pe.fly_to(xp, game, state._replace(hold=hold), to, xp.select(won, lead.time, contest.guard))
     if not is_zero(age):
         flown = _close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown)
     return StateSolution(

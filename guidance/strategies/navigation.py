@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from guidance.game.arrays import Array, Library, Real, Space, dot2, dot3, plus2, plus3, times2, times3
 from guidance.game.game import Ball, Game
-from guidance.game.pe import Geometry, steer, take_apart
+from guidance.game.pe import Geometry, fly_to, take_apart
 from guidance.game.rows import vector_of
 from guidance.game.tad import guard_time
 
@@ -116,11 +116,8 @@ def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, tur
     """Turn a Cylinder's horizontal velocity, and fly to the disc's height."""
     zero = 0.0 * state.z
     course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), turn)
-    distance = xp.norm2(state.to_evader)
-    to = times2(distance, course[:2])
-    gap = distance - game.standoff.radius_m - game.capture_radius_m
-    t = guard_time(xp, game, state, plus2(to, -1.0, state.to_evader))
-    return steer(xp, game, to, gap, t, state.z, state.hold)
+    to = times2(xp.norm2(state.to_evader), course[:2])
+    return fly_to(xp, game, state, to, guard_time(xp, game, state, plus2(to, -1.0, state.to_evader)))
 
 
 def _turned(xp: Library, sight: Space, previous: Space, turn: Space) -> Space:

@@ -78,8 +78,6 @@ def _played(game: Game) -> Game:
 
 def pair_axes(team: TeamGame) -> tuple[int, ...]:
     """Return the common shape of a game's numbers."""
-    if not team.game.varies and team.plays.ndim == 0:
-        return ()
     shapes: dict[str, tuple[int, ...]] = {name: np.shape(value) for name, value in parameters(team.game).items()}
     return fitting(shapes | {"game": team.plays.shape})
 

@@ -213,7 +213,8 @@ def _answer(table: Table, first: Array, second: Array, play: TeamSolution) -> Ma
     lost = 0 if table.target is None else int(Winner.EVADER)
     return Matching(
         guaranteed=guarded.sum(axis=-1),
-        total=_summed(np.where(guarded, play.value, 0.0)),
+        # Added from the least to the largest: the same bits in any order and in any batch.
+        total=np.asarray(sum(np.sort(np.where(guarded, play.value, 0.0), axis=-1).T)),
         first=first,
         second=second,
         evader_of=evader_of,
@@ -247,8 +248,3 @@ def _to_target(table: Table, target: Array) -> Array:
     to[..., 2] = 0.0
     far = NUMPY.norm2((to[..., 0], to[..., 1]))
     return np.asarray(np.where(far > 0, table.all.v / far, 0.0 * far)[..., None] * to)
-
-
-def _summed(parts: Array) -> Array:
-    """Add rows, (b, m), from the least to the largest: the same bits in any order and in any batch."""
-    return np.asarray(sum(np.sort(parts, axis=-1).T))

@@ -7,7 +7,7 @@ to its target than promised, or no later, with an error of up to 2 (u + v) `step
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -30,6 +30,9 @@ OPTIMAL = "optimal"
 
 Policies = str | Policy | Sequence[str | Policy]
 """One policy for all players of a side, or one for each."""
+
+
+_Each = Sequence[str | Policy]
 
 
 class TeamSample(NamedTuple):
@@ -129,8 +132,7 @@ def rollout_teams(
             path.append(TeamSample(now, P, E, end, matching))
         if not running.any():
             break
-        flown = _pursuing(pairs.game, chase, P, E, T, matching)
-        run = _evading(pairs.game, flee, P, E, T, matching)
+        flown, run = _played(pairs.game, (chase, flee), P, E, T, matching)
         free = np.where(running, np.minimum(soonest, arrival), np.inf)
         least = np.minimum(np.min(free, axis=-1), np.min(taken(turn, matching.evader_of), axis=-1))
         h = np.where(running.any(axis=-1), np.minimum(np.minimum(least, step_s), duration_s - now), 0.0)
@@ -154,36 +156,32 @@ def _ahead(game: Game, plays: Array, P: Array, E: Array, T: Array | None) -> Ahe
     return Ahead(np.where(plays, capture, math.inf), arrival[..., 0, :], turn)
 
 
-def _pursuing(
-    game: Game, policies: Sequence[str | Policy], P: Array, E: Array, T: Array | None, matching: Matching
-) -> Array:
-    """Return the pursuers' velocities, (..., n, 3), each by its own policy against its evader."""
+def _played(
+    game: Game, sides: tuple[_Each, _Each], P: Array, E: Array, T: Array | None, matching: Matching
+) -> tuple[Array, Array]:
+    """Return the velocities of pursuers against their evaders, (..., n, 3), and of evaders against the nearest pursuer.
+
+    Each player moves by its own policy, (..., m, 3).
+    """
     chased = matching.evader_of
-    at, one = place_of(chased, chased.ndim - 1), for_rows(game, lambda value: taken(value, chased))
-    goal = None if T is None else T[at]
-    return _each(policies, matching.pursuer_velocity_m_s, lambda policy: policy(one, P, E[at], goal))
-
-
-def _evading(
-    game: Game, policies: Sequence[str | Policy], P: Array, E: Array, T: Array | None, matching: Matching
-) -> Array:
-    """Return the evaders' velocities, (..., m, 3), each by its own policy against the nearest pursuer."""
     near = np.argmin(np.sum((P[..., :, None, :] - E[..., None, :, :]) ** 2, axis=-1), axis=-2)
-    one = for_rows(game, lambda value: taken(value.swapaxes(-1, -2), near))
-    by = P[place_of(near, near.ndim - 1)]
-    return _each(policies, matching.evader_velocity_m_s, lambda policy: policy(one, by, E, T))
+    at, by = (place_of(who, who.ndim - 1) for who in (chased, near))
+    ours = for_rows(game, lambda value: taken(value, chased))
+    theirs = for_rows(game, lambda value: taken(value.swapaxes(-1, -2), near))
+    found = []
+    optimal = (matching.pursuer_velocity_m_s, matching.evader_velocity_m_s)
+    places = ((ours, P, E[at], None if T is None else T[at]), (theirs, P[by], E, T))
+    for policies, velocity_m_s, state in zip(sides, optimal, places, strict=True):
+        velocity = np.array(velocity_m_s, dtype=np.float64)
+        for policy in dict.fromkeys(policies):
+            if not isinstance(policy, str):
+                mine = np.array([other == policy for other in policies])
+                velocity[..., mine, :] = policy(*state)[..., mine, :]
+        found.append(velocity)
+    return found[0], found[1]
 
 
-def _each(policies: Sequence[str | Policy], optimal: Array, play: Callable[[Policy], Array]) -> Array:
-    velocity = np.array(optimal, dtype=np.float64)
-    for policy in dict.fromkeys(policies):
-        if not isinstance(policy, str):
-            mine = np.array([other == policy for other in policies])
-            velocity[..., mine, :] = play(policy)[..., mine, :]
-    return velocity
-
-
-def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]) -> Sequence[str | Policy]:
+def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]) -> _Each:
     """Return a policy for each player, "optimal" by its name.
 
     Raises:

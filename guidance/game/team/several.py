@@ -50,7 +50,7 @@ from guidance.game.game import Game, Reason
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting
 from guidance.game.team.arguments import Games, joined, judged, pair_axes, vectors
-from guidance.game.team.regions import Point, Regions, crossing, edge, halfway, survived, unit
+from guidance.game.team.regions import Regions, crossing, edge, halfway, survived, unit
 from guidance.game.team.table import Goal, Meeting, Team, are, place_of, taken, team_of, together
 
 FEW = 8
@@ -298,7 +298,11 @@ def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None 
     *rows, pair = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
     if len(pair):
         place = (*rows, count + pair)
-        x[place], y[place] = heading = _crossings(regions, own, rows, decide[count + pair], pair < len(i))
+        # The crossing between both own headings, or that on the other side.
+        begin, end = ((own[0][*rows, who], own[1][*rows, who]) for who in decide[count + pair].T)
+        middle, side = halfway(begin, end), np.where(pair < len(i), 1.0, -1.0)
+        two = regions.pick((*(row[:, None] for row in rows), decide[count + pair]))
+        x[place], y[place] = heading = crossing(two, begin, end, (side * middle[0], side * middle[1]))
         ends[place] = survived(regions.pick(tuple(rows)), (heading[0][:, None], heading[1][:, None]))
     far = np.fmax(ends.min(axis=-1), -np.inf)
     tied = far >= far.max(axis=-1, keepdims=True) * (1.0 - EQUAL)
@@ -312,22 +316,6 @@ def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None 
         first, second = taken(chosen, first), taken(chosen, second)
     time = np.where(first == second, taken(team.alone.value, first), run / team.v)
     return Meeting(run * x[at], run * y[at], -time, first, second)
-
-
-def _crossings(regions: Regions, own: Sequence[Array], rows: Sequence[Array], pairs: Array, between: Array) -> Point:
-    """Return headings, (k,), along which the edges of two regions cross.
-
-    Args:
-        regions: of some pursuers, (..., n).
-        own: x and y of each pursuer's own heading, (..., n).
-        rows: of each pair, in the leading axes.
-        pairs: numbers of both pursuers, (k, 2).
-        between: whether to return the crossing between both own headings, or that on the other side, (k,).
-    """
-    begin, end = ((own[0][*rows, who], own[1][*rows, who]) for who in pairs.T)
-    middle, side = halfway(begin, end), np.where(between, 1.0, -1.0)
-    two = regions.pick((*(row[:, None] for row in rows), pairs))
-    return crossing(two, begin, end, (side * middle[0], side * middle[1]))
 
 
 def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Array) -> TeamSolution:
