@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, along2, times2
+from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, along2, cross2, times2
 from guidance.game.records import is_finite, require
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -50,15 +50,18 @@ class Extent:
         given = [tuple(corner) for corner in self.corners_m]
         if not given or any(len(corner) != 2 or not all(map(is_finite, corner)) for corner in given):
             raise ConfigError(f"corners_m = {self.corners_m!r}: must be one or more pairs of finite numbers (x, y), m")
-        corners = [(float(x), float(y)) for x, y in given]
-        hull = _hull(corners)
-        for corner in corners:
-            if corner not in hull or corners.count(corner) > 1:
+        # Counterclockwise, as seen from the first, beyond which there is none.
+        first, *others = sorted((float(x), float(y)) for x, y in given)
+        others.sort(key=lambda one: (math.atan2(one[1] - first[1], one[0] - first[0]), math.dist(one, first)))
+        corners = (first, *others)
+        for before, (x, y), after in zip(corners, others, (*others[1:], first), strict=False):
+            turn = cross2((x - before[0], y - before[1]), (after[0] - x, after[1] - y))
+            if corners.count((x, y)) > 1 or (len(corners) > 2 and turn <= 0.0):
                 raise ConfigError(
-                    f"corners_m: ({corner[0]:g}, {corner[1]:g}) is no corner of a convex polygon with the others; "
+                    f"corners_m: ({x:g}, {y:g}) is no corner of a convex polygon with the others; "
                     "leave it out, or use a convex polygon around all of them"
                 )
-        object.__setattr__(self, "corners_m", hull)
+        object.__setattr__(self, "corners_m", corners)
         object.__setattr__(self, "radius_m", float(self.radius_m))
 
     @property
@@ -81,24 +84,6 @@ class Extent:
             corner = max(self.corners_m, key=lambda corner: corner[0] * x + corner[1] * y)
             found.append((corner[0] + self.radius_m * x, corner[1] + self.radius_m * y))
         return list(dict.fromkeys(found))
-
-
-def _hull(points: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Return the corners of the convex hull, counterclockwise (Andrew's monotone chain)."""
-    ordered = sorted(set(points))
-    if len(ordered) < 3:
-        return tuple(ordered)
-    chains = []
-    for side in (ordered, ordered[::-1]):
-        chain: list[tuple[float, float]] = []
-        for x, y in side:
-            while len(chain) > 1 and (chain[-1][0] - chain[-2][0]) * (y - chain[-2][1]) <= (
-                chain[-1][1] - chain[-2][1]
-            ) * (x - chain[-2][0]):
-                chain.pop()
-            chain.append((x, y))
-        chains.append(chain[:-1])
-    return tuple(chains[0] + chains[1])
 
 
 POINT = Extent()
