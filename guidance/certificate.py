@@ -20,7 +20,6 @@ for it. It stays between the evader and the target, and descends as fast as its 
 """
 
 import math
-from functools import partial
 from typing import Final, NamedTuple
 
 from guidance.control import Acceleration, Envelope, Gaps, late_start
@@ -57,13 +56,18 @@ _SURELY: Final = 0.999
 
 
 class Players(NamedTuple):
-    """Positions in the game frame, m, and velocities, m/s. `target_m` is T of the TAD game, None in PE."""
+    """Positions in the game frame, m, velocities, m/s, distances to the disc, and the age of the evader's last report.
+
+    `target_m` is T of the TAD game, None in PE.
+    """
 
     pursuer_m: Vector
     pursuer_m_s: Vector
     evader_m: Vector
     evader_m_s: Vector
     target_m: Vector | None
+    gaps: Gaps
+    evader_age_s: float
 
 
 class Certificate(NamedTuple):
@@ -134,22 +138,19 @@ class Certificate(NamedTuple):
 
 
 class Vehicle(NamedTuple):
-    """Guaranteed acceleration, limits with braking and reaction, and the largest speed flown over the ground."""
+    """Guaranteed acceleration, limits with braking and reaction, and the largest speed flown over the ground.
+
+    `tolerance_m`: distance from the disc that counts as captured.
+    """
 
     acceleration: Acceleration
     envelope: Envelope
     shown_m_s: float
+    tolerance_m: float
 
 
 def certify(
-    game: Game,
-    players: Players,
-    vehicle: Vehicle,
-    gaps: Gaps,
-    before_m_s: Vector | None,
-    *,
-    evader_age_s: float,
-    tolerance_m: float,
+    game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector | None
 ) -> tuple[StateSolution, Vector | None, Certificate]:
     """Solve the game from here, and find its value from where a pursuer starts that does as well as this vehicle.
 
@@ -159,10 +160,7 @@ def certify(
         game: What is played, at the speed that the vehicle reaches.
         players: From where.
         vehicle: What it can do.
-        gaps: To the disc.
         before_m_s: The pursuer's optimal velocity of the last cycle, None at the first.
-        evader_age_s: Age of the evader's last report.
-        tolerance_m: Distance from the disc that counts as captured.
 
     Returns:
         The solution from here, the velocity of a vehicle that waits for its height or guards the target, None if it
@@ -173,8 +171,9 @@ def certify(
     optimal = here.pursuer_velocity_m_s
     optimal_m_s = optimal if before_m_s is None else before_m_s
     late = late_start(P, optimal_m_s, players.pursuer_m_s, vehicle.acceleration)
-    farthest_m = max(gaps.ground_m, abs(gaps.height_m))
-    certificate = without_game(players, gaps, evader_age_s, here)._replace(
+    (ground_m, height_m, *_), tolerance_m = players.gaps, vehicle.tolerance_m
+    farthest_m = max(ground_m, abs(height_m))
+    certificate = without_game(players, here)._replace(
         speed_ratio=u / game.evader_speed_m_s,
         captured=farthest_m <= tolerance_m,
         strayed=farthest_m > 3.0 * tolerance_m,
@@ -190,12 +189,11 @@ def certify(
     shown = game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
-    low = abs(gaps.height_m) <= tolerance_m
+    low = abs(height_m) <= tolerance_m
     asked_m_s = (None if low else _waiting(game, here, players, vehicle, trusted_m_s)) or optimal
     reaction_s = vehicle.envelope.reaction_s
-    guard = partial(_guard, game, shown, here, players, vehicle, tolerance_m=tolerance_m)
-    _, margin_s = guard(flies_on_s=reaction_s)
-    guarding_m_s, later_s = guard(flies_on_s=reaction_s + AHEAD_S)
+    _, margin_s = _guard(game, shown, here, players, vehicle, reaction_s)
+    guarding_m_s, later_s = _guard(game, shown, here, players, vehicle, reaction_s + AHEAD_S)
     share = min(1.0, max(0.0, 1.0 - (later_s + AHEAD_S) / SPARE_S))
     if share > 0.0 and here.winner == Winner.PURSUER:
         x, y = (a + share * (g - a) for a, g in zip(asked_m_s[:2], guarding_m_s[:2], strict=True))
@@ -214,16 +212,16 @@ def certify(
     return here, waiting_m_s, certificate
 
 
-def without_game(players: Players, gaps: Gaps, evader_age_s: float, here: StateSolution = _NO_SOLUTION) -> Certificate:
+def without_game(players: Players, here: StateSolution = _NO_SOLUTION) -> Certificate:
     """Return the certificate of a cycle without a game, or the part of one with a game that needs only its solution."""
     return Certificate(
         *here[:5],
         speed_ratio=math.nan,
-        evader_age_s=evader_age_s,
+        evader_age_s=players.evader_age_s,
         pursuer_game_m=players.pursuer_m,
         evader_game_m=players.evader_m,
-        gap_m=gaps.ground_m,
-        height_gap_m=gaps.height_m,
+        gap_m=players.gaps.ground_m,
+        height_gap_m=players.gaps.height_m,
         desired_ned_m_s=_NOWHERE,
         command_ned_m_s=_NOWHERE,
         active_limits=(),
@@ -249,14 +247,7 @@ def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle
 
 
 def _guard(
-    game: Game,
-    shown: Game,
-    here: StateSolution,
-    players: Players,
-    vehicle: Vehicle,
-    *,
-    flies_on_s: float,
-    tolerance_m: float,
+    game: Game, shown: Game, here: StateSolution, players: Players, vehicle: Vehicle, flies_on_s: float
 ) -> tuple[Vector, float]:
     """Return the velocity to the target of a vehicle that flies on before, and its margin there, s. It stops there."""
     P, E, T, envelope = players.pursuer_m, players.evader_m, players.target_m or _NOWHERE, vehicle.envelope
@@ -275,15 +266,15 @@ def _guard(
     braking_s = braking_s if missing_m > 0.0 else 0.0
     levelling_s = 0.0
     if up:
-        levelling_s = _levelling_s(here, envelope, tolerance_m)
+        levelling_s = _levelling_s(here, vehicle)
         levelling_s += (1.0 - vehicle.acceleration.descent_share) * abs(P[2] - E[2] - game.standoff.height_m) / abs(up)
     margin_s = solve_state(shown, late, E, T, evader_velocity_m_s=players.evader_m_s).margin_s
     needed_s = flies_on_s + max(braking_s, levelling_s) + UNSURE_S + UNSURE * here.meeting_time_s
     return guarding_m_s, min(margin_s, here.margin_s) - needed_s
 
 
-def _levelling_s(here: StateSolution, envelope: Envelope, tolerance_m: float) -> float:
+def _levelling_s(here: StateSolution, vehicle: Vehicle) -> float:
     """Return the time lost by braking to the height of the disc, until the vehicle is within tolerance, s."""
-    speed_m_s, braking_m_s2 = abs(here.pursuer_velocity_m_s[2]), envelope.vertical_braking_m_s2
-    excess_m_s = speed_m_s - math.sqrt(2.0 * braking_m_s2 * tolerance_m)
+    speed_m_s, braking_m_s2 = abs(here.pursuer_velocity_m_s[2]), vehicle.envelope.vertical_braking_m_s2
+    excess_m_s = speed_m_s - math.sqrt(2.0 * braking_m_s2 * vehicle.tolerance_m)
     return excess_m_s**2 / (2.0 * braking_m_s2 * speed_m_s) if excess_m_s > 0.0 else 0.0

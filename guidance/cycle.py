@@ -113,18 +113,17 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     E, seen_m_s = frame.position_from_ned(evader.position_ned_m), game_from_ned(evader.velocity_ned_m_s)
     T, (x_m_s, y_m_s), played_s = settings.target_game_m, settings.game.target_velocity_m_s, memory.strategy.played_s
     T = None if T is None else (T[0] + x_m_s * played_s, T[1] + y_m_s * played_s, T[2])
-    players = Players(P, flown_m_s, E, seen_m_s, T)
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.game.standoff)
+    players = Players(P, flown_m_s, E, seen_m_s, T, gaps, evader.age_s)
     try:
         game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
-        refused = without_game(players, gaps, evader.age_s)
-        return output._replace(certificate=refused._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s))
-    vehicle, before = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s), memory.optimal_game_m_s
-    solution, waiting, certificate = certify(
-        game, players, vehicle, gaps, before, evader_age_s=evader.age_s, tolerance_m=settings.tolerance_m
-    )
+        return output._replace(
+            certificate=without_game(players)._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s)
+        )
+    vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s, settings.tolerance_m)
+    solution, waiting, certificate = certify(game, players, vehicle, memory.optimal_game_m_s)
     optimal = solution.pursuer_velocity_m_s
     asked = waiting or optimal
     if settings.strategy.name != OPTIMAL:

@@ -17,7 +17,7 @@ from tests.control.scenes import MULTICOPTER as ENVELOPE
 GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0))
 ACCELERATION = Acceleration(3.0, 2.0)
 TARGET = (0.0, 0.0, 0.0)
-FULL = Vehicle(ACCELERATION, ENVELOPE, 6.0)
+FULL = Vehicle(ACCELERATION, ENVELOPE, 6.0, 0.5)
 
 lengths = st.floats(-80.0, 80.0)
 speeds = st.floats(-4.0, 4.0)
@@ -31,8 +31,8 @@ def certified(
 
 def played(pursuer_m, pursuer_m_s, evader_m, evader_m_s, *, vehicle=FULL, target_m=TARGET, age_s=0.0):
     gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
-    players = Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m)
-    return certify(GAME, players, vehicle, gaps, None, evader_age_s=age_s, tolerance_m=0.5)
+    players = Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, age_s)
+    return certify(GAME, players, vehicle, None)
 
 
 @given(lengths, lengths, st.floats(5.0, 40.0), lengths, lengths, speeds, speeds, speeds)
@@ -100,7 +100,7 @@ def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
 )
 @settings(max_examples=25)
 def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, z, headings):
-    at_once, step_s = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, 6.0), 0.05
+    at_once, step_s = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, 6.0, 0.5), 0.05
     pursuer_m, evader_m, assured_m = (x, y, z), (35.0, 0.0, 0.0), None
     for cycle in range(120):
         here, waiting, says = played(pursuer_m, (0.0, 0.0, 0.0), evader_m, (0.0, 0.0, 0.0), vehicle=at_once)

@@ -101,25 +101,41 @@ def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector
     return Drift((drift_north, drift_east, drift_down), (north, east, down))
 
 
-def catch_up(
-    desired_ned_m_s: Vector, flown_ned_m_s: Vector, deficit_m: float, *, max_speed_ratio: float, dt_s: float
-) -> tuple[Vector, float]:
+class Pace(NamedTuple):
+    """What speeds are about in one cycle.
+
+    Attributes:
+        dt_s: Seconds since the last cycle.
+        max_speed_ratio: Speed limit over the game's speed.
+        meeting_m_s: Sum of the largest speeds of vehicle and evader.
+        hurried: Whether the game's full speed is desired. A vehicle that waits for its height catches nothing up over
+            the ground, and uses its whole vertical speed.
+        held_back: Whether a limit reduced the last command; the servo learns nothing then.
+    """
+
+    dt_s: float
+    max_speed_ratio: float
+    meeting_m_s: float
+    hurried: bool = True
+    held_back: bool = False
+
+
+def catch_up(desired_ned_m_s: Vector, flown_ned_m_s: Vector, deficit_m: float, pace: Pace) -> tuple[Vector, float]:
     """Increase a velocity to work off the along-track deficit over the ground; return it and the deficit, m.
 
     Args:
         desired_ned_m_s: Velocity that the game asks for.
         flown_ned_m_s: Velocity of the vehicle.
         deficit_m: From the last call; 0 at engagement.
-        max_speed_ratio: Speed limit over the game's speed, at least 1.
-        dt_s: Seconds since the last call.
+        pace: Of this cycle, with a speed limit of at least the game's speed.
     """
     speed = math.hypot(*desired_ned_m_s[:2])
     if speed <= 0.0:
         return desired_ned_m_s, deficit_m
     along = (desired_ned_m_s[0] * flown_ned_m_s[0] + desired_ned_m_s[1] * flown_ned_m_s[1]) / speed
-    deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * dt_s))
-    over = max(0.0, along / speed - max_speed_ratio)
-    scale = max(0.0, min(max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over)
+    deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * pace.dt_s))
+    over = max(0.0, along / speed - pace.max_speed_ratio)
+    scale = max(0.0, min(pace.max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over)
     north, east, down = desired_ned_m_s
     return (scale * north, scale * east, scale * down), deficit_m
 
@@ -246,25 +262,6 @@ class Followed(NamedTuple):
     unslowed: bool = False
 
 
-class Pace(NamedTuple):
-    """What speeds are about in one cycle.
-
-    Attributes:
-        dt_s: Seconds since the last cycle.
-        max_speed_ratio: Speed limit over the game's speed.
-        meeting_m_s: Sum of the largest speeds of vehicle and evader.
-        hurried: Whether the game's full speed is desired. A vehicle that waits for its height catches nothing up over
-            the ground, and uses its whole vertical speed.
-        held_back: Whether a limit reduced the last command; the servo learns nothing then.
-    """
-
-    dt_s: float
-    max_speed_ratio: float
-    meeting_m_s: float
-    hurried: bool = True
-    held_back: bool = False
-
-
 def follow(
     desired_ned_m_s: Vector, here: Situation, gaps: Gaps, following: Following | None, memory: FollowMemory, pace: Pace
 ) -> Followed:
@@ -282,13 +279,11 @@ def follow(
         flown = difference(here.velocity_ned_m_s, memory.drift.velocity_ned_m_s)
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory, flown)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=pace.dt_s)
-    flown, max_speed_ratio = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s), pace.max_speed_ratio
+    flown = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s)
     north, east, down = desired_ned_m_s
-    wanted, deficit_m = (north, east, down * max_speed_ratio), 0.0
+    wanted, deficit_m = (north, east, down * pace.max_speed_ratio), 0.0
     if pace.hurried:
-        wanted, deficit_m = catch_up(
-            desired_ned_m_s, flown, memory.deficit_m, max_speed_ratio=max_speed_ratio, dt_s=pace.dt_s
-        )
+        wanted, deficit_m = catch_up(desired_ned_m_s, flown, memory.deficit_m, pace)
         wanted = unhurried(wanted, gaps, deficit_m, pace.meeting_m_s)
     desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, following.approach)
     if braking:

@@ -338,15 +338,15 @@ class Sortie:
             name, flight = one.daemon.name, one.daemon.flight
             cycle, here = flight.settings.cycle, one.position_game_m
             self.first[name] = one.evader
-            vehicle = Vehicle(cycle.acceleration, cycle.envelope, cycle.ground_speed_m_s)
+            vehicle = Vehicle(cycle.acceleration, cycle.envelope, cycle.ground_speed_m_s, cycle.tolerance_m)
             for evader, speed_m_s in flight.settings.evaders.items():
                 there = self.world.players[evader].position_game_m()
                 if here is None or there is None:
                     continue
                 game = Game(cycle.game.pursuer, speed_m_s, standoff=cycle.game.standoff)
-                players = Players(here, STILL, (*there[:2], 0.0), STILL, target)
-                gaps = gaps_to_disc(ned_from_game(here), ned_from_game(players.evader_m), cycle.game.standoff)
-                *_, told = certify(game, players, vehicle, gaps, None, evader_age_s=0.0, tolerance_m=cycle.tolerance_m)
+                there = (*there[:2], 0.0)
+                gaps = gaps_to_disc(ned_from_game(here), ned_from_game(there), cycle.game.standoff)
+                *_, told = certify(game, Players(here, STILL, there, STILL, target, gaps, 0.0), vehicle, None)
                 if told.vehicle_winner == Winner.PURSUER:
                     self.winning.add((name, evader))
 
