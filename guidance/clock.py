@@ -9,11 +9,9 @@ class Clock(Protocol):
 
     def now_s(self) -> float:
         """Return the time in seconds."""
-        ...
 
     def sleep_until(self, moment_s: float) -> None:
         """Wait until `moment_s`; return immediately if it has passed."""
-        ...
 
 
 class MonotonicClock:

@@ -113,9 +113,11 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     armed = "armed" if status.get("armed") else "disarmed"
     streaming = "setpoints are sent" if status.get("streaming") else "no setpoints are sent"
     yield "autopilot", f"{status.get('autopilot_mode', status.get('mode'))}, {armed}, {streaming}"
-    yield "heard", f"HEARTBEAT {_age(status, 'heartbeat_age_s')}, position {_age(status, 'position_age_s')}"
+    ages = ("heartbeat_age_s", "position_age_s", "evader_silence_s")
+    beat, position, evader = (_said(status, key, "{:.1f} s ago", "never") for key in ages)
+    yield "heard", f"HEARTBEAT {beat}, position {position}"
     yield from _flown(status)
-    yield "evader", f"heard {_age(status, 'evader_silence_s')}"
+    yield "evader", f"heard {evader}"
     yield from _game(status)
     yield "record", str(status.get("recording", "-"))
 
@@ -128,19 +130,18 @@ def _flown(status: Status) -> Iterator[tuple[str, Cell]]:
     n, e, _ = status["position_ned_m"]
     yield "position", f"{_tenths(n)} m north, {_tenths(e)} m east of the origin"
     yield "speed", f"{math.hypot(north, east):.1f} m/s level, {_tenths(-down)} m/s up"
-    battery = status.get("battery")
-    yield "battery", "not told" if battery is None else f"{battery:.0%}"
+    yield "battery", _said(status, "battery", "{:.0%}", "not told")
 
 
 def _game(status: Status) -> Iterator[tuple[str, Cell]]:
     game = status.get("certificate")
     if not game:
         return
-    yield "range", f"{status['range_m']:.1f} m to the evader, {_number(game, 'gap_m')} m to the stand-off disc's rim"
-    value = f"{_number(game, 'value')} {status['value_unit']}"
+    yield "range", f"{status['range_m']:.1f} m to the evader, {_said(game, 'gap_m')} m to the stand-off disc's rim"
+    value = f"{_said(game, 'value')} {status['value_unit']}"
     promised = "value to go" if status["value_unit"] == "s" else "evader's distance from its target"
     yield "ideal game", f"winner {game['winner']}; {promised} {value}"
-    needs = f"needs {_number(game, 'time_needed_s')} s, reaches {_number(game, 'reachable_speed_m_s')} m/s"
+    needs = f"needs {_said(game, 'time_needed_s')} s, reaches {_said(game, 'reachable_speed_m_s')} m/s"
     yield "this vehicle", f"winner {game.get('vehicle_winner', 'undecided')}; {needs}"
     if game.get("active_limits"):
         yield "limited by", ", ".join(game["active_limits"])
@@ -158,11 +159,5 @@ def _tenths(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}"  # no -0.0
 
 
-def _age(status: Status, key: str) -> str:
-    age_s = status.get(key)
-    return "never" if age_s is None else f"{age_s:.1f} s ago"
-
-
-def _number(game: Status, key: str) -> str:
-    value = game.get(key)
-    return "-" if value is None else f"{value:.1f}"
+def _said(values: Status, key: str, form: str = "{:.1f}", unknown: str = "-") -> str:
+    return unknown if values.get(key) is None else form.format(values[key])

@@ -10,10 +10,9 @@ from guidance.flight.detection import Stage
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, SETPOINT_STATES, State
-from guidance.frames import Place, Vector, total
+from guidance.frames import Vector, total
 from guidance.messages import Heartbeat, Home, Message, Request, Setpoint
 from guidance.monitor import Alarm, MonitorMemory, watch
-from guidance.vehicle import VehicleState
 
 if TYPE_CHECKING:
     from guidance.certificate import Certificate
@@ -50,35 +49,25 @@ _MODE_OF_STATE = {
 }
 
 
-def requests_in(
-    state: State, settings: FlightSettings, vehicle: VehicleState, mode: Mode | None, start: Place | None
-) -> tuple[Request, ...]:
-    """Return the requests of a state; none if their effect is already there.
-
-    Args:
-        state: State of the flight.
-        settings: Settings of the flight.
-        vehicle: Last known state of the vehicle.
-        mode: Mode in HEARTBEAT.
-        start: Latitude and longitude in degrees and altitude of the stand-by position, if there is one.
-    """
-    autopilot, home = settings.autopilot, vehicle.last(Home)
+def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[Request, ...]:
+    """Return the requests of a state; none if their effect is already there."""
+    autopilot, home, frame = settings.autopilot, heard.vehicle.last(Home), heard.tracking.local_frame
     match state:
         case State.CHECKING:
             asked = (autopilot.request_message(one) for one in (HOME_POSITION, GPS_GLOBAL_ORIGIN))
             return (*autopilot.stream_requests(), *asked)
         case State.ARMING:
             return (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
-        case State.CLIMBING if home is not None and vehicle.on_ground:
+        case State.CLIMBING if home is not None and heard.vehicle.on_ground:
             return (autopilot.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)
-        case State.POSITIONING if start is not None:
-            latitude, longitude, amsl = start
+        case State.POSITIONING if heard.start_ned_m is not None and frame is not None:
+            latitude, longitude, amsl = frame.wgs84_from_ned(heard.start_ned_m)
             return (autopilot.reposition(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=amsl.metres),)
-        case State.STANDING_BY if settings.engage_on is EngageOn.PILOT_MODE and mode is Mode.HOLD:
+        case State.STANDING_BY if settings.engage_on is EngageOn.PILOT_MODE and heard.mode is Mode.HOLD:
             # PX4 returns to OFFBOARD by itself when setpoints return after a loss, unless Hold was requested.
             return (autopilot.set_mode(Mode.HOLD),)
     wanted = _MODE_OF_STATE.get(state)
-    return () if wanted is None or mode is wanted else (autopilot.set_mode(wanted),)
+    return () if wanted is None or heard.mode is wanted else (autopilot.set_mode(wanted),)
 
 
 class Asking:
@@ -110,10 +99,7 @@ class Asking:
         asked: tuple[Request, ...] = ()
         if stage.state not in FINAL and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats)):
             self._asked_s = now_s
-            place, frame = None, heard.tracking.local_frame
-            if heard.start_ned_m is not None and frame is not None:
-                place = frame.wgs84_from_ned(heard.start_ned_m)
-            asked = requests_in(stage.state, self._settings, heard.vehicle, heard.mode, place)
+            asked = requests_in(stage.state, self._settings, heard)
         uncertain = stage.state is State.ENTERING or (stage.state in SETPOINT_STATES and heard.echo.suspicious)
         if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
             self._beat_asked_s = now_s

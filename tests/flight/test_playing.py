@@ -7,11 +7,12 @@ import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import FINAL, EngageOn, Event, FlightSettings, State
+from guidance.flight.heard import Heard
 from guidance.flight.machine import INVITE_AFTER_S
 from guidance.flight.sending import requests_in
 from guidance.flight.settings import AfterCapture
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
-from guidance.frames import Amsl
+from guidance.frames import Amsl, LocalFrame
 from guidance.messages import LandedState, Odometry, PositionTarget
 from guidance.monitor import Violation
 from guidance.vehicle import VehicleState, observe
@@ -256,6 +257,12 @@ def test_every_final_state_is_silent_and_asks_nothing():
         assert {(one.setpoint, one.requests) for one in flown.cycles(2.0)} == {(None, ())}
 
 
+def heard_of(settings, vehicle, mode=None):
+    heard = Heard(settings)
+    heard.vehicle, heard.mode = vehicle, mode
+    return heard
+
+
 @pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("state", sorted(set(State) - {State.STANDING_BY}))
 def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, autopilot):
@@ -267,19 +274,22 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
         State.RETURNING: Mode.RETURN,
         State.LANDING: Mode.LAND,
     }
-    asked = requests_in(state, settings, vehicle, Mode.OTHER, (47.0, 8.0, Amsl(500.0)))
+    at_start = heard_of(settings, vehicle, Mode.OTHER)
+    at_start.tracking.local_frame = LocalFrame(47.0, 8.0, Amsl(500.0), projection=PX4.projection)
+    at_start.start_ned_m = (0.0, 0.0, 0.0)
+    asked = requests_in(state, settings, at_start)
     if state in modes:
         assert asked == (autopilot.set_mode(modes[state]),)
-        assert requests_in(state, settings, vehicle, modes[state], None) == ()
+        assert requests_in(state, settings, heard_of(settings, vehicle, modes[state])) == ()
     elif state is State.ARMING:
         assert asked == (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
     elif state is State.CLIMBING:
         assert asked == (autopilot.takeoff(height_m=10.0, home_amsl_m=492.0),)
-        assert requests_in(state, settings, observe(vehicle, [LandedState(0.0, 2)]), None, None) == ()
-        assert requests_in(state, settings, observe(VehicleState(), [LandedState(0.0, 1)]), None, None) == ()
+        assert requests_in(state, settings, heard_of(settings, observe(vehicle, [LandedState(0.0, 2)]))) == ()
+        assert requests_in(state, settings, heard_of(settings, observe(VehicleState(), [LandedState(0.0, 1)]))) == ()
     elif state is State.POSITIONING:
         assert asked == (autopilot.reposition(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=500.0),)
-        assert requests_in(state, settings, vehicle, Mode.OTHER, None) == ()
+        assert requests_in(state, settings, heard_of(settings, vehicle, Mode.OTHER)) == ()
     elif state is State.CHECKING:
         assert len(asked) == len(autopilot.streams_hz) + 2
     else:
@@ -290,7 +300,7 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
 @pytest.mark.parametrize("mode", list(Mode))
 def test_standing_by_asks_for_the_hold_only_of_a_vehicle_that_holds_for_a_pilot(engage_on, mode):
     settings = settings_of(engage_on=engage_on)
-    asked = requests_in(State.STANDING_BY, settings, VehicleState(), mode, None)
+    asked = requests_in(State.STANDING_BY, settings, heard_of(settings, VehicleState(), mode))
     expected = engage_on is EngageOn.PILOT_MODE and mode is Mode.HOLD
     assert asked == ((PX4.set_mode(Mode.HOLD),) if expected else ())
 
