@@ -5,7 +5,6 @@ Messages are dropped rather than delayed. A token vanishes with its process; a f
 """
 
 import contextlib
-import threading
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -23,8 +22,7 @@ class ZenohTeam:
         """Declare the token, and subscribe to the messages and tokens of these mates."""
         self._prefix, self._session, self._mates = f"guidance/team/{team}/", session, frozenset(mates)
         self._arrivals = Arrivals[tuple[float, str, bytes]]()
-        self._present: set[str] = {vehicle}
-        self._lock = threading.Lock()
+        self._alive = {**dict.fromkeys(mates, False), vehicle: True}  # its keys stay, as two threads use it
         liveliness: Any = session.liveliness()
         self._token = liveliness.declare_token(f"{self._prefix}alive/{vehicle}")
         self._tokens = liveliness.declare_subscriber(f"{self._prefix}alive/*", self._note, history=True)
@@ -53,15 +51,12 @@ class ZenohTeam:
 
     def present(self) -> Collection[str]:
         """Return the names of the vehicles whose token is there."""
-        with self._lock:
-            return frozenset(self._present)
+        return frozenset(name for name, alive in self._alive.items() if alive)
 
     def _note(self, sample: "zenoh.Sample") -> None:
         name = str(sample.key_expr).rpartition("/")[2]
         if name in self._mates:
-            note = self._present.add if sample.kind == zenoh.SampleKind.PUT else self._present.discard
-            with self._lock:
-                note(name)
+            self._alive[name] = sample.kind == zenoh.SampleKind.PUT
 
     def close(self) -> None:
         """Leave the team. May be called twice."""
