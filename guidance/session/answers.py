@@ -56,8 +56,6 @@ _GOES_ON: Final[Mapping[State, tuple[str, str]]] = {
 }
 """For each state that an operator ordered: its name, and the orders that change it."""
 
-_ENDING: Final = frozenset({Event.HOLD, Event.RETURN, Event.LAND})
-
 
 def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
     """Say why `order` changed nothing.
@@ -105,7 +103,7 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
     state = flight.state
     if state is State.CONNECTING:
         return "the vehicle is not heard: check its power, the link and system_id"
-    if order in _ENDING:
+    if order in {Event.HOLD, Event.RETURN, Event.LAND}:
         return "there is no flight to end: the vehicle is not armed"
     if state is not State.READY:
         return f"not ready: {lacking}" if state is State.CHECKING else f"under way already: {_WHY[state]}"
@@ -133,10 +131,8 @@ def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
 
 def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[str, str]]:
     """List every failed check and every preflight row that does not pass, each with advice."""
-    failing = [
-        Finding(check.name, check.found, "", Verdict.REFUSE, _TO_DO.get(check.name, ""))
-        for check in _failed(flight, now_s)
-    ]
+    failed = _failed(flight, now_s)
+    failing = [Finding(one.name, one.found, "", Verdict.REFUSE, _TO_DO.get(one.name, "")) for one in failed]
     keys = ("name", "found", "wanted", "verdict", "advice")
     not_passed = (row for row in (*failing, *rows) if row.verdict is not Verdict.PASS)
     return [dict(zip(keys, map(str, row), strict=True)) for row in not_passed]
@@ -159,28 +155,19 @@ def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequ
 
 
 def status(
-    name: str,
-    flight: Flight,
-    outputs: Outputs,
-    rows: Sequence[Finding],
-    barred: Sequence[str],
-    recording: str,
-    now_s: float,
+    flight: Flight, outputs: Outputs, rows: Sequence[Finding], barred: Sequence[str], now_s: float
 ) -> dict[str, Any]:
     """Return the status of a flight as plain values. NaN and infinities become null.
 
     Args:
-        name: The daemon's.
         flight: As it stands.
         outputs: Of the last cycle.
         rows: What preflight found.
         barred: Names of what bars the vehicle from flying.
-        recording: State of the record, in words.
         now_s: The present.
     """
     vehicle, settings, certificate, cause = flight.vehicle, flight.settings, outputs.certificate, flight.cause
     shown = {
-        "name": name,
         "state": shown_state(flight),
         "mode": flight.mode_name,
         "autopilot_mode": flight.mode_title,
@@ -203,7 +190,6 @@ def status(
         "cause": None if cause is None else cause.words,
         "next": next_words(flight),
         "refused_orders": foreseen(flight, now_s, rows, barred),
-        "recording": recording,
         "certificate": certificate,
     }
     # Numbers get four decimals.

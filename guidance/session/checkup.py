@@ -56,11 +56,14 @@ class Checkup:
         begun_s = complete_s = clock.now_s()
         while clock.now_s() - begun_s < limit_s:
             self._step()
-            other = another_autopilot(daemon.facts(clock.now_s()), flight.autopilot)
+            facts = daemon.survey.facts(daemon.flight.vehicle, clock.now_s())
+            other = another_autopilot(facts, flight.autopilot)
             if other is not None:
                 return (other,)
-            lacking = self._lacking()
-            told(lacking)
+            vehicle, (read, wanted) = daemon.flight.vehicle, daemon.survey.read
+            missing = [name for kind, name in _HEARD.items() if vehicle.last(kind) is None]
+            missing += [f"{wanted - read} of {wanted} parameters"] if read < wanted else []
+            told(lacking := ", ".join(missing))
             if lacking:
                 complete_s = clock.now_s()
             elif clock.now_s() - complete_s > COUNTED_S + 1.0:
@@ -72,18 +75,9 @@ class Checkup:
         )
         return (*daemon.rows, *readiness)
 
-    def _lacking(self) -> str:
-        """Say what has not been heard yet; empty once everything was."""
-        vehicle = self._daemon.flight.vehicle
-        words = [name for kind, name in _HEARD.items() if vehicle.last(kind) is None]
-        read, wanted = self._daemon.survey.read
-        if read < wanted:
-            words.append(f"{wanted - read} of {wanted} parameters")
-        return ", ".join(words)
-
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
         """Return the parameters to set, from the values read."""
-        wants, facts = self._plan.wants, self._daemon.facts(self._clock.now_s())
+        wants, facts = self._plan.wants, self._daemon.survey.facts(self._daemon.flight.vehicle, self._clock.now_s())
         return () if wants is None else changes(facts, self._plan.flight.autopilot, wants, advised=advised)
 
     def apply(self, wanted: Sequence[ParameterChange]) -> Iterator[Applied]:
@@ -94,7 +88,13 @@ class Checkup:
                 stays set.
         """
         for change in wanted:
-            self._refuse_in_flight()
+            vehicle, now_s = self._daemon.flight.vehicle, self._clock.now_s()
+            if vehicle.armed:
+                raise FlightError("the vehicle is armed: parameters are set on the ground only, disarmed")
+            if vehicle.age_s(messages.Heartbeat, now_s) > _FRESH_S or vehicle.last(messages.LandedState) is None:
+                raise FlightError("the vehicle does not say whether it is on the ground: no parameter is set")
+            if not vehicle.on_ground:
+                raise FlightError("the vehicle is in the air: parameters are set on the ground only")
             self._link.request(change.request)
             self._read(change.name)  # the announcement after setting is not proof: read the value
             self._link.request(messages.ParameterRequest(change.name))
@@ -105,19 +105,10 @@ class Checkup:
         until_s = self._clock.now_s() + SET_WITHIN_S
         while self._clock.now_s() < until_s:
             self._step()
-            for message in self._daemon.heard:
+            for message in self._daemon.inputs.messages:
                 if isinstance(message, messages.Parameter) and message.name == name:
                     return message.value
         return None
-
-    def _refuse_in_flight(self) -> None:
-        vehicle, now_s = self._daemon.flight.vehicle, self._clock.now_s()
-        if vehicle.armed:
-            raise FlightError("the vehicle is armed: parameters are set on the ground only, disarmed")
-        if vehicle.age_s(messages.Heartbeat, now_s) > _FRESH_S or vehicle.last(messages.LandedState) is None:
-            raise FlightError("the vehicle does not say whether it is on the ground: no parameter is set")
-        if not vehicle.on_ground:
-            raise FlightError("the vehicle is in the air: parameters are set on the ground only")
 
     def _step(self) -> None:
         self._clock.sleep_until(self._due_s)

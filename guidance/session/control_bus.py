@@ -6,7 +6,7 @@ A liveliness token says that the vehicle has an owner. It vanishes with the owne
 import contextlib
 import json
 import socket
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -43,18 +43,13 @@ def host_session(endpoint: str, token: local.ControlToken | None = None) -> "zen
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
     except zenoh.ZError as error:
-        words = f"cannot listen there{_listener(endpoint)}; end it, or choose another port with control.endpoint"
+        who, answer = "another program has the port", None
+        with contextlib.suppress(GuidanceError):
+            answer = local.ask_here(local.STATUS, endpoint=endpoint, name=None)
+        if answer is not None:
+            who = f"a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
+        words = f"cannot listen there: {who}; end it, or choose another port with control.endpoint"
         raise LinkError(f"control.endpoint = {endpoint!r}: {words}") from error
-
-
-def _listener(endpoint: str) -> str:
-    """Say who answers at an endpoint, if anyone does."""
-    answer = None
-    with contextlib.suppress(GuidanceError):
-        answer = local.ask_here(local.STATUS, endpoint=endpoint, name=None)
-    if answer is None:
-        return ": another program has the port"
-    return f": a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
 
 
 class OwnerToken:
@@ -81,8 +76,16 @@ class OwnerToken:
         _quietly(self._token.undeclare)
 
 
-class ControlBus:
-    """Takes orders to the mailbox and answers back; on this computer by a socket too.
+@contextlib.contextmanager
+def control_bus(
+    name: str,
+    mailbox: Mailbox,
+    control: Control,
+    credentials: Credentials = NO_CREDENTIALS,
+    team: str = "",
+    mates: Collection[str] = (),
+) -> Iterator["zenoh.Session"]:
+    """Take orders to the mailbox and answers back; on this computer by a socket too.
 
     Args:
         name: The vehicle's.
@@ -90,77 +93,54 @@ class ControlBus:
         control: The endpoint, whether to listen there or to connect to a router, and the token's file.
         credentials: For a router that judges certificates.
         team: Name of its team; orders to another team are not for this vehicle.
-        mates: The others of the team.
+        mates: The vehicles of the team.
 
-    Attributes:
-        session: The Zenoh session, for the broadcast and the team; closed with this.
+    Yields:
+        The Zenoh session, for the broadcast and the team; closed in the end, when the vehicle is given up.
 
     Raises:
         OutputError: If the token cannot be written.
         LinkError: If no session can be opened, or another daemon owns the vehicle.
     """
+    shown = {"name": name} | ({"team": team, "vehicles": sorted({name, *mates})} if team else {})
+    orders, queries = local.Exchanges(MOST_ORDERS), local.Exchanges(MOST_QUERIES)
 
-    def __init__(
-        self,
-        name: str,
-        mailbox: Mailbox,
-        control: Control,
-        credentials: Credentials = NO_CREDENTIALS,
-        team: str = "",
-        mates: Sequence[str] = (),
-    ) -> None:
-        self._name, self._team, self._mailbox = name, team, mailbox
-        self._shown = {"name": name} | ({"team": team, "vehicles": sorted([name, *mates])} if team else {})
-        self._orders, self._queries = local.Exchanges(MOST_ORDERS), local.Exchanges(MOST_QUERIES)
-        with contextlib.ExitStack() as closing:
-            if control.host:
-                self.session, token = closing.enter_context(_hosted(control.endpoint, control.token_file))
-                closing.enter_context(contextlib.closing(local.ControlSocket(name, mailbox.answer, token)))
-            else:
-                self.session = join_session(control.endpoint, control.token_file, credentials)
-                closing.callback(_quietly, self.session.close)
-            closing.enter_context(contextlib.closing(OwnerToken(self.session, f"guidance/{name}")))
-            queryable = self.session.declare_queryable(control_key(name, "*"), self._hear)
-            closing.callback(_quietly, queryable.undeclare)
-            self._closing = closing.pop_all()
-
-    def close(self) -> None:
-        """Take no more orders and give the vehicle up. May be called twice."""
-        self._closing.close()
-
-    def _hear(self, query: "zenoh.Query") -> None:
+    def hear(query: "zenoh.Query") -> None:
         """On Zenoh's thread, which must not wait. Queries never keep an order out."""
-        if query.parameters.get(_TEAM) not in {None, self._team}:
+        if query.parameters.get(_TEAM) not in {None, team}:
             query.drop()  # type: ignore[no-untyped-call]
             return
         word = str(query.key_expr).rpartition("/")[2]
-        (self._queries if word in QUERIES else self._orders).begin(partial(self._answer, query, word))
+        (queries if word in QUERIES else orders).begin(partial(reply, query, word))
 
-    def _answer(self, query: "zenoh.Query", order: str) -> None:
+    def reply(query: "zenoh.Query", order: str) -> None:
         by = "" if query.payload is None else local.name_in(query.payload.to_bytes())
-        answer = json.dumps({**self._shown, **self._mailbox.answer(order, by)})
+        answer = json.dumps({**shown, **mailbox.answer(order, by)})
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
             # Under our own key: one query may be answered by several daemons.
-            query.reply(control_key(self._name, order), answer, encoding=zenoh.Encoding.APPLICATION_JSON)
+            query.reply(control_key(name, order), answer, encoding=zenoh.Encoding.APPLICATION_JSON)
             query.drop()  # type: ignore[no-untyped-call]
+
+    with contextlib.ExitStack() as closing:
+        if control.host:
+            path = control.token_file or local.token_path(control.endpoint)
+            token = local.draw_token(path)
+            closing.callback(lambda: local.discard_token(token))
+            session = host_session(control.endpoint, token)
+            closing.callback(_quietly, session.close)
+            token = local.publish_token(token, path)  # now that the endpoint is ours
+            closing.enter_context(contextlib.closing(local.ControlSocket(name, mailbox.answer, token)))
+        else:
+            session = join_session(control.endpoint, control.token_file, credentials)
+            closing.callback(_quietly, session.close)
+        closing.enter_context(contextlib.closing(OwnerToken(session, f"guidance/{name}")))
+        closing.callback(_quietly, session.declare_queryable(control_key(name, "*"), hear).undeclare)
+        yield session
 
 
 def _quietly(close: Callable[[], None]) -> None:
     with contextlib.suppress(zenoh.ZError):
         close()
-
-
-@contextlib.contextmanager
-def _hosted(endpoint: str, token_file: Path | None) -> Iterator[tuple["zenoh.Session", local.ControlToken]]:
-    """Listen at an endpoint with a new token; publish the token once that works."""
-    path = token_file or local.token_path(endpoint)
-    token = local.draw_token(path)
-    with contextlib.ExitStack() as closing:
-        closing.callback(lambda: local.discard_token(token))
-        session = host_session(endpoint, token)
-        closing.callback(_quietly, session.close)
-        token = local.publish_token(token, path)
-        yield session, token
 
 
 @contextlib.contextmanager
@@ -170,7 +150,7 @@ def opened(
     on_open: Callable[[str], None] = lambda _: None,
     *,
     team: str = "",
-) -> Iterator[Mapping[str, ControlBus]]:
+) -> Iterator[Mapping[str, "zenoh.Session"]]:
     """Take orders for vehicles at an endpoint, or at a free one if another process listens there; None takes none.
 
     The first vehicle listens, and the others join. `on_open` is called with the endpoint.
@@ -179,18 +159,17 @@ def opened(
         OutputError: If the token or the socket cannot be written.
         LinkError: If it cannot listen at any endpoint.
     """
-    buses: dict[str, ControlBus] = {}
+    buses: dict[str, zenoh.Session] = {}
     with contextlib.ExitStack() as closing:
         for name, mailbox in mailboxes.items() if endpoint is not None else ():
-            mates = [one for one in mailboxes if one != name]
+            bus = partial(control_bus, name, mailbox, team=team, mates=mailboxes)
             try:
-                bus = ControlBus(name, mailbox, Control(endpoint=endpoint, host=not buses), team=team, mates=mates)
+                buses[name] = closing.enter_context(bus(Control(endpoint=endpoint, host=not buses)))
             except LinkError:
                 if buses:
                     raise
                 endpoint = free_endpoint()
-                bus = ControlBus(name, mailbox, Control(endpoint=endpoint), team=team, mates=mates)
-            buses[name] = closing.enter_context(contextlib.closing(bus))
+                buses[name] = closing.enter_context(bus(Control(endpoint=endpoint)))
         if endpoint is not None:
             on_open(endpoint)
         yield buses
@@ -277,13 +256,7 @@ def ask(
 
 
 def order_team(
-    session: "zenoh.Session",
-    order: str,
-    team: str,
-    names: Collection[str],
-    *,
-    by: str = "",
-    timeout_s: float = local.TIMEOUT_S,
+    session: "zenoh.Session", order: str, team: str, names: Collection[str], *, by: str = "", timeout_s: float
 ) -> list[dict[str, Any]]:
     """Give an order to a team on a session; return an answer for each vehicle.
 

@@ -160,10 +160,9 @@ def socket_path(token: Path) -> Path:
 
 def own_name(program: str) -> str:
     """Return how a program of this user names itself in an order."""
-    try:
+    with contextlib.suppress(KeyError, OSError):  # a user without a name
         return f"{program}, {getpass.getuser()}"
-    except (KeyError, OSError):  # a user without a name
-        return program
+    return program
 
 
 def name_in(data: bytes) -> str:
@@ -250,11 +249,8 @@ class ControlSocket:
     """
 
     def __init__(self, name: str, answer: Callable[[str, str], Mapping[str, Any]], token: ControlToken) -> None:
-        self._name = name
-        self._answer = answer
-        self._token = token
-        self._path = socket_path(token.path)
-        self._exchanges = Exchanges(_MOST_AT_ONCE)
+        self._name, self._answer, self._token = name, answer, token
+        self._path, self._exchanges = socket_path(token.path), Exchanges(_MOST_AT_ONCE)
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._path.unlink(missing_ok=True)  # of a daemon that was killed: the endpoint is ours by now

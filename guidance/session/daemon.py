@@ -12,8 +12,8 @@ from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import ASSIGNED, ORDERED, RELOADED, STOPPED, TEAM_NEWS
 from guidance.log.writer import Record
-from guidance.messages import EvaderReport, LocalPosition, Message
-from guidance.preflight import Facts, PreflightMemory, advice, parameter_names, refusals, rows
+from guidance.messages import EvaderReport
+from guidance.preflight import PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
 from guidance.session.flight_files import Recording
@@ -51,7 +51,7 @@ class Equipment:
     mailbox: Mailbox = field(default_factory=Mailbox)
     log: Logger = SILENT
     metrics: Metrics | None = None
-    notifier: Notifier = field(default_factory=lambda: Notifier(None, None))
+    notifier: Notifier = field(default_factory=Notifier)
     record: Record | None = None
     broadcast: Record | None = None
     record_required: bool = False
@@ -77,7 +77,7 @@ class Daemon:
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
         self._refused: tuple[str, ...] = ()
-        self._now_s, self._inputs = float("-inf"), Inputs()
+        self._now_s, self.inputs = float("-inf"), Inputs()
         self.outputs: Outputs | None = None
         self.finished = False
         self._begin(plan)
@@ -96,20 +96,6 @@ class Daemon:
         self.rows: tuple[Finding, ...] = ()  # preflight's, as last judged
         self._refused_for: dict[str, str] = {}
 
-    def facts(self, now_s: float) -> Facts:
-        """Preflight's facts about the vehicle."""
-        return self.survey.facts(self.flight.vehicle, now_s)
-
-    @property
-    def heard(self) -> Sequence[Message]:
-        """The vehicle's messages of the last cycle."""
-        return self._inputs.messages
-
-    @property
-    def position_age_s(self) -> float:
-        """Age of the vehicle's position at the last cycle, s; infinite before the first one."""
-        return self.flight.vehicle.age_s(LocalPosition, self._now_s)
-
     @property
     def in_flight(self) -> bool:
         """True while the vehicle is ours in the air, or was just ordered up."""
@@ -124,13 +110,13 @@ class Daemon:
         """Run one cycle; `timing` is how the loop kept time."""
         asked, queries = self.mailbox.take()
         orders = self._orders(asked, now_s)
-        self._now_s, self._inputs = now_s, self._read(now_s, queries, orders)
-        outputs = self.outputs = self.flight.step(now_s, self._inputs)
+        self._now_s, self.inputs = now_s, self._read(now_s, queries, orders)
+        outputs = self.outputs = self.flight.step(now_s, self.inputs)
         self._write(outputs, timing)
         if self.team is not None:
             self._tell(self.team, now_s, outputs)
         self._answer(queries, orders, outputs)
-        self._preflight(self._inputs)
+        self._preflight(self.inputs)
         self._report(outputs, timing)
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
@@ -138,22 +124,30 @@ class Daemon:
     def _orders(self, asked: Sequence[Question], now_s: float) -> Sequence[Question]:
         """Return the orders for this cycle's flight, people's first; all others are answered here."""
         orders = [question for question in asked if self._is_for_the_flight(question, now_s)]
-        orders += self._due(now_s)
+        if (due := self._engaging.due(now_s)) is not None:  # its parameters were read again or did not answer
+            fresh = {row.name: row for row in self._engaging.rows}
+            self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
+            if refusals(self._engaging.rows) and not due:
+                self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
+            orders += due
         if self._leaving is not None:
             orders += self._leaving.orders(self.flight)
         return sorted(orders, key=lambda question: question.authority is Authority.MISSION)
 
     def _is_for_the_flight(self, question: Question, now_s: float) -> bool:
-        word = question.order
+        word, may_read = question.order, self.judged and self.in_flight
         if word in WORDS and word != Event.ENGAGE:
             self._give_up_engaging(f"{word} was ordered meanwhile", now_s)
         if word == RESET:
-            self._reply(question, now_s, self._reset())
+            refused = f"in flight ({self.flight.state}): order land or return first" if self.in_flight else ""
+            if not refused:
+                self._begin(self._plan)
+            self._reply(question, now_s, refused)
         elif word not in WORDS:
             self._reply(question, now_s, f"order = {word!r}: allowed are {', '.join(WORDS)}")
         elif self._is_leaving(question):
             self._reply(question, now_s, "the daemon is ending")
-        elif word == Event.ENGAGE and self._must_read_first(now_s):
+        elif word == Event.ENGAGE and may_read and self.flight.follows(Event.ENGAGE, now_s, self._barred()):
             self._engaging.wait(question, now_s)
         else:
             return True
@@ -165,26 +159,10 @@ class Daemon:
             self._leaving = None
         return self._leaving is not None
 
-    def _must_read_first(self, now_s: float) -> bool:
-        return self.judged and self.in_flight and self.flight.follows(Event.ENGAGE, now_s, self._barred())
-
-    def _due(self, now_s: float) -> tuple[Question, ...]:
-        """Return the engage orders that waited for parameters, once these were read again or did not answer."""
-        due = self._engaging.due(now_s)
-        if due is None:
-            return ()
-        fresh = {row.name: row for row in self._engaging.rows}
-        self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
-        if refusals(self._engaging.rows) and not due:
-            self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
-        return due
-
     def _read(self, now_s: float, queries: Sequence[Question], orders: Sequence[Question]) -> Inputs:
         """Read everything that one cycle sees, and send our HEARTBEAT once a second."""
-        people, mission = (
-            [Event(one.order) for one in orders if one.authority is by]
-            for by in (Authority.OPERATOR, Authority.MISSION)
-        )
+        given = {by: [Event(one.order) for one in orders if one.authority is by] for by in Authority}
+        people, mission = given[Authority.OPERATOR], given[Authority.MISSION]
         alive = any(query.order == ALIVE for query in queries) or None
         bars = refusals(self._engaging.rows) if Event.ENGAGE in (*people, *mission) else self._engaging.bars_the_pilot
         messages, reports = self._link.receive(), self._reports()
@@ -220,7 +198,7 @@ class Daemon:
             self._link.send_setpoint(outputs.setpoint)
         for request in outputs.requests:
             self._link.request(request)
-        stopped = self.recording.cycle(self._now_s, self._inputs, outputs, timing)
+        stopped = self.recording.cycle(self._now_s, self.inputs, outputs, timing)
         if stopped is not None:
             self.metrics.happened(STOPPED)
             self._log.say(logging.WARNING, STOPPED, reason=stopped.reason)
@@ -286,12 +264,6 @@ class Daemon:
         for question in self._engaging.give_up():
             self._reply(question, now_s, reason)
 
-    def _reset(self) -> str:
-        if self.in_flight:
-            return f"in flight ({self.flight.state}): order land or return first"
-        self._begin(self._plan)
-        return ""
-
     def _answer(self, queries: Sequence[Question], orders: Sequence[Question], outputs: Outputs) -> None:
         """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
         now_s = self._now_s
@@ -300,8 +272,8 @@ class Daemon:
             done = happening.after is not happening.before or is_done(order, happening.after)
             self._reply(question, now_s, "" if done else refusal(order, self.flight, now_s, self.rows))
         if queries:
-            words = self.recording.words
-            shown = status(self.name, self.flight, outputs, self.rows, self._barred(), words, now_s)
+            shown = status(self.flight, outputs, self.rows, self._barred(), now_s)
+            shown |= {"name": self.name, "recording": self.recording.words}
             shown |= {} if self.team is None else {"assignment": self.team.assignment(self.flight)}
             for query in queries:
                 query.answer({"accepted": True, "order": query.order, **shown})
@@ -328,7 +300,7 @@ class Daemon:
     def _preflight(self, inputs: Inputs) -> None:
         """Read and judge parameters on the ground, and read the failsafe parameters again before the game begins."""
         now_s, wants = self._now_s, self._plan.wants
-        if wants is None or not (self._judging or self._engaging.reading):
+        if wants is None or not (self._judging or self._engaging.asked_s is not None):
             return
         self.survey.observe(inputs.messages, inputs.reports)
         if self._judging or not self.survey.complete:  # the uploaded fence is read on the ground
@@ -337,7 +309,8 @@ class Daemon:
         if not self._judging or now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
-        self.rows = (*rows(self.facts(now_s), self._plan.flight.autopilot, wants), *self.recording.rows())
+        facts = self.survey.facts(self.flight.vehicle, now_s)
+        self.rows = (*rows(facts, self._plan.flight.autopilot, wants), *self.recording.rows())
         refused = refusals(self.rows)
         if refused != self._refused and self.survey.complete:
             self._refused = refused

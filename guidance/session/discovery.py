@@ -100,11 +100,7 @@ def identify(found: Found, url: str, asked: str | None) -> Autopilot:
 
 
 def wait_until_placed(
-    link: VehicleLink,
-    profile: AutopilotProfile,
-    clock: Clock,
-    show: Callable[[Progress], None],
-    vehicle: str = "",
+    link: VehicleLink, profile: AutopilotProfile, clock: Clock, show: Callable[[Progress], None], vehicle: str = ""
 ) -> tuple[Home, LocalFrame]:
     """Wait for the home and the local frame of a vehicle that is disarmed on the ground.
 
@@ -128,7 +124,11 @@ def wait_until_placed(
                 link.request(request)
         state, waited_s = observe(state, messages), now_s - begun_s
         said = next((each.text for each in reversed(messages) if isinstance(each, StatusText)), said)
-        _refuse_if_flown(state, waited_s)
+        told = state.last(LandedState) is not None
+        if state.armed and told and not state.on_ground:
+            raise FlightError("the vehicle is in the air already: land and disarm it first; no order was given")
+        if state.armed and (told or waited_s > _LANDED_STATE_WITHIN_S):
+            raise FlightError("the vehicle was armed by someone else: disarm it first; no order was given")
         missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
         home, frame, beat = state.last(Home), local_frame(state, profile.projection), state.last(Heartbeat)
         if not missing and home is not None and frame is not None:
@@ -145,14 +145,6 @@ def _heard(link: VehicleLink, clock: Clock, within_s: float) -> Iterator[tuple[f
     while (now_s := clock.now_s()) - begun_s <= within_s:
         yield now_s, link.receive()
         clock.sleep_until(now_s + _LOOK_EVERY_S)
-
-
-def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
-    told = state.last(LandedState) is not None
-    if state.armed and told and not state.on_ground:
-        raise FlightError("the vehicle is in the air already: land and disarm it first; no order was given")
-    if state.armed and (told or waited_s > _LANDED_STATE_WITHIN_S):
-        raise FlightError("the vehicle was armed by someone else: disarm it first; no order was given")
 
 
 class Surveyed(NamedTuple):
@@ -204,14 +196,20 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
     described, templates = autopilot_named(autopilot), config_folder() / "vehicles"
     template = next(one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file())
     text = template.read_text(encoding="utf-8")
-    text = f"{_head(described, surveyed)}\n{text[text.index('name = ') :]}"
     changes = [("", "name", _quoted(name), "in orders, metrics and records")]
     changes.append(("vehicle", "autopilot", _quoted(autopilot), ""))
     if url is not None:
         changes.append(("vehicle", "url", _quoted(url), ""))
-    if surveyed is not None:
+    head = ["A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."]
+    if surveyed is None:
+        head.append(f"Written without a vehicle: the limits are the bundled ones for {autopilot}.")
+    else:
         changes.append(("vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT"))
         changes += _bounded(tomllib.loads(text), surveyed)
+        head.append(f"Read from system {surveyed.found.system_id}, {autopilot}:")
+        told = {bound.parameter: surveyed.parameters.get(bound.parameter) for bound in described.bounds}
+        head += [f"  {key:<18} {'not read' if value is None else f'{value:g}'}" for key, value in told.items()]
+    text = "".join(f"# {line}\n" for line in head) + f"\n{text[text.index('name = ') :]}"
     for section, key, value, why in changes:
         within = rf"^\[{section}\]\n(?:(?!\[).*\n)*?" if section else r"\A(?:(?!^\[).*\n)*?"
         line = rf"({within})^({key} = )[^#\n]*?( *#[^\n]*)?$"
@@ -235,17 +233,6 @@ def write_new(path: Path, text: str) -> None:
         except FileExistsError as error:
             raise ConfigError(f"--out {path}: exists and is not overwritten; choose another name") from error
         path.write_text(text, encoding="utf-8")
-
-
-def _head(autopilot: Autopilot, surveyed: Surveyed | None) -> str:
-    head = ["A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."]
-    if surveyed is None:
-        head.append(f"Written without a vehicle: the limits are the bundled ones for {autopilot.name}.")
-    else:
-        head.append(f"Read from system {surveyed.found.system_id}, {autopilot.name}:")
-        told = {bound.parameter: surveyed.parameters.get(bound.parameter) for bound in autopilot.bounds}
-        head += [f"  {name:<18} {'not read' if value is None else f'{value:g}'}" for name, value in told.items()]
-    return "".join(f"# {line}\n" for line in head)
 
 
 def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:

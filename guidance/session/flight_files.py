@@ -60,20 +60,16 @@ def flight_folder(out: Path | None, stem: str, parent: Path = Path("flights")) -
         return
     with writing(parent):
         private_folder(parent)
-        folder = next(filter(None, (_made(parent / f"{stem}-{number:03d}") for number in itertools.count(1))))
+        for number in itertools.count(1):
+            folder = parent / f"{stem}-{number:03d}"
+            with contextlib.suppress(FileExistsError):  # of two flights that begin together, each gets its own
+                folder.mkdir(mode=0o700)
+                break
     try:
         yield folder
     finally:
         with contextlib.suppress(OSError):
             folder.rmdir()
-
-
-def _made(folder: Path) -> Path | None:
-    """Create a folder, and return it if it is new: of two flights that begin together, each gets its own."""
-    with contextlib.suppress(FileExistsError):
-        folder.mkdir(mode=0o700)
-        return folder
-    return None
 
 
 @contextlib.contextmanager
@@ -89,10 +85,8 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
             raise ConfigError(f"--out {path.parent}: contains another flight ({name}); give a new folder")
     with writing(path.parent):
         recorder = Recorder(path, metadata, threaded=real_time)
-    try:
+    with contextlib.closing(recorder):
         yield recorder
-    finally:
-        recorder.close()
 
 
 @contextlib.contextmanager
@@ -218,8 +212,8 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
         return plan_of(parse(Config, document, source=source)).flight
-    own = json.loads(metadata[CONFIG]) if CONFIG in metadata else None
-    config = None if own is None else parse(Config, own, source="the record's config")
+    own = metadata.get(CONFIG)
+    config = None if own is None else parse(Config, json.loads(own), source="the record's config")
     from guidance.sim.scenario import Scenario  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
     return plan_of(config, parse(Scenario, document, source=source), metadata.get(TEAM)).flight

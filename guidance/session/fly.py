@@ -24,12 +24,13 @@ from guidance.links.port import Wire, parse
 from guidance.links.wires import MemoryWire, share
 from guidance.links.world import World
 from guidance.links.zenoh_team import ZenohTeam
+from guidance.links.zenoh_wire import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
-from guidance.log.writer import Record, Recorder
+from guidance.log.writer import Recorder
 from guidance.messages import Home
 from guidance.session.checkup import Checkup
-from guidance.session.control_bus import ControlBus, opened
+from guidance.session.control_bus import opened
 from guidance.session.daemon import Equipment
 from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
 from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording
@@ -37,7 +38,7 @@ from guidance.session.loop import Signals
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import SIMULATED_URL, config_of, plan_of
-from guidance.session.result import FlightResult, MissionResult, closing_detail
+from guidance.session.result import MissionResult, closing_detail
 from guidance.session.service import opened_equipment, opened_vehicle
 from guidance.session.vehicle_file import Config, Vehicle
 from guidance.session.vehicle_world import open_all
@@ -82,7 +83,7 @@ class Opened(NamedTuple):
     pursuits: Sequence[Pursuit]
     world: World
     clock: Clock
-    buses: Mapping[str, ControlBus]
+    buses: Mapping[str, Session]
     equipment: Mapping[str, Equipment]
     configs: Mapping[str, Config]
     policy: MissionPolicy = MOCKED
@@ -122,11 +123,11 @@ class MockOptions:
     @contextlib.contextmanager
     def opened(self, scenario: Played, onlooker: Onlooker) -> Iterator[Opened]:
         """Open the mocks, and take orders."""
-        pursuits, clock = _pursuits(scenario), VirtualClock() if self.fast else MonotonicClock()
+        (pursuits, team), clock = _players(scenario), VirtualClock() if self.fast else MonotonicClock()
         check_faults(pursuits)
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         with contextlib.ExitStack() as stack:
-            buses = stack.enter_context(opened(mailboxes, onlooker.control, onlooker.on_control, team=_team(scenario)))
+            buses = stack.enter_context(opened(mailboxes, onlooker.control, onlooker.on_control, team=team))
             used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
             live = partial(LiveWorld, link=self.link, port=self.port, over=self.over)
             world = stack.enter_context(closing((SteppedWorld if self.fast else live)(pursuits, clock)))
@@ -199,17 +200,17 @@ class Asked:
             LinkError: If there is no vehicle.
             FlightError: If one is in the air, armed or does not get ready.
         """
-        pursuits, clock = _pursuits(scenario), MonotonicClock()
+        (pursuits, team), clock = _players(scenario), MonotonicClock()
         if len(self.urls) != len(pursuits):
             words = f"the scenario has {len(pursuits)} vehicles: give one URL each"
             raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         with contextlib.ExitStack() as stack:
-            buses = stack.enter_context(opened(mailboxes, onlooker.control, onlooker.on_control, team=_team(scenario)))
+            buses = stack.enter_context(opened(mailboxes, onlooker.control, onlooker.on_control, team=team))
             for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
                 for_whom = f"a HEARTBEAT at {url}, {FOUND_WITHIN_S:g} s at most"
                 onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
-                mailbox.meanwhile(startup_answers(name, for_whom, FOUND_WITHIN_S, clock))
+                mailbox.meanwhile = startup_answers(name, for_whom, FOUND_WITHIN_S, clock)
             reached = reach(pursuits, self, clock, _separation(scenario))
             (configs, world, radios), laid = stack.enter_context(reached), list[Pursuit]()
             for pursuit in pursuits:
@@ -231,12 +232,9 @@ class Asked:
             yield Opened(laid, world, clock, buses, used, configs, policy, signals)
 
 
-def _pursuits(scenario: Played) -> Sequence[Pursuit]:
-    return (Pursuit(scenario),) if isinstance(scenario, Scenario) else pursuits_of_team(scenario)
-
-
-def _team(scenario: Played) -> str:
-    return "" if isinstance(scenario, Scenario) else TEAM
+def _players(scenario: Played) -> tuple[Sequence[Pursuit], str]:
+    """Return who pursues whom, and the name of the team; empty without one."""
+    return ((Pursuit(scenario),), "") if isinstance(scenario, Scenario) else (pursuits_of_team(scenario), TEAM)
 
 
 def _check(option: str, value: str, allowed: Sequence[str]) -> None:
@@ -261,10 +259,9 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
     """
     with contextlib.ExitStack() as stack:
         flight = stack.enter_context(how.opened(scenario, onlooker))
-        pursuits, clock, team, members = flight.pursuits, flight.clock, None, dict[str, Member]()
-        if isinstance(scenario, TeamScenario):
-            team = team_document(scenario, pursuits)
-            members = _joined(scenario, flight, stack)
+        pursuits, clock = flight.pursuits, flight.clock
+        team = team_document(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
+        members = _joined(scenario, flight, stack) if isinstance(scenario, TeamScenario) else {}
         plans = {one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team) for one in pursuits}
         files = {name: None if folder is None else (folder / name if team else folder) / RECORD for name in plans}
         equipment = {
@@ -274,24 +271,19 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
         if folder is not None:
             onlooker.on_record(folder if team else folder / RECORD)
         for used in equipment.values():
-            used.mailbox.meanwhile(None)
+            used.mailbox.meanwhile = None
         show, policy = onlooker.show, flight.policy
         mission = Mission(pursuits, flight.world, clock, plans=plans, equipment=equipment, policy=policy, show=show)
         result = mission.fly(flight.signals)
         for name, flown in result.vehicles.items():
             if (told := equipment[name].broadcast) is not None:
                 told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, files[name], folder))
-    for name, flown in result.vehicles.items():
-        _note_missing(flown, equipment[name].record)
+    for name, flown in result.vehicles.items():  # the records are closed: note what is missing
+        if isinstance(record := equipment[name].record, Recorder):
+            flown.record_dropped = record.dropped
+            if record.failed is not None and flown.record_stopped is None:
+                flown.record_stopped = Stopped(flown.duration_s, record.failed)
     return result
-
-
-def _note_missing(flown: FlightResult, record: Record | None) -> None:
-    """Note what is missing in a closed record."""
-    if isinstance(record, Recorder):
-        flown.record_dropped = record.dropped
-        if record.failed is not None and flown.record_stopped is None:
-            flown.record_stopped = Stopped(flown.duration_s, record.failed)
 
 
 def _separation(scenario: Played) -> dict[str, float] | None:
@@ -320,11 +312,10 @@ def _joined(scenario: TeamScenario, flight: Opened, stack: contextlib.ExitStack)
     members, ends = dict[str, Member](), dict[str, MemoryTransport]()
     for number, (_, name, first) in enumerate(flight.pursuits):
         bus = flight.buses.get(name)
-        transport = ZenohTeam(now_s, bus.session, TEAM, name, names) if bus else MemoryTransport(name, ends, now_s)
+        transport = ZenohTeam(now_s, bus, TEAM, name, names) if bus else MemoryTransport(name, ends, now_s)
         stack.callback(transport.close)
         epoch = random.Random(f"{scenario.seed} {number}").getrandbits(48)
-        chased = [first, *(evader for evader in evaders if evader != first)]
-        members[name] = Member(name, names, chased, transport, epoch=epoch, separation_height_m=above_m)
+        members[name] = Member(name, names, [first, *evaders], transport, epoch=epoch, separation_height_m=above_m)
     return members
 
 
@@ -339,7 +330,7 @@ def _recorded(
     if path is not None:
         record = stack.enter_context(recording(path, metadata, real_time=real_time))
     if name in flight.buses:
-        broadcast = stack.enter_context(closing(Broadcast(name, flight.buses[name].session, metadata)))
+        broadcast = stack.enter_context(closing(Broadcast(name, flight.buses[name], metadata)))
     return replace(flight.equipment[name], record=record, broadcast=broadcast)
 
 
@@ -380,7 +371,7 @@ def reach(
                 team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **separation}
             config = configs[vehicle] = config_of(scenario, vehicle, own, team)
             wires = {name: next(shares) for name, shares in heard.items()}
-            opened = stack.enter_context(closing(open_all(config, clock, tapped=True, wire=wire, evader_wires=wires)))
+            opened = stack.enter_context(closing(open_all(config, clock, tapped=True, wire=wire, evaders=wires)))
             world.links |= opened.links
             world.evaders |= opened.evaders
             world.taps += opened.taps

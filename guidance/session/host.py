@@ -99,13 +99,11 @@ def _scheduling() -> Finding:
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
-    urls = [("usual", url) for url in _DEFAULT_URLS]
-    if config is not None:
-        given = (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
-        urls = [(key, url) for key, url in given if url is not None]
-    for key, url in urls:
-        endpoint = parse(url)
-        if endpoint.scheme in {"udpin", "tcpin"}:
+    usual = [("usual", url) for url in _DEFAULT_URLS]
+    own = [] if config is None else [("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url)]
+    for key, url in own or usual:
+        endpoint = None if url is None else parse(url)
+        if endpoint is not None and endpoint.scheme in {"udpin", "tcpin"}:
             kind = socket.SOCK_DGRAM if endpoint.scheme == "udpin" else socket.SOCK_STREAM
             yield _port(f"{key} {url}", endpoint.host, endpoint.port, kind, "end what listens there, or take another")
 

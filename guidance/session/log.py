@@ -57,13 +57,11 @@ class Log(Logger, logging.Handler):
 
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
         super().__init__()
-        stream = stream or sys.stderr
-        self._console = Console(file=stream, markup=False, emoji=False, highlight=False, soft_wrap=True)
+        self._console = Console(file=stream or sys.stderr, markup=False, emoji=False, highlight=False, soft_wrap=True)
         self._live = form == "console"
         self._line_of = _console_line if self._live else _json_line
-        self._shown, self._shown_s = "", 0.0
+        self._shown, self._shown_s, self.dropped = "", 0.0, 0
         self._waiting: queue.SimpleQueue[logging.LogRecord | None] = queue.SimpleQueue()
-        self.dropped = 0
         self._thread = threading.Thread(target=self._serve, name="log", daemon=True)
         self._thread.start()
         self._logger = logging.getLogger(LOGGER)

@@ -19,6 +19,7 @@ from guidance.clock import Clock, Timing
 from guidance.errors import ConfigError
 from guidance.flight import Event
 from guidance.links.world import World
+from guidance.messages import LocalPosition
 from guidance.session.daemon import Daemon
 from guidance.session.plan import FlightPlan
 from guidance.session.process import GcScheduler
@@ -42,11 +43,14 @@ class Signals:
     Args:
         hand_over: The order that SIGTERM and SIGINT give.
         load: Reads the configuration again, for SIGHUP; by default it is refused.
+
+    Attributes:
+        looping: Whether a loop acts on signals. Before that, SIGTERM and SIGINT end the process at once.
     """
 
     def __init__(self, hand_over: Event, load: Callable[[], FlightPlan] = _kept) -> None:
         self._hand_over, self._load = hand_over, load
-        self._ends, self._again, self._looping = 0, False, False
+        self._ends, self._again, self.looping = 0, False, False
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
@@ -59,14 +63,10 @@ class Signals:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def begin(self) -> None:
-        """The loop begins and acts on signals from now on. Before that, SIGTERM and SIGINT end the process at once."""
-        self._looping = True
-
     def _note(self, number: int, _: FrameType | None) -> None:
         if number == signal.SIGHUP:
             self._again = True
-        elif self._looping:
+        elif self.looping:
             self._ends += 1
         else:
             sys.exit(0)
@@ -120,7 +120,7 @@ def run(
     """
     daemons = sorted(daemons, key=lambda daemon: daemon.name)
     worked_s, signals = 0.0, signals or Signals(Event.HOLD)
-    signals.begin()
+    signals.looping = True
     due_s = clock.now_s()
     garbage = GcScheduler(due_s, collect=world.real_time)
     try:
@@ -142,7 +142,7 @@ def run(
             done_s = clock.now_s()
             worked_s = done_s - now_s
             due_s, missed = next_due(due_s, done_s)
-            due_s += nudge_s(flying[0].position_age_s) if world.real_time else 0.0
+            due_s += nudge_s(flying[0].flight.vehicle.age_s(LocalPosition, now_s)) if world.real_time else 0.0
             for daemon in flying:
                 daemon.metrics.worked(worked_s, missed)
             garbage.between(done_s, due_s - done_s if world.real_time else 0.0)
@@ -155,8 +155,7 @@ def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:
     passed = world.drain()
     for daemon in daemons:
         others = tuple(f"{one.name}/" for one in daemons if one is not daemon)
-        own = [frame for frame in passed if not frame.topic.startswith(others)] if others else passed
-        daemon.recording.frames(own)
+        daemon.recording.frames([frame for frame in passed if not frame.topic.startswith(others)])
 
 
 def nudge_s(age_s: float) -> float:

@@ -41,12 +41,11 @@ class Metrics:
         self._acted = Counter("limits_acted", "cycles in which a limit acted", (*vehicle, "limit"), **into)
         self._cycles = Counter("cycles", "guidance cycles", vehicle, **into).labels(name)
         self._setpoints = Counter("setpoints", "setpoints sent", vehicle, **into).labels(name)
-        late = "cycles that began more than one period late"
-        self._late = Counter("late_cycles", late, vehicle, **into).labels(name)
-        timed = Histogram("lateness_seconds", "delay of the start of a cycle", vehicle, buckets=_BUCKETS_S, **into)
-        self._lateness = timed.labels(name)
-        timed = Histogram("work_seconds", "working time of a cycle", vehicle, buckets=_BUCKETS_S, **into)
-        self._work = timed.labels(name)
+        own = {**into, "labelnames": vehicle}
+        self._late = Counter("late_cycles", "cycles that began more than one period late", **own).labels(name)
+        own["buckets"] = _BUCKETS_S
+        self._lateness = Histogram("lateness_seconds", "delay of the start of a cycle", **own).labels(name)
+        self._work = Histogram("work_seconds", "working time of a cycle", **own).labels(name)
 
     def worked(self, work_s: float, missed: int) -> None:
         """Count a cycle of the loop: its working time, and how many cycles it made late."""

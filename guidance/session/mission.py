@@ -8,6 +8,7 @@ has for itself, is sent home or landed and watched until it is disarmed.
 import math
 import time
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
@@ -169,15 +170,9 @@ class MissionSequencer:
         if self._state in PLAYING and self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s:
             self.timed_out = True
             return self._end_with
-        return self._end_with if now_s - self._since_s >= self._lingers_s() else None
-
-    def _lingers_s(self) -> float:
-        """Longest stay in the present state; then the mission ends the flight."""
-        if self._state is State.ON_STATION:
-            return self._hold_s
-        if self._state is State.STANDING_BY and self._lost_contact:
-            return CONTACT_PATIENCE_S
-        return LINGER_S if self._state in {State.HOLDING, State.STANDING_BY} else math.inf
+        patience_s = CONTACT_PATIENCE_S if self._lost_contact else LINGER_S
+        stays_s = {State.ON_STATION: self._hold_s, State.HOLDING: LINGER_S, State.STANDING_BY: patience_s}
+        return self._end_with if now_s - self._since_s >= stays_s.get(self._state, math.inf) else None
 
 
 class Mission:
@@ -191,7 +186,6 @@ class Mission:
         equipment: Of the daemons, by vehicle.
         policy: Which orders the mission may give.
         show: Called for each vehicle ten times a second and at every event; None shows nothing.
-        ready_within_s: Longest wait for a vehicle that is fit to fly.
 
     Attributes:
         daemons: One for each vehicle.
@@ -207,23 +201,20 @@ class Mission:
         world: World,
         clock: Clock,
         *,
-        plans: Mapping[str, FlightPlan] | None = None,
-        equipment: Mapping[str, Equipment] | None = None,
+        plans: Mapping[str, FlightPlan] = MappingProxyType({}),
+        equipment: Mapping[str, Equipment] = MappingProxyType({}),
         policy: MissionPolicy = MOCKED,
         show: Show | None = None,
-        ready_within_s: float = READY_WITHIN_S,
     ) -> None:
-        self.world, self.clock, self.policy, self.show, self.ready_within_s = world, clock, policy, show, ready_within_s
-        plans, equipment, pursuits = plans or {}, equipment or {}, pursuits_of(flown)
+        self.world, self.clock, self.policy, self.show = world, clock, policy, show
         self._vehicles = [
-            VehicleMission(self, one, plans.get(one.vehicle), equipment.get(one.vehicle, Equipment()))
-            for one in pursuits
+            VehicleMission(self, one, plans.get(one.vehicle), equipment.get(one.vehicle)) for one in pursuits_of(flown)
         ]
         self.daemons = [one.daemon for one in self._vehicles]
         self._team = any(daemon.team is not None for daemon in self.daemons)
         self.result = MissionResult(
             {one.pursuit.vehicle: one.result for one in self._vehicles},
-            {one.evader: EvaderResult() for one in pursuits},
+            {one.pursuit.evader: EvaderResult() for one in self._vehicles},
             {one.name: one.team for one in self.daemons if one.team is not None},
         )
 
@@ -257,7 +248,8 @@ class Mission:
             player.step(now_s, places, playing=not over and any(one.sequencer.playing for one in pursuers))
         states = {one.daemon.flight.state for one in self._vehicles} if self._team else set()
         for one in self._vehicles:
-            one.before(now_s, waiting=bool(states & _WAITS_FOR.get(one.daemon.flight.state, frozenset())))
+            if not states & _WAITS_FOR.get(one.daemon.flight.state, frozenset()):
+                one.before(now_s)
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
         """Follow a cycle.
@@ -270,7 +262,8 @@ class Mission:
                 continue
             evader_m, evader = one.evader_game_m(now_s), self.result.evaders[one.evader]
             one.after(now_s, late_s, evader_m)
-            evader.note(now_s, evader_m)
+            if evader_m is not None and (not evader.track or evader.track[-1][0] < now_s):  # others may chase it too
+                evader.track.append((now_s, evader_m))
             outputs = one.daemon.outputs
             captures = outputs is not None and any(each.event is Event.CAPTURED for each in outputs.happenings)
             if captures and evader.captured_by is None:
@@ -297,20 +290,21 @@ _WAITS_FOR: Final[Mapping[State, frozenset[State]]] = {
 class VehicleMission:
     """One vehicle's part of a mission, with its daemon."""
 
-    def __init__(self, mission: Mission, pursuit: Pursuit, plan: FlightPlan | None, equipment: Equipment) -> None:
+    def __init__(
+        self, mission: Mission, pursuit: Pursuit, plan: FlightPlan | None, equipment: Equipment | None
+    ) -> None:
         scenario, vehicle, evader = self.pursuit = pursuit
         self._mission, self._policy, world = mission, mission.policy, mission.world
-        self.result, self.over = FlightResult(scenario, State.CONNECTING), False
+        self.result, self.over, self._engaged_once = FlightResult(scenario, State.CONNECTING), False, False
         self.position_game_m: Vector | None = None
         self._heard = {
             name: SensedEvader(source, scenario.sensor, scenario.seed, mission.clock.now_s)
             for name, source in world.evaders[vehicle].items()
-            if equipment.team is not None or name == evader
+            if (equipment is not None and equipment.team is not None) or name == evader
         }
         plan = plan or plan_of(scenario=scenario)
         self.daemon = Daemon(vehicle, plan, world.links[vehicle], self._heard, equipment)
         self.sequencer = MissionSequencer(scenario.hold_s, scenario.time_limit_s, mission.policy)
-        self._engaged_once = False
         self._begun_s: float | None = None
         self._limit_from_s, self._refused_s, self._asked_s, self._shown_s = 0.0, math.inf, -math.inf, -math.inf
 
@@ -326,10 +320,8 @@ class VehicleMission:
         local, frame = self.daemon.flight.vehicle.last(LocalPosition), self.daemon.flight.tracking.game_frame
         self.position_game_m = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
 
-    def before(self, now_s: float, *, waiting: bool = False) -> None:
-        """Give the orders that are due, unless the vehicle waits for its team."""
-        if waiting:
-            return
+    def before(self, now_s: float) -> None:
+        """Give the orders that are due."""
         flight = self.daemon.flight
         fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
         player = self._mission.world.players.get(self.evader)
@@ -385,12 +377,10 @@ class VehicleMission:
     def _progress(self, now_s: float, outputs: Outputs, waiting: str) -> Progress:
         flight, team, unit = self.daemon.flight, self.daemon.team, "s" if self.pursuit.scenario.target is None else "m"
         promises = () if team is None or team.board.roles is None else team.board.roles.promises
-        promise = next((one for one in promises if one.evader == self.evader), None)
-        why, name = "" if outputs.cause is None else outputs.cause.words, self.pursuit.vehicle
-        against = "" if team is None else self.evader
-        words, stopped = "" if promise is None else promise.words(unit), self.result.record_stopped
-        seen = (now_s, outputs.state, flight.mode_title, outputs.certificate, unit)
-        return Progress(*seen, stopped, waiting, why, next_words(flight), name, against, words)
+        promise = next((one.words(unit) for one in promises if one.evader == self.evader), "")
+        why, against = "" if outputs.cause is None else outputs.cause.words, "" if team is None else self.evader
+        seen = (now_s, outputs.state, flight.mode_title, outputs.certificate, unit, self.result.record_stopped)
+        return Progress(*seen, waiting, why, next_words(flight), self.pursuit.vehicle, against, promise)
 
     def _waiting(self, now_s: float) -> str:
         """Say briefly why a vehicle on the ground is not ready."""
@@ -419,7 +409,7 @@ class VehicleMission:
         """Keep the autopilot's last warning before the flight."""
         if self.daemon.flight.state not in ON_GROUND | {State.ARMING}:
             return
-        for message in self.daemon.heard:
+        for message in self.daemon.inputs.messages:
             if isinstance(message, StatusText) and message.severity <= _WARNING:
                 self.result.said = message.text
             elif isinstance(message, CommandAck) and message.command == _ARM_DISARM and message.result != 0:
@@ -432,28 +422,23 @@ class VehicleMission:
             self.daemon.leave(self._policy.hand_over, now_s, Authority.MISSION)
 
     def _judge(self, now_s: float, waited_s: float) -> None:
-        daemon = self.daemon
-        if self._policy.end_with is not None and daemon.flight.vehicle.armed:
+        daemon, flight = self.daemon, self.daemon.flight
+        if self._policy.end_with is not None and flight.vehicle.armed:
             raise FlightError("the vehicle is armed already; disarm it and start again: no order was given")
-        self._check_start()
-        otherwise_fit = daemon.survey.complete and all(check.passed for check in daemon.flight.checks(now_s))
+        start, frame, home = flight.settings.start_game_m, flight.tracking.game_frame, flight.vehicle.last(Home)
+        fence_m = flight.settings.cycle.envelope.fence_radius_m
+        if start is not None and frame is not None and home is not None and fence_m is not None:
+            # To the start the autopilot flies by itself, and our limits do not act.
+            away_m = math.dist(frame.position_to_ned(start)[:2], home.position_ned_m[:2])
+            if away_m > fence_m:
+                allowed = f"allowed is the fence's {fence_m:g} m. Does [site] of the scenario say where the vehicle is?"
+                raise FlightError(f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; {allowed}")
+        otherwise_fit = daemon.survey.complete and all(check.passed for check in flight.checks(now_s))
         refused = otherwise_fit and bool(refusals(daemon.rows))
         self._refused_s = min(self._refused_s, now_s) if refused else math.inf
         if now_s - self._refused_s >= JUDGED_FOR_S:
             raise FlightError(f"preflight refuses: {advice(daemon.rows)}; see `guidance check`")
-        if daemon.flight.state is not State.READY and waited_s > self._mission.ready_within_s:
-            lacking = missing(daemon.flight, now_s, daemon.rows) + self._said("the autopilot says")
-            limit = f"not ready to fly within {self._mission.ready_within_s:g} s"
+        if flight.state is not State.READY and waited_s > READY_WITHIN_S:
+            lacking = missing(flight, now_s, daemon.rows) + self._said("the autopilot says")
+            limit = f"not ready to fly within {READY_WITHIN_S:g} s"
             raise FlightError(f"{limit}: {lacking}; nothing was armed")
-
-    def _check_start(self) -> None:
-        """Refuse a start outside of the fence: to there the autopilot flies by itself, and our limits do not act."""
-        flight = self.daemon.flight
-        start, frame, home = flight.settings.start_game_m, flight.tracking.game_frame, flight.vehicle.last(Home)
-        fence_m = flight.settings.cycle.envelope.fence_radius_m
-        if start is None or frame is None or home is None or fence_m is None:
-            return
-        away_m = math.dist(frame.position_to_ned(start)[:2], home.position_ned_m[:2])
-        if away_m > fence_m:
-            allowed = f"allowed is the fence's {fence_m:g} m. Does [site] of the scenario say where the vehicle is?"
-            raise FlightError(f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; {allowed}")

@@ -37,8 +37,6 @@ _TAKEN: Final = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.L
 READ_WITHIN_S: Final = 1.5
 """Time for reading parameters again: a link asks three times, and the person still waits for the answer."""
 
-_BEING_READ: Final = ("parameters read again",)
-
 
 @dataclass(eq=False, slots=True)
 class Question:
@@ -68,21 +66,20 @@ class Question:
 
 
 class Mailbox:
-    """Filled by any thread, emptied by the loop once a cycle. Queries never take an order's place."""
+    """Filled by any thread, emptied by the loop once a cycle. Queries never take an order's place.
+
+    Attributes:
+        meanwhile: Answers everything on the asking thread, while no loop runs; None: the loop answers.
+    """
 
     def __init__(self) -> None:
         self._orders, self._queries = queue.Queue[Question](MOST_ORDERS), queue.Queue[Question](MOST_QUERIES)
-        self._meanwhile: Callable[[str], Answer] | None = None
-
-    def meanwhile(self, answer: Callable[[str], Answer] | None) -> None:
-        """Answer everything by `answer`, on the asking thread, while no loop runs; None: the loop answers."""
-        self._meanwhile = answer
+        self.meanwhile: Callable[[str], Answer] | None = None
 
     def ask(self, order: str, by: str = "", authority: Authority = Authority.OPERATOR) -> Question:
         """Put an order or a query to the loop. It is answered at once if the queue is full or no loop runs yet."""
         question = Question(order, by, authority)
-        meanwhile = self._meanwhile
-        if meanwhile is not None:
+        if (meanwhile := self.meanwhile) is not None:
             question.answer(meanwhile(order))
             return question
         try:
@@ -162,21 +159,19 @@ class Engaging:
         flight: Of the vehicle.
         survey: Reads its parameters.
         wants: The accepted values; None reads nothing.
+
+    Attributes:
+        asked_s: Since when parameters are being read; None if they are not.
+        rows: What was found when they were read last.
     """
 
     def __init__(self, flight: Flight, survey: PreflightMemory, wants: Wants | None) -> None:
         self._flight, self._survey, self._wants = flight, survey, wants
         self._names = engage_names(flight.settings.autopilot)
-        self._waiting: list[Question] = []
-        self._asked_s: float | None = None
+        self._waiting, self._for_a_pilot = list[Question](), False
+        self.asked_s: float | None = None
         self._to_pilot: tuple[str, ...] | None = None
-        self._for_a_pilot = False
         self.rows: tuple[Finding, ...] = ()
-
-    @property
-    def reading(self) -> bool:
-        """Whether parameters are being read."""
-        return self._asked_s is not None
 
     def wait(self, question: Question, now_s: float) -> None:
         """Let an order wait until the parameters were read again."""
@@ -197,9 +192,9 @@ class Engaging:
             self._to_pilot = None
         elif self._to_pilot is None:
             self._read(now_s)
-        if self._asked_s is None or not (self._survey.complete or now_s - self._asked_s >= READ_WITHIN_S):
+        if self.asked_s is None or not (self._survey.complete or now_s - self.asked_s >= READ_WITHIN_S):
             return None
-        self._asked_s = None
+        self.asked_s = None
         if self._wants is not None:
             facts = self._survey.facts(self._flight.vehicle, now_s)
             self.rows = engage_rows(facts, self._flight.settings.autopilot, self._wants)
@@ -212,9 +207,9 @@ class Engaging:
         """Names of what keeps a pilot's switch to the guided mode from engaging."""
         if not self._for_a_pilot:
             return ()
-        return _BEING_READ if self._to_pilot is None else self._to_pilot
+        return ("parameters read again",) if self._to_pilot is None else self._to_pilot
 
     def _read(self, now_s: float) -> None:
-        if self._asked_s is None:
-            self._asked_s = now_s
+        if self.asked_s is None:
+            self.asked_s = now_s
             self._survey.forget(self._names)

@@ -8,7 +8,7 @@ file with the scenario's own limits.
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -18,7 +18,7 @@ from guidance.config import parse
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
-from guidance.flight.settings import LIMITS_S, FlightSection, TeamSection
+from guidance.flight.settings import LIMITS_S, FlightSection
 from guidance.frames import Amsl
 from guidance.game import Ball, Cylinder, Game, StandOff
 from guidance.game.extent import POINT
@@ -63,21 +63,22 @@ def plan_of(config: Config | None = None, scenario: "Scenario | None" = None, te
     Raises:
         ConfigError: If the files contradict themselves or each other, or both are missing.
     """
-    if team is not None:
-        alone, told = plan_of(config, scenario), json.loads(team)
-        mates = {"team": TeamSection(**told["team"]), "evaders": told["evaders"]}
-        return replace(alone, flight=alone.flight.model_copy(update=mates))
+    mates = {} if team is None else json.loads(team)
     if config is None:
         if scenario is None:
             raise ConfigError("neither a vehicle file nor a scenario: give at least one")
         config = _as_vehicle_file(scenario, Vehicle(autopilot=scenario.pursuer.autopilot, url=SIMULATED_URL))
-        return FlightPlan(flight=_settings(config, scenario, mocked=True), document=scenario.model_dump_json())
+        return FlightPlan(flight=_settings(config, scenario, mates, mocked=True), document=scenario.model_dump_json())
     config = config if scenario is None else merged(scenario, config)
-    settings = _settings(config, scenario)
-    return FlightPlan(flight=settings, wants=_wants(config, settings), document=config.model_dump_json())
+    settings, reserve = _settings(config, scenario, mates), config.flight.reserve
+    needed = None if reserve is None else reserve.needed(settings.farthest_m, settings.takeoff_height_m)
+    wants = Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
+    return FlightPlan(flight=settings, wants=wants, document=config.model_dump_json())
 
 
-def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = False) -> FlightSettings:
+def _settings(
+    config: Config, scenario: "Scenario | None", mates: Mapping[str, Any], *, mocked: bool = False
+) -> FlightSettings:
     autopilot, own, target = autopilot_named(config.vehicle.autopilot), config.game, config.game.target
     handling, standoff = autopilot.handling, StandOff(own.standoff_radius_m, own.standoff_height_m)
     speeds = Ball(own.speed_m_s) if own.speed_set == "ball" else Cylinder(*own.speeds)
@@ -108,21 +109,14 @@ def _settings(config: Config, scenario: "Scenario | None", *, mocked: bool = Fal
     )
     return FlightSettings(
         **dict(config.flight),
+        **{"team": config.team, "evaders": config.declared_speeds_m_s, **mates},
         autopilot=autopilot,
         cycle=cycle,
         limits=config.limits,
         start_game_m=start_game_m,
         hold_on_rival=config.evader.second_source == "hold",
-        team=config.team,
-        evaders=config.declared_speeds_m_s,
         limits_s={state: limit_s for state, limit_s in LIMITS_S.items() if state not in unlimited},
     )
-
-
-def _wants(config: Config, flight: FlightSettings) -> Wants:
-    reserve = flight.reserve
-    needed = None if reserve is None else reserve.needed(flight.farthest_m, flight.takeoff_height_m)
-    return Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
 
 
 def merged(scenario: "Scenario", config: Config) -> Config:
@@ -131,22 +125,18 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     Raises:
         ConfigError: If the two contradict each other. The message has one line for each contradiction, with both keys.
     """
-    contradictions = [*_speeds(scenario, config), *_evader(scenario, config), *_places(scenario, config)]
+    contradictions = [*_players(scenario, config), *_places(scenario, config)]
     if contradictions:
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
-    slower = {
-        key: min(getattr(scenario.pursuer, key), getattr(config.game, key)) for key in ("climb_m_s", "descent_m_s")
-    }
-    own, theirs = (
-        limits.model_copy(update=speeds._asdict())
-        for limits, speeds in ((config.limits, config.speed_limits), (scenario.limits, scenario.speed_limits))
-    )
+    both, rates = (scenario.pursuer, config.game), ("climb_m_s", "descent_m_s")
+    slower = {key: min(getattr(one, key) for one in both) for key in rates}
+    own, theirs = (one.limits.model_copy(update=one.speed_limits._asdict()) for one in (config, scenario))
     document = config.model_dump(mode="json")
     document["game"] = GameSection(**_game(scenario) | slower).model_dump(mode="json")
     document["limits"] = own.tighter(theirs).model_dump(mode="json")
-    document["flight"] |= {"takeoff_height_m": scenario.pursuer.takeoff_height_m}
-    document["flight"] |= {"after_capture": "hold", "engage_on": "command"}
+    up = {"takeoff_height_m": scenario.pursuer.takeoff_height_m}
+    document["flight"] |= {**up, "after_capture": "hold", "engage_on": "command"}
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
@@ -193,17 +183,14 @@ def _game(scenario: "Scenario") -> dict[str, Any]:
     }
 
 
-def _speeds(scenario: "Scenario", config: Config) -> Iterator[str]:
-    pursuer, given, game = scenario.pursuer, scenario.pursuer.model_fields_set, config.game
+def _players(scenario: "Scenario", config: Config) -> Iterator[str]:
+    pursuer, evader, disc, game = scenario.pursuer, scenario.evader, scenario.standoff, config.game
+    given = pursuer.model_fields_set
     if "autopilot" in given and pursuer.autopilot != config.vehicle.autopilot:
         yield f"pursuer.autopilot = {pursuer.autopilot!r}, but vehicle.autopilot = {config.vehicle.autopilot!r}"
     for key, speed_m_s in pursuer.speeds._asdict().items():
         if key in given and speed_m_s > (limit_m_s := getattr(game, key)):
             yield f"pursuer.{key} = {speed_m_s:g} is more than the vehicle's game.{key} = {limit_m_s:g}"
-
-
-def _evader(scenario: "Scenario", config: Config) -> Iterator[str]:
-    game, evader, disc = config.game, scenario.evader, scenario.standoff
     declared_m_s, least_m_s = evader.believed_speed_m_s, game.evader_speed_m_s
     if declared_m_s < least_m_s:
         key = "speed_m_s" if evader.declared_speed_m_s is None else "declared_speed_m_s"

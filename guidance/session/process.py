@@ -12,6 +12,7 @@ import socket
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 PRIORITY: Final = 10
@@ -86,25 +87,20 @@ class Notifier:
     """Sends sd_notify messages; does nothing without NOTIFY_SOCKET. Never waits.
 
     Args:
-        address: Of the datagram socket; None sends nothing. A leading "@" is an abstract one.
-        watchdog_s: systemd's watchdog time; None sends no signs of life.
+        environment: Of the process: NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID.
+        process_id: Its number.
     """
 
-    def __init__(self, address: str | None, watchdog_s: float | None) -> None:
-        self._address = "\0" + address[1:] if address and address.startswith("@") else address
-        self._every_s = None if watchdog_s is None else watchdog_s / _WATCHDOG_SHARE
+    def __init__(self, environment: Mapping[str, str] = MappingProxyType({}), process_id: int = 0) -> None:
+        address, microseconds = environment.get("NOTIFY_SOCKET", ""), environment.get("WATCHDOG_USEC", "")
+        meant = environment.get("WATCHDOG_PID", str(process_id)) == str(process_id)
+        watched = meant and microseconds.isdecimal() and int(microseconds) > 0
+        self._address = "\0" + address[1:] if address.startswith("@") else address  # an abstract one
+        self._every_s = int(microseconds) * 1e-6 / _WATCHDOG_SHARE if watched else None
         self._alive_s, self._status = -math.inf, ""
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
         if self._socket is not None:
             self._socket.setblocking(False)
-
-    @classmethod
-    def from_environment(cls, environment: Mapping[str, str], process_id: int) -> "Notifier":
-        """Read NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID."""
-        microseconds = environment.get("WATCHDOG_USEC", "")
-        meant = environment.get("WATCHDOG_PID", str(process_id)) == str(process_id)
-        watched = meant and microseconds.isdecimal() and int(microseconds) > 0
-        return cls(environment.get("NOTIFY_SOCKET"), int(microseconds) * 1e-6 if watched else None)
 
     def ready(self) -> None:
         """The daemon hears its vehicle and takes orders."""
@@ -133,6 +129,6 @@ class Notifier:
             self._socket = None
 
     def _send(self, text: str) -> None:
-        if self._socket is not None and self._address is not None:
+        if self._socket is not None:
             with contextlib.suppress(OSError):
                 self._socket.sendto(text.encode(), self._address)

@@ -72,16 +72,6 @@ class FlightResult:
     said: str = ""
     interrupted: bool = False
 
-    @property
-    def predicted(self) -> float:
-        """Value of the first certificate, to the disc itself: s in PE, m in TAD."""
-        return math.nan if self.engaged is None else self.engaged.value
-
-    @property
-    def time_needed_s(self) -> float:
-        """When this vehicle would be there, by the first certificate."""
-        return math.nan if self.engaged is None else self.engaged.time_needed_s
-
 
 @dataclass(slots=True)
 class EvaderResult:
@@ -90,11 +80,6 @@ class EvaderResult:
     track: list[tuple[float, Vector]] = field(default_factory=list)
     captured_by: str | None = None
     captured_s: float = math.nan
-
-    def note(self, now_s: float, position_m: Vector | None) -> None:
-        """Add a position; several vehicles may give one for the same cycle."""
-        if position_m is not None and (not self.track or self.track[-1][0] < now_s):
-            self.track.append((now_s, position_m))
 
 
 class MissionResult(NamedTuple):
@@ -106,11 +91,8 @@ class MissionResult(NamedTuple):
 
     def least_distance_m(self, height_m: float) -> float:
         """Return the least horizontal distance of two flying vehicles at less than `height_m` of height."""
-        tracks = [
-            {one.now_s: one.pursuer_m for one in each.samples if one.state in SETPOINT_STATES}
-            for each in self.vehicles.values()
-        ]
-        return least_distance_m(tracks, height_m)
+        flown = ([one for one in each.samples if one.state in SETPOINT_STATES] for each in self.vehicles.values())
+        return least_distance_m([{one.now_s: one.pursuer_m for one in each} for each in flown], height_m)
 
 
 def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) -> float:
@@ -123,15 +105,9 @@ def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) 
     Returns:
         Infinity if heights always separated them.
     """
-    return min(
-        (
-            math.dist(one[now_s][:2], other[now_s][:2])
-            for one, other in combinations(tracks, 2)
-            for now_s in one.keys() & other.keys()
-            if abs(one[now_s][2] - other[now_s][2]) < height_m
-        ),
-        default=math.inf,
-    )
+    pairs = ((one[at_s], other[at_s]) for one, other in combinations(tracks, 2) for at_s in one.keys() & other.keys())
+    level_m = (math.dist(one[:2], other[:2]) for one, other in pairs if abs(one[2] - other[2]) < height_m)
+    return min(level_m, default=math.inf)
 
 
 def note(
@@ -160,7 +136,7 @@ def note(
         reachable = (result.reachable_speed_m_s, certificate.reachable_speed_m_s)
         result.reachable_speed_m_s = min((each for each in reachable if not math.isnan(each)), default=math.nan)
         result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
-        if math.isnan(result.predicted):
+        if result.engaged is None or math.isnan(result.engaged.value):
             result.engaged = certificate
         result.captured |= certificate.captured
 
@@ -184,7 +160,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         evader_to_target_m=evader_to_target_m(scenario, last.evader_m) if last else math.nan,
         predicted=predicted,
         predicted_winner=winner,
-        time_needed_s=result.time_needed_s,
+        time_needed_s=math.nan if result.engaged is None else result.engaged.time_needed_s,
         min_standoff_m=min((math.dist(one.pursuer_m[:2], one.evader_m[:2]) for one in game), default=math.nan),
         min_altitude_m=min((sample.pursuer_m[2] for sample in game), default=math.nan) + scenario.evader.height_m,
         duration_s=result.duration_s,

@@ -14,9 +14,9 @@ from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.links.world import World
 from guidance.links.zenoh_team import ZenohTeam
+from guidance.links.zenoh_wire import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
-from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import daemon_recording, flight_metadata
 from guidance.session.log import Log
@@ -38,13 +38,13 @@ def opened_equipment(mailbox: Mailbox, config: Config) -> Iterator[Equipment]:
     """Open the log that a vehicle file asks for, and signs of life to systemd."""
     with (
         closing(Log(config.log.format, config.log.level)) as log,
-        closing(Notifier.from_environment(os.environ, os.getpid())) as notifier,
+        closing(Notifier(os.environ, os.getpid())) as notifier,
     ):
         yield Equipment(mailbox=mailbox, log=log, notifier=notifier)
 
 
 @contextmanager
-def opened_vehicle(config: Config, clock: Clock, *, tapped: bool) -> Iterator[tuple[World, ControlBus, Equipment]]:
+def opened_vehicle(config: Config, clock: Clock, *, tapped: bool) -> Iterator[tuple[World, Session, Equipment]]:
     """Open all that a vehicle file names, and wait until the vehicle was heard; orders are answered meanwhile.
 
     Args:
@@ -53,18 +53,18 @@ def opened_vehicle(config: Config, clock: Clock, *, tapped: bool) -> Iterator[tu
         tapped: Whether raw frames are passed on.
 
     Yields:
-        Its world, where its orders arrive, and a daemon's equipment with mailbox, log and notifier.
+        Its world, the Zenoh session of its orders, and a daemon's equipment with mailbox, log and notifier.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
     mailbox, wanted, limit_s = Mailbox(), config.vehicle, config.vehicle.connect_timeout_s
-    mailbox.meanwhile(startup_answers(config.name, wanted.awaited, limit_s, clock))
-    with opened_equipment(mailbox, config) as used, closing(open_control(config, mailbox)) as control:
+    mailbox.meanwhile = startup_answers(config.name, wanted.awaited, limit_s, clock)
+    with opened_equipment(mailbox, config) as used, open_control(config, mailbox) as session:
         fields = {"url": wanted.url, "system": wanted.system_id, "component": wanted.component_id}
         used.log.say(logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s)
         with closing(open_all(config, clock, tapped=tapped)) as world:
-            yield world, control, used
+            yield world, session, used
 
 
 def run_vehicle(path: Path, config: Config) -> None:
@@ -82,10 +82,10 @@ def run_vehicle(path: Path, config: Config) -> None:
     with (
         signals.installed(),
         nullcontext() if config.metrics.port is None else closing(MetricsServer(metrics, config.metrics.port)),
-        opened_vehicle(config, clock, tapped=config.record.folder is not None) as (world, control, opened),
+        opened_vehicle(config, clock, tapped=config.record.folder is not None) as (world, session, opened),
         daemon_recording(config, flight_metadata(None, config, clock), opened.log) as record,
-        closing(Broadcast(config.name, control.session, flight_metadata(None, config, clock))) as broadcast,
-        _member(config, control, clock) as team,
+        closing(Broadcast(config.name, session, flight_metadata(None, config, clock))) as broadcast,
+        _member(config, session, clock) as team,
     ):
         name, required = config.name, config.record.required
         used = replace(opened, metrics=metrics, record=record, broadcast=broadcast, record_required=required, team=team)
@@ -93,20 +93,20 @@ def run_vehicle(path: Path, config: Config) -> None:
         used.notifier.ready()
         started = {"name": name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
         used.log.say(logging.INFO, "running", **started, scheduling=claim())
-        used.mailbox.meanwhile(None)
+        used.mailbox.meanwhile = None
         run([daemon], world, clock, signals=signals)
         broadcast.event(clock.now_s(), FLIGHT_OVER, json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}))
         used.log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 
 
 @contextmanager
-def _member(config: Config, control: ControlBus, clock: Clock) -> Iterator[Member | None]:
+def _member(config: Config, session: Session, clock: Clock) -> Iterator[Member | None]:
     """Join the team of a vehicle file, if it has one."""
     if config.team is None:
         yield None
         return
     team, mates, epoch = config.team, config.team.mates, secrets.randbits(48)
-    with closing(ZenohTeam(clock.now_s, control.session, team.name, config.name, mates)) as transport:
+    with closing(ZenohTeam(clock.now_s, session, team.name, config.name, mates)) as transport:
         evaders, above_m = list(config.evaders), team.separation_height_m
         yield Member(config.name, mates, evaders, transport, epoch=epoch, separation_height_m=above_m)
 

@@ -64,22 +64,6 @@ _PLANS: Final = {"limits.fence_plan_file": "fence_polygon_deg", "game.target.pol
 """Keys of plans, and for each the key of its corners."""
 
 
-def with_plans(document: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Replace every plan of a vehicle file's document by its corners in degrees, and return the document.
-
-    Raises:
-        ConfigError: If a plan cannot be read, or its fence is anything but one inclusion polygon.
-    """
-    for name, corners_key in _PLANS.items():
-        section: Any = document
-        *keys, plan_key = name.split(".")
-        for key in keys:
-            section = section.get(key) if isinstance(section, dict) else None
-        if isinstance(section, dict) and isinstance(section.get(plan_key), str) and corners_key not in section:
-            section[corners_key] = corners_deg(folder / section.pop(plan_key), name)
-    return document
-
-
 def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
     """Read the one inclusion polygon of a plan that a key names: latitude and longitude of each corner.
 
@@ -101,11 +85,9 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
     polygons, circles = (fence.get(key) or [] for key in ("polygons", "circles"))
     excluded = sum(not (isinstance(one, dict) and one.get("inclusion") is True) for one in polygons)
     if len(polygons) != 1 or excluded or circles:
-        raise ConfigError(
-            f"{said}: its fence has {len(polygons)} polygons ({excluded} of them not for inclusion) and "
-            f"{len(circles)} circles; must be exactly one inclusion polygon (a circle about home is "
-            "limits.fence_radius_m)"
-        )
+        found = f"{len(polygons)} polygons ({excluded} of them not for inclusion) and {len(circles)} circles"
+        allowed = "exactly one inclusion polygon (a circle about home is limits.fence_radius_m)"
+        raise ConfigError(f"{said}: its fence has {found}; must be {allowed}")
     corners: Any = polygons[0].get("polygon")
     try:
         return [(float(latitude), float(longitude)) for latitude, longitude in corners]
@@ -141,12 +123,8 @@ def _known_policy(policy: str) -> str:
 Policy = Annotated[str, AfterValidator(_known_policy), WithJsonSchema({"type": "string", "enum": _POLICIES})]
 
 
-def _is_url(url: str) -> str:
-    taken_apart(url)
-    return url
-
-
-Url = Annotated[str, AfterValidator(_is_url)]
+Url = Annotated[str, AfterValidator(lambda url: taken_apart(url) and url)]
+"""A URL of a link; a ValueError says what is wrong with another text."""
 
 
 class EvaderFrame(Section):
@@ -186,21 +164,21 @@ class EvaderSection(Section):
     @model_validator(mode="after")
     def _check_source(self) -> Self:
         kind, zenoh = f'kind = "{self.kind}"', self.kind in ON_ZENOH
-        if zenoh and self.url is None:
-            raise ValueError(f"evader.url: missing; {kind} needs zenoh://host:port/key")
-        if not zenoh and self.system_id is None:
-            raise ValueError(f"evader.system_id: missing; {kind} accepts one MAVLink system only")
-        if self.kind in _IN_METRES and self.frame is None:
-            raise ValueError(f"evader.frame: missing; {kind} reports metres about an origin of its own")
-        if zenoh and self.request_rate_hz is not None:
-            raise ValueError(f"evader.request_rate_hz: not allowed; {kind} cannot be asked for a rate")
-        if self.signing_key_file is not None and (zenoh or self.url is None):
-            raise ValueError(
-                "evader.signing_key_file: not allowed; it signs MAVLink reports that have their own url "
-                "(the vehicle's link uses the vehicle's key, Zenoh uses TLS)"
-            )
-        if self.kind == "adsb" and self.icao_address is None:
-            raise ValueError(f"evader.icao_address: missing; {kind} needs the aircraft's address")
+        no_url, polled, signed = self.url is None, self.request_rate_hz is not None, self.signing_key_file is not None
+        others = "the vehicle's link uses the vehicle's key, Zenoh uses TLS"
+        own_url = f"it signs MAVLink reports that have their own url ({others})"
+        in_metres, adsb = self.kind in _IN_METRES, self.kind == "adsb"
+        faults = {
+            f"url: missing; {kind} needs zenoh://host:port/key": zenoh and no_url,
+            f"system_id: missing; {kind} accepts one MAVLink system only": not zenoh and self.system_id is None,
+            f"frame: missing; {kind} reports metres about an origin of its own": in_metres and self.frame is None,
+            f"request_rate_hz: not allowed; {kind} cannot be asked for a rate": zenoh and polled,
+            f"signing_key_file: not allowed; {own_url}": signed and (zenoh or no_url),
+            f"icao_address: missing; {kind} needs the aircraft's address": adsb and self.icao_address is None,
+        }
+        for words, is_wrong in faults.items():
+            if is_wrong:
+                raise ValueError(f"evader.{words}")
         return self
 
 
@@ -279,10 +257,8 @@ class Control(Section):
     @classmethod
     def _check_loopback(cls, endpoint: str) -> str:
         if _LOOPBACK.fullmatch(endpoint) is None and _BY_TLS.fullmatch(endpoint) is None:
-            raise ValueError(
-                "must be on loopback, as tcp/127.0.0.1:7448, or a router with TLS, as tls/192.168.1.10:7447: whoever "
-                "can reach it commands the vehicle"
-            )
+            allowed = "on loopback, as tcp/127.0.0.1:7448, or a router with TLS, as tls/192.168.1.10:7447"
+            raise ValueError(f"must be {allowed}: whoever can reach it commands the vehicle")
         return endpoint
 
     @property
@@ -327,15 +303,10 @@ EVADER: Final = "evader"
 
 
 class TeamEvader(EvaderSection):
-    """An evader besides `[evader]`."""
+    """An evader besides `[evader]`. On the vehicle's link only that one may report."""
 
+    url: Url = Field(description="where its reports arrive")
     speed_m_s: float = Field(gt=0.0, le=30.0, description="declared top speed of the evader")
-
-    @model_validator(mode="after")
-    def _check_url(self) -> Self:
-        if self.url is None:
-            raise ValueError("team.evaders.url: missing; on the vehicle's link only [evader] may report")
-        return self
 
 
 class Team(TeamSection):
@@ -391,10 +362,9 @@ class Config(Section):
         low, high = self.limits.floor_m, self.limits.ceiling_m
         takeoff_m, disc_m = self.flight.takeoff_height_m, self.game.standoff_height_m
         if low <= takeoff_m < low + _ABOVE_THE_FLOOR_M:
-            raise ValueError(
-                f"flight.takeoff_height_m = {takeoff_m:g}: must be {_ABOVE_THE_FLOOR_M:g} m above limits.floor_m = "
-                f"{low:g} at least: the vehicle sinks slightly when the game begins"
-            )
+            above = f"{_ABOVE_THE_FLOOR_M:g} m above limits.floor_m = {low:g} at least"
+            why = "the vehicle sinks slightly when the game begins"
+            raise ValueError(f"flight.takeoff_height_m = {takeoff_m:g}: must be {above}: {why}")
         for key, height_m in {"flight.takeoff_height_m": takeoff_m, "game.standoff_height_m": disc_m}.items():
             if not low <= height_m <= high:
                 allowed = f"allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
@@ -419,5 +389,12 @@ def load_vehicle(path: Path) -> Config:
         ConfigError: If a file cannot be read or is wrong.
     """
     text, document = read(path)
-    config = parse(Config, with_plans(document, path.parent), source=str(path), text=text)
+    for name, corners_key in _PLANS.items():  # every plan is replaced by its corners in degrees
+        section: Any = document
+        *keys, plan_key = name.split(".")
+        for key in keys:
+            section = section.get(key) if isinstance(section, dict) else None
+        if isinstance(section, dict) and isinstance(section.get(plan_key), str) and corners_key not in section:
+            section[corners_key] = corners_deg(path.parent / section.pop(plan_key), name)
+    config = parse(Config, document, source=str(path), text=text)
     return config.model_copy(update={"zenoh": config.zenoh.beside(path.parent.absolute())})

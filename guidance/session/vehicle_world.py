@@ -3,7 +3,6 @@
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 from guidance.autopilots.description import MAV_CMD_SET_MESSAGE_INTERVAL
@@ -19,9 +18,9 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
-from guidance.links.zenoh_wire import session_to
+from guidance.links.zenoh_wire import Session, session_to
 from guidance.messages import Command, EvaderReport
-from guidance.session.control_bus import ControlBus, OwnerToken
+from guidance.session.control_bus import OwnerToken, control_bus
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderFrame, EvaderSection
 
@@ -32,7 +31,7 @@ OWN_ID = 255
 _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
 
 
-def open_control(config: Config, mailbox: Mailbox) -> ControlBus:
+def open_control(config: Config, mailbox: Mailbox) -> contextlib.AbstractContextManager[Session]:
     """Take orders where a configuration says, by the certificates of its router where that judges who may order.
 
     Raises:
@@ -42,16 +41,11 @@ def open_control(config: Config, mailbox: Mailbox) -> ControlBus:
     """
     credentials = credentials_of(config.zenoh) if config.control.by_tls else NO_CREDENTIALS
     team, mates = ("", ()) if config.team is None else (config.team.name, config.team.mates)
-    return ControlBus(config.name, mailbox, config.control, credentials, team, mates)
+    return control_bus(config.name, mailbox, config.control, credentials, team, mates)
 
 
 def open_all(
-    config: Config,
-    clock: Clock,
-    *,
-    tapped: bool,
-    wire: Wire | None = None,
-    evader_wires: Mapping[str, Wire] = MappingProxyType({}),
+    config: Config, clock: Clock, *, tapped: bool, wire: Wire | None = None, evaders: Mapping[str, Wire] | None = None
 ) -> World:
     """Claim the vehicle, open its link and the evaders' sources, and wait until the vehicle was heard.
 
@@ -60,16 +54,21 @@ def open_all(
         clock: Arrival times are its.
         tapped: Whether raw frames are passed on.
         wire: The vehicle's, if it is open already; it is closed with the world.
-        evader_wires: The evaders' by name, likewise.
+        evaders: The evaders' wires by name, likewise.
 
     Raises:
         ConfigError: If a URL or the signing key is wrong.
         LinkError: If something cannot be opened, the vehicle is not heard, or another daemon owns it.
     """
-    vehicle, evader, taps, wires = config.vehicle, config.evader, list[TappedWire](), dict(evader_wires)
+    vehicle, evader, taps, wires = config.vehicle, config.evader, list[TappedWire](), dict(evaders or {})
     credentials, key = credentials_of(config.zenoh), signing_key(vehicle.signing_key_file)
     with contextlib.ExitStack() as closing:
-        _claim(config, credentials, closing)
+        endpoint = parse(vehicle.url)
+        if endpoint.scheme == "zenoh":  # claim the vehicle on its own bus: all possible owners are there
+            session = session_to(endpoint, credentials, _CLAIM_LIMIT_S)
+            closing.callback(session.close)
+            token = OwnerToken(session, f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance")
+            closing.callback(token.close)
         if wire is None:  # the evader's reports arrive on it too, unless they have a URL of their own
             both = (vehicle.system_id, evader.system_id if evader.url is None else None)
             wire = open_wire(vehicle.url, clock=clock.now_s, systems=both, signing_key=key, credentials=credentials)
@@ -88,17 +87,6 @@ def open_all(
             sources[name] = _open_source(config, section, clock, credentials, wires.get(name))
             closing.callback(sources[name].close)
         return World({config.name: link}, {config.name: sources}, taps, closing.pop_all())
-
-
-def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitStack) -> None:
-    """Claim the vehicle on its own Zenoh bus, if it has one: all possible owners are there."""
-    endpoint = parse(config.vehicle.url)
-    if endpoint.scheme != "zenoh":
-        return
-    session = session_to(endpoint, credentials, _CLAIM_LIMIT_S)
-    closing.callback(session.close)
-    token = OwnerToken(session, f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance")
-    closing.callback(token.close)
 
 
 def _open_source(

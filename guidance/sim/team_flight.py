@@ -14,10 +14,8 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
     """
     teams = teams_of(scenario)
     if len(teams.evaders_m) > len(teams.pursuers_m):
-        raise ConfigError(
-            f"{len(teams.evaders_m)} evaders and {len(teams.pursuers_m)} vehicles: "
-            "a flight needs a vehicle for each evader"
-        )
+        counts = f"{len(teams.evaders_m)} evaders and {len(teams.pursuers_m)} vehicles"
+        raise ConfigError(f"{counts}: a flight needs a vehicle for each evader")
     return tuple(
         Pursuit(_scenario_of(scenario, teams, number, evader), f"uav{number + 1}", f"rover{evader + 1}")
         for number, evader in enumerate(_covered(opening_of(scenario).evader_of.tolist(), len(teams.evaders_m)))

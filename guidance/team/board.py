@@ -65,14 +65,12 @@ class Board:
     def __init__(self, vehicle: str, mates: Collection[str], evaders: Collection[str]) -> None:
         self.vehicle, self._evaders = vehicle, frozenset(evaders)
         self.mates = {name: Mate() for name in sorted(mates) if name != vehicle}
-        self._fresh: dict[str, MateState] = {}
-        self._relayed: list[EvaderReport] = []
+        self._fresh, self._relayed = dict[str, MateState](), list[EvaderReport]()
         self.own: StateMessage | None = None
         self.over: dict[str, float] = {}
         self.roles: RolesMessage | None = None
         self.roles_s, self.term = -math.inf, 0
-        self.counts: Counter[str] = Counter()
-        self.news: list[str] = []
+        self.counts, self.news = Counter[str](), list[str]()
 
     def hear(self, arrived_s: float, key: str, payload: bytes) -> None:
         """Take a message, or count why it is refused.
@@ -124,16 +122,10 @@ class Board:
         self.term = max(self.term, state.term)
         if state.airborne:  # on the ground a mate may still know the last game's
             self.close(state.over, arrived_s)
-        top_m_s = math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s))
-        self._fresh[state.vehicle] = MateState(
-            state.vehicle,
-            at_s,
-            *(state.latitude_deg, state.longitude_deg, state.altitude_amsl_m),
-            state.velocity_ned_m_s,
-            max(top_m_s, math.hypot(*state.velocity_ned_m_s)),
-            math.hypot(*mate.doubt_ned_m),
-            state.airborne,
-        )
+        place, velocity = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m), state.velocity_ned_m_s
+        top_m_s = max(math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s)), math.hypot(*velocity))
+        doubt_m = math.hypot(*mate.doubt_ned_m)
+        self._fresh[state.vehicle] = MateState(state.vehicle, at_s, *place, velocity, top_m_s, doubt_m, state.airborne)
 
     def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
         """Add what of a step no motion explains."""

@@ -10,7 +10,7 @@ cause, which the assignment names. It carries all promises, so the next coordina
 
 import math
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -114,14 +114,9 @@ class Coordinator:
             matching = self._match(scene, *players)
             roles = () if matching is None else self._roles(matching, *players)
         self._seq += 1
-        made = RolesMessage(
-            vehicle=self._board.vehicle,
-            epoch=self._epoch,
-            seq=self._seq,
-            term=self._term,
-            roles=roles,
-            promises=self._promises(now_s, scene, matching, *players),
-        )
+        sent: dict[str, Any] = {"vehicle": self._board.vehicle, "epoch": self._epoch, "seq": self._seq}
+        promises = self._promises(now_s, scene, matching, *players)
+        made = RolesMessage(**sent, term=self._term, roles=roles, promises=promises)
         self._board.take_roles(now_s, made)
         return made
 
@@ -137,9 +132,8 @@ class Coordinator:
         who = [[numbers.get(one or "", -1) for one in kept.get(name, (None, None))] for name in evaders]
         previous = _NOTHING._replace(first=np.array(who)[:, 0], second=np.array(who)[:, 1])
         places_m, evaders_m = np.array([place for place, _ in states]), np.array([one.position_m for one in seen])
-        target_m = None if scene.target_m is None else np.array(scene.target_m)
         try:
-            return match_teams(game, places_m, evaders_m, target_m, previous=previous, hysteresis=HYSTERESIS)
+            return match_teams(game, places_m, evaders_m, scene.target_m, previous=previous, hysteresis=HYSTERESIS)
         except ConfigError:  # a state without an answer: the roles stay as they are
             self._board.counts["unmatched"] += 1
             return None
@@ -166,12 +160,10 @@ class Coordinator:
         """Return all promises; before the first vehicle plays, they are only offers."""
         begun = any(state.part == "playing" for _, state in scene.vehicles.values())
         passed_s = now_s - self._board.roles_s if scene.target_m is None and begun else 0.0
-        promises = {
-            one.evader: one.model_copy(update={"value": one.value - passed_s})
-            if one.value is not None and one.evader in evaders
-            else one
-            for one in self._promised
-        }
+        promises = {one.evader: one for one in self._promised}
+        for name, one in promises.items():
+            if one.value is not None and name in evaders:
+                promises[name] = one.model_copy(update={"value": one.value - passed_s})
         if matching is None:
             return tuple(promises.values())
         numbered = [*vehicles, None]  # -1 is nobody

@@ -59,7 +59,7 @@ class Member:
     ) -> None:
         self.vehicle, self._mates = vehicle, tuple(mates)
         self._first, self._slot_m = Role(evaders[0]), separation_height_m + SLOT_MARGIN_M
-        self._transport, self._evaders, self._epoch = transport, sorted(evaders), epoch
+        self._transport, self._evaders, self._epoch = transport, sorted({*evaders}), epoch
         self.begin()
 
     def begin(self) -> None:
@@ -68,10 +68,8 @@ class Member:
         self.board = Board(self.vehicle, self._mates, self._evaders)
         self.coordinator = Coordinator(self.board, self._epoch, self._slot_m)
         self._noted: RolesMessage | None = None
-        self._seq = 0
-        self._told_s = -math.inf
-        self._heard_s: dict[str, float] = {}
-        self._reports: dict[str, EvaderReport] = {}
+        self._seq, self._told_s = 0, -math.inf
+        self._heard_s, self._reports = dict[str, float](), dict[str, EvaderReport]()
 
     def hear(
         self, now_s: float, flight: Flight, reports: Sequence[EvaderReport]
@@ -176,14 +174,9 @@ class Member:
             self._transport.publish(told.key, encode(told))
         for name, report in self._reports.items():
             place = report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
-            velocity = report.velocity_ned_m_s
-            heard = EvaderMessage(
-                **common,
-                **_placed(report.received_s, place),
-                velocity_ned_m_s=velocity if all(map(math.isfinite, velocity)) else None,
-                evader=name,
-                source=report.source[:120],
-            )
+            told_by = common | _placed(report.received_s, place) | {"evader": name, "source": report.source[:120]}
+            velocity = report.velocity_ned_m_s if all(map(math.isfinite, report.velocity_ned_m_s)) else None
+            heard = EvaderMessage(**told_by, velocity_ned_m_s=velocity)
             self._transport.publish(heard.key, encode(heard))
         self._reports.clear()
 

@@ -27,7 +27,7 @@ from footprint import footprint
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.log.writer import Recorder
-from guidance.session.control_bus import ControlBus, answers, ask, control_key, join_session
+from guidance.session.control_bus import answers, ask, control_key, join_session
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.mission import Mission
 from guidance.session.orders import Mailbox
@@ -36,6 +36,7 @@ from guidance.session.service import reload
 from guidance.session.vehicle_file import Control, load_vehicle
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
+from tests.harness.bus import ControlBus
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.toml"
 MOST_MB = 2.0
@@ -144,7 +145,7 @@ def daemon_on_the_ground() -> Iterator[tuple[Daemon, Path, str]]:
 def orders(wanted: int, within_s: float) -> bool:
     with daemon_on_the_ground() as (daemon, _, port):
         at = f"tcp/127.0.0.1:{port}"
-        daemon.mailbox.meanwhile(lambda order: {"accepted": True, "order": order, "name": "bench"})
+        daemon.mailbox.meanwhile = lambda order: {"accepted": True, "order": order, "name": "bench"}
         bus = ControlBus("bench", daemon.mailbox, Control(endpoint=at, host=True))
         session = join_session(at)
         words = ("status", "hold", "land")

@@ -27,11 +27,12 @@ from guidance.links.zenoh_access import (
 )
 from guidance.links.zenoh_wire import open_router, open_session, session_to
 from guidance.log.broadcast import Broadcast, LiveFlight
-from guidance.session.control_bus import ControlBus, OwnerToken, ask, join_session
+from guidance.session.control_bus import OwnerToken, ask, join_session
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.transports.zenoh_session import ZenohEndpoint, read_keys
+from tests.harness.bus import ControlBus
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 
@@ -126,7 +127,7 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
 
 def test_an_operator_orders_and_a_viewer_looks_on(keys, port):
     endpoint, mailbox = f"tls/127.0.0.1:{port}", Mailbox()
-    mailbox.meanwhile(lambda order: {"accepted": True, "order": order, "name": "uav1"})
+    mailbox.meanwhile = lambda order: {"accepted": True, "order": order, "name": "uav1"}
     bus = ControlBus("uav1", mailbox, Control(endpoint=endpoint, host=False), credentials=of(keys, "uav1-guidance"))
     broadcast = Broadcast("uav1", bus.session, {"seed": "3"})
     try:

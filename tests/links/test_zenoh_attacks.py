@@ -14,9 +14,10 @@ from guidance.links.keys import Validity, make_keys
 from guidance.links.opening import open_source, open_wire
 from guidance.links.zenoh_access import Credentials, read_credentials
 from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.control_bus import ControlBus, OwnerToken, ask
+from guidance.session.control_bus import OwnerToken, ask
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
+from tests.harness.bus import ControlBus
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 
@@ -50,7 +51,7 @@ class Orders:
     def __init__(self):
         self.taken = []
         self.mailbox = Mailbox()
-        self.mailbox.meanwhile(self._answer)
+        self.mailbox.meanwhile = self._answer
 
     def _answer(self, order):
         self.taken.append(order)

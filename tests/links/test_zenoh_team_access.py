@@ -12,11 +12,12 @@ from guidance.links.keys import Validity, make_keys
 from guidance.links.zenoh_access import read_credentials
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.control_bus import ControlBus, join_session, order_team
+from guidance.session.control_bus import join_session, order_team
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
 from guidance.team.board import Board
 from guidance.team.messages import encode
+from tests.harness.bus import ControlBus
 from tests.links.peer import until
 from tests.links.rigs import free_port
 from tests.team.virtual_team import state_of
@@ -84,7 +85,7 @@ def test_only_the_operator_orders_the_team(joined, keys):
     with ExitStack() as open_here:
         for name in VEHICLES:
             mailbox = Mailbox()
-            mailbox.meanwhile(lambda order: {"accepted": True, "order": order, "state": "holding"})
+            mailbox.meanwhile = lambda order: {"accepted": True, "order": order, "state": "holding"}
             control, credentials = (
                 Control(endpoint=joined[1], host=False),
                 read_credentials(keys / f"{name}-guidance.toml"),
@@ -93,7 +94,7 @@ def test_only_the_operator_orders_the_team(joined, keys):
             open_here.callback(bus.close)
         operator, viewer = (read_credentials(keys / f"{name}.toml") for name in ("operator", "viewer"))
         with join_session(joined[1], credentials=operator) as session:
-            answers = order_team(session, "hold", "north", ())
+            answers = order_team(session, "hold", "north", (), timeout_s=4.0)
         assert [(one["name"], one["accepted"]) for one in answers] == [(name, True) for name in VEHICLES]
         with (
             join_session(joined[1], credentials=viewer) as session,

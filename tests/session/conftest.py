@@ -53,7 +53,7 @@ class KeptLog(Logger):
 
 class KeptNotifier(Notifier):
     def __init__(self):
-        super().__init__(None, 2.0)
+        super().__init__({"WATCHDOG_USEC": "2000000"})
         self.said = []
 
     def _send(self, text):

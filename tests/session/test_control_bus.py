@@ -13,11 +13,12 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.session import orders
-from guidance.session.control_bus import ControlBus, OwnerToken, answers, ask, control_key, opened
+from guidance.session.control_bus import OwnerToken, answers, ask, control_key, opened
 from guidance.session.control_bus import join_session as open_session
 from guidance.session.control_socket import TIMEOUT_S, ask_here
 from guidance.session.orders import ANSWER_LIMIT_S, Mailbox
 from guidance.session.vehicle_file import Control
+from tests.harness.bus import ControlBus
 
 
 @pytest.fixture

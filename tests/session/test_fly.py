@@ -77,7 +77,7 @@ def test_the_predicted_value_is_the_closed_form_of_the_stand_off_game(pe):
     v, delta2 = 1.5, 4.0
     closed_form = (d + math.sqrt((delta2 - 1) * (z - 5.0) ** 2 + delta2 * d * d)) / (v * (delta2 - 1))
     # Slightly more, because the evader's position is some 0.01 s old and the evader may have moved since.
-    assert closed_form <= result.predicted <= closed_form + 0.1
+    assert closed_form <= result.engaged.value <= closed_form + 0.1
     # The outcome's is to where the disc counts as reached, 0.5 m before it, from a pursuer that knows all.
     assert closed_form - 0.5 / (3.0 - v) <= outcome(result).predicted < closed_form
 

@@ -63,7 +63,7 @@ def test_a_vehicle_among_several_plays_as_it_plays_alone(several):
     _, result, _, _ = several
     alone = flown(NEAR)
     together = result.vehicles["north"]
-    assert together.predicted == pytest.approx(alone.predicted, abs=0.1)
+    assert together.engaged.value == pytest.approx(alone.engaged.value, abs=0.1)
     played_s = [outcome_of_flight(one, "fast").game_time_s for one in (together, alone)]
     assert played_s[0] == pytest.approx(played_s[1], abs=0.3)
 

@@ -109,7 +109,7 @@ class World(VirtualClock):
 class Sortie(Supervised):
     """The daemon of `guidance fly --vehicle`, and its evader, in virtual time."""
 
-    def __init__(self, world, *, scenario=NEAR, ready_within_s=120.0):
+    def __init__(self, world, *, scenario=NEAR):
         name = world.profile.name
         self.laid = laid_about(scenario, *world.meet(), name)
         vehicle = Vehicle(autopilot=name, link="pymavlink", url="udpin://127.0.0.1:14540")
@@ -130,7 +130,6 @@ class Sortie(Supervised):
             scenario=self.laid,
             policy=MissionPolicy(engage=True, end_with=Event.RETURN, hand_over=Event.LAND),
             show=self.shown.append,
-            ready_within_s=ready_within_s,
         )
 
     def outcome(self):
@@ -200,9 +199,10 @@ def test_an_arducopter_that_has_just_been_switched_on_is_waited_for(sortie):
     assert any("not received" in words or "the autopilot's own checks fail" in words for words in waited), waited
 
 
-def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing_armed(sortie):
+def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing_armed(sortie, monkeypatch):
+    monkeypatch.setattr("guidance.session.mission.READY_WITHIN_S", 20.0)
     world = World()
-    flown = sortie(world, ready_within_s=20.0)
+    flown = sortie(world)
     world.faulted.inject({"kind": "arm_refused", "text": "Compass not calibrated"})
     with pytest.raises(FlightError, match=r"not ready to fly within 20 s: prearm .*nothing was armed"):
         flown.run()

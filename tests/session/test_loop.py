@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -54,8 +55,8 @@ class ScriptedDaemon:
         self.finished = not self.works_s
 
     @property
-    def position_age_s(self):
-        return self.ages_s(self.begun_s[-1])
+    def flight(self):
+        return SimpleNamespace(vehicle=SimpleNamespace(age_s=lambda _, now_s: self.ages_s(now_s)))
 
     def leave(self, order, now_s):
         self.asked.append(order)
@@ -193,7 +194,7 @@ def test_signals_are_acted_on_by_the_loop(clock):
         with pytest.raises(SystemExit) as ended:  # before the vehicle is found, there is nothing to hand over
             os.kill(os.getpid(), signal.SIGTERM)
         assert ended.value.code == 0
-        signals.begin()
+        signals.looping = True
         for number in before:
             os.kill(os.getpid(), number)
         daemon, _ = looped(clock, [0.001] * 3, signals)

@@ -16,7 +16,7 @@ def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
 
 def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
     clock, mailbox = VirtualClock(), Mailbox()
-    mailbox.meanwhile(startup_answers("uav1", "a HEARTBEAT of system 1 at udp://", 30.0, clock))
+    mailbox.meanwhile = startup_answers("uav1", "a HEARTBEAT of system 1 at udp://", 30.0, clock)
     clock.sleep_until(2.5)
     status = mailbox.ask("status").wait(0.0)
     assert (status["accepted"], status["name"], status["state"], status["waited_s"]) == (True, "uav1", "waiting", 2.5)
@@ -26,7 +26,7 @@ def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
     assert engage["reason"].endswith("at udp://, 2.5 s so far")
     assert mailbox.ask("jump").wait(0.0)["reason"].startswith("order = 'jump': allowed are abort, ")
     assert mailbox.take() == ([], [])
-    mailbox.meanwhile(None)
+    mailbox.meanwhile = None
     mailbox.ask("status")
     assert [question.order for question in mailbox.take()[1]] == ["status"]
 

@@ -29,7 +29,7 @@ def systemd(tmp_path):
 def test_systemd_hears_readiness_life_status_and_the_end(systemd):
     path, read = systemd
     environment = {"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3000000", "WATCHDOG_PID": "77"}
-    notifier = Notifier.from_environment(environment, 77)
+    notifier = Notifier(environment, 77)
     notifier.ready()
     for cycle in range(100):
         notifier.alive(0.02 * cycle)
@@ -50,7 +50,7 @@ def test_systemd_hears_readiness_life_status_and_the_end(systemd):
     ],
 )
 def test_without_systemd_nothing_is_said_and_nothing_fails(environment):
-    notifier = Notifier.from_environment(environment, 1)
+    notifier = Notifier(environment, 1)
     notifier.ready()
     notifier.alive(1.0)
     notifier.close()
@@ -59,7 +59,7 @@ def test_without_systemd_nothing_is_said_and_nothing_fails(environment):
 def test_a_watchdog_of_another_process_is_not_ours(systemd):
     path, read = systemd
     environment = {"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3000000", "WATCHDOG_PID": "78"}
-    notifier = Notifier.from_environment(environment, 77)
+    notifier = Notifier(environment, 77)
     notifier.alive(100.0)
     notifier.close()
     assert read() == []

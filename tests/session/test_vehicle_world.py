@@ -130,7 +130,7 @@ def test_a_missing_key_file_is_named(tmp_path):
 def test_orders_are_taken_by_certificates_where_a_router_judges_them(vehicle_document, monkeypatch, endpoint, shown):
     read, opened = [], []
     monkeypatch.setattr(vehicle_world, "credentials_of", lambda zenoh: read.append(str(zenoh.tls_certificate_file)))
-    monkeypatch.setattr(vehicle_world, "ControlBus", lambda _name, _mailbox, control, *_: opened.append(control))
+    monkeypatch.setattr(vehicle_world, "control_bus", lambda _name, _mailbox, control, *_: opened.append(control))
     tls = {"tls_certificate_file": "cert.pem", "tls_key_file": "key.pem", "tls_ca_file": "ca.pem"}
     control = {"endpoint": endpoint, "host": not shown}
     open_control(config_of(vehicle_document, control=control, zenoh=tls), Mailbox())
