@@ -32,13 +32,13 @@ def host_session(endpoint: str, token: local.ControlToken | None = None) -> "zen
     Raises:
         LinkError: If it cannot listen there.
     """
-    transport = {"shared_memory": {"enabled": False}} | ({} if token is None else {"auth": token.for_server()})
+    auth = {} if token is None else {"auth": token.auth(dictionary_file=str(token.path))}
     document = {
         "mode": "router",
         "listen": {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True},
         "connect": {"endpoints": []},
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "transport": transport,
+        "transport": {"shared_memory": {"enabled": False}, **auth},
     }
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
@@ -205,7 +205,7 @@ def join_session(
     path = local.token_path(endpoint) if token_file is None else token_file
     token = local.read_token(path)
     try:
-        shown = Credentials(auth=None if token is None else token.for_client())
+        shown = Credentials(auth=None if token is None else token.auth())
         return open_session(endpoint, timeout_s=timeout_s, credentials=shown)
     except LinkError as error:
         used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"

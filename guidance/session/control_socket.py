@@ -62,13 +62,9 @@ class ControlToken(NamedTuple):
     path: Path
     secret: str
 
-    def for_server(self) -> dict[str, Any]:
-        """Return Zenoh's `transport.auth` of the listening side."""
-        return {"usrpwd": {**self.for_client()["usrpwd"], "dictionary_file": str(self.path)}}
-
-    def for_client(self) -> dict[str, Any]:
-        """Return Zenoh's `transport.auth` of the joining side."""
-        return {"usrpwd": {"user": USER, "password": self.secret}}
+    def auth(self, **dictionary: str) -> dict[str, Any]:
+        """Return Zenoh's `transport.auth` of the joining side; the listening side adds its `dictionary_file`."""
+        return {"usrpwd": {"user": USER, "password": self.secret, **dictionary}}
 
 
 def token_path(endpoint: str) -> Path:

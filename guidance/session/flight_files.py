@@ -207,8 +207,16 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
         known = ", ".join(sorted(metadata)) or "nothing"
         raise ConfigError(f"the record's metadata has no scenario and no config, only {known}: it cannot be replayed")
     document, changes = json.loads(metadata[kind]), changes or {}
-    for key, value in changes.items():
-        _set(document, _SHORT[kind].get(key, key), value)
+    for short, value in changes.items():
+        section, key = document, _SHORT[kind].get(short, short)
+        *names, last = key.split(".")
+        for name in names:
+            if section.get(name) is None:
+                section[name] = {}
+            section = section[name]
+            if not isinstance(section, dict):
+                raise ConfigError(f"--with {key}={value}: {name} is not a section; its value is {section!r}")
+        section[last] = value
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
         return plan_of(parse(Config, document, source=source)).flight
@@ -235,14 +243,3 @@ def changes_of(words: Sequence[str]) -> dict[str, Any]:
         except tomllib.TOMLDecodeError:
             changes[key.strip()] = value
     return changes
-
-
-def _set(document: dict[str, Any], key: str, value: Any) -> None:  # noqa: ANN401 - whatever TOML holds
-    *sections, name = key.split(".")
-    for section in sections:
-        if document.get(section) is None:
-            document[section] = {}
-        document = document[section]
-        if not isinstance(document, dict):
-            raise ConfigError(f"--with {key}={value}: {section} is not a section; its value is {document!r}")
-    document[name] = value

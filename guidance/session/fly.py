@@ -227,8 +227,7 @@ class Asked:
             policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
             signals = Signals(Event.LAND)
             stack.enter_context(signals.installed())
-            boxes = mailboxes.items()
-            used = {name: stack.enter_context(opened_equipment(box, configs[name])) for name, box in boxes}
+            used = {name: stack.enter_context(opened_equipment(box, configs[name])) for name, box in mailboxes.items()}
             yield Opened(laid, world, clock, buses, used, configs, policy, signals)
 
 

@@ -3,6 +3,7 @@
 import copy
 import math
 import random
+from types import SimpleNamespace
 
 import pytest
 
@@ -99,7 +100,7 @@ def test_the_loop_goes_on_after_a_cycle_that_failed():
     class Failing:
         name = "uav1"
         finished = False
-        position_age_s = math.inf
+        flight = SimpleNamespace(vehicle=SimpleNamespace(age_s=lambda *_: math.inf))
         recording = Recording(name, None)
 
         def __init__(self):
