@@ -66,8 +66,8 @@ def text_of(path: Path, said: str, *, secret: bool) -> str:
 
 
 @contextlib.contextmanager
-def writing(path: Path | str) -> Iterator[None]:
-    """Turn an OSError of the body into an error that names the file, or the key and the file.
+def writing(path: Path | str, advice: str = "choose another place") -> Iterator[None]:
+    """Turn an OSError of the body into an error that names the file, or the key and the file, and says what to do.
 
     Raises:
         OutputError: If the body raises OSError.
@@ -76,4 +76,4 @@ def writing(path: Path | str) -> Iterator[None]:
         yield
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else str(error)
-        raise OutputError(f"{path}: cannot be written ({reason}); choose another place") from error
+        raise OutputError(f"{path}: cannot be written ({reason}); {advice}") from error

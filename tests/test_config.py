@@ -194,7 +194,10 @@ def test_a_wrong_file_is_told_line_key_and_what_is_allowed(tmp_path):
     ("line", "words"),
     [
         ('way = "maths"', "line 3: way: unknown key; allowed here: as, description"),
-        ('random."evader.speed_m_s" = { gauss = [1, 2] }', "evader.speed_m_s = { gauss = [1, 2] }: must be one of {"),
+        (
+            'random."evader.speed_m_s" = { gauss = [1, 2] }',
+            "random.evader.speed_m_s.gauss: unknown key; allowed here: about_m, annulus",
+        ),
         ('random."evader.position" = { disc = 3 }', "random.evader.position: a disc or an annulus is a"),
     ],
 )

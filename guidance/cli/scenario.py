@@ -19,6 +19,7 @@ from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.files import private_file, writing
 from guidance.screen import Cell, console, pairs, sheet
+from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play
 from guidance.sim.outcome import outcome_json, winner_name
@@ -350,7 +351,7 @@ def _said(expectations: Ranges) -> Iterator[str]:
 
 
 def _value(scenario: Scenario) -> str:
-    first = opening([scenario])
+    first = opening(stack([scenario]))
     value, winner = float(first.value[0]), winner_name(int(first.winner[0]))
     if winner == "evader":
         return f"the evader wins: the pursuer misses by {value:.2f} m"

@@ -77,11 +77,11 @@ def run(
     - `python -c "import pyarrow.parquet as pq; print(pq.read_table('sweeps/policies-maths/rows'))"`: the rows
     """
     require("guidance sweep", "sim")
-    from guidance.sweeps.running import checked_way, run_sweep  # noqa: PLC0415 - pyarrow takes a moment
+    from guidance.sweeps.running import run_sweep  # noqa: PLC0415 - pyarrow takes a moment
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
-        path = run_sweep(file, way=checked_way(way), workers=workers, scheduler=scheduler, out=out, chunk=chunk)
+        path = run_sweep(file, way=way, workers=workers, scheduler=scheduler, out=out, chunk=chunk)
     except KeyboardInterrupt as interruption:
         typer.echo(str(interruption) or "interrupted before anything was computed", err=True)
         raise typer.Exit(128 + signal.SIGINT) from None

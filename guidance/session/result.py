@@ -23,7 +23,6 @@ from guidance.game.team import match_teams
 from guidance.monitor import Alarm
 from guidance.session.flight_files import Stopped
 from guidance.sim.batch import stack
-from guidance.sim.maths import game_of
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind
 from guidance.sim.teams import TeamOutcome, TeamScenario, outcomes_of, teams_of
@@ -228,7 +227,7 @@ def _predicted(result: FlightResult) -> tuple[float, str]:
         return math.nan, "none"
     batch = stack([result.scenario.model_copy(update={"wind": Wind()})])
     P, E = np.array([result.engaged.pursuer_game_m]), np.array([result.engaged.evader_game_m])
-    solution = solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
+    solution = solve(batch.believed, P, E, batch.target_m)
     return float(solution.value[0]), winner_name(int(solution.winner[0]))
 
 

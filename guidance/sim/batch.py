@@ -6,7 +6,7 @@ A number that is equal in all rows stays a single float: faster, and the results
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from operator import attrgetter
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from guidance.frames import Amsl, Vector
 from guidance.game import Ball, Cylinder, Extent, Game, SpeedSet, StandOff
 from guidance.game.arrays import Real
-from guidance.game.records import rows_of
 from guidance.sim.scenario import EVADER, PURSUER, Player, Scenario
 from guidance.sim.sensor import PERFECT, Noise
 from guidance.strategies import Strategy, random_turns, recorded, waypoints
@@ -34,6 +33,8 @@ class Batch(NamedTuple):
     Attributes:
         kind: One scenario of the batch; everything else in it is equal in all scenarios.
         game: The games with the evaders' true speeds.
+        pursuer_m: Positions of the pursuers at engagement, (n, 3); heights above the evader's plane.
+        evader_m: Positions of the evaders at engagement, (n, 3).
         believed_m_s: Evader speed that the pursuer assumes, (n,).
         target_m: (n, 3); None in PE.
         lowest_m: Floor above the evader's plane, (n,).
@@ -48,6 +49,8 @@ class Batch(NamedTuple):
 
     kind: Scenario
     game: Game
+    pursuer_m: Array
+    evader_m: Array
     believed_m_s: Real
     target_m: Array | None
     lowest_m: Real
@@ -60,9 +63,9 @@ class Batch(NamedTuple):
     evader: Strategy
 
     @property
-    def agreed(self) -> bool:
-        """True if the declared speed of each evader is its true speed; equal in all scenarios of a kind."""
-        return self.kind.evader.believed_speed_m_s == self.kind.evader.speed_m_s
+    def believed(self) -> Game:
+        """The games with the evader speeds that the pursuers assume."""
+        return replace(self.game, evader_speed_m_s=self.believed_m_s)
 
 
 _ALIKE: Final = attrgetter(
@@ -104,31 +107,23 @@ def by_kind(games: Sequence[G], kind_of: Callable[[G], Hashable], play: Callable
     return [played[index] for index in range(len(games))]
 
 
-def starts(scenarios: Sequence[Scenario]) -> tuple[Array, Array]:
-    """Return the positions of pursuers and evaders at engagement, (n, 3) each; heights above the evader's plane."""
-    P = np.array(
-        [(*each.pursuer.position_m[:2], each.pursuer.position_m[2] - each.evader.height_m) for each in scenarios]
-    )
-    E = np.array([(*each.evader.position_m, 0.0) for each in scenarios])
-    return P, E
-
-
 def stack(scenarios: Sequence[Scenario]) -> Batch:
     """Stack scenarios of one kind."""
     kind = scenarios[0]
 
     def column(key: str, axis: int | None = None) -> Real:
         values = [value if axis is None else value[axis] for value in map(attrgetter(key), scenarios)]
-        same = values.count(values[0]) == len(values)
-        return float(values[0]) if same else np.array(values, dtype=np.float64)
+        return float(values[0]) if values.count(values[0]) == len(values) else np.array(values, dtype=np.float64)
 
-    (P, E), ground = starts(scenarios), column("evader.height_m")
+    ground = column("evader.height_m")
+    P = np.array([each.pursuer.position_m for each in scenarios])
+    P[:, 2] -= ground
+    E = np.array([(*each.evader.position_m, 0.0) for each in scenarios])
     speeds: SpeedSet = Ball(column("pursuer.speed_m_s"))
     if kind.pursuer.speed_set == "cylinder":
         speeds = Cylinder(*map(column, ("pursuer.speed_m_s", "pursuer.climb_m_s", "pursuer.descent_m_s")))
     seed, evader_speed = np.array([each.seed for each in scenarios], dtype=np.int64), column("evader.speed_m_s")
     targets = [(*each.target.position_m, 0.0) for each in scenarios if each.target is not None]
-    noises = map(column, ("sensor.position_noise_m", "sensor.velocity_noise_m_s", "sensor.dropout"))
     return Batch(
         kind=kind,
         game=Game(
@@ -139,6 +134,8 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
             wind_m_s=(column("wind.velocity_m_s", 0), column("wind.velocity_m_s", 1)),
             target_extent=target_extent(kind),
         ),
+        pursuer_m=P,
+        evader_m=E,
         believed_m_s=column("evader.believed_speed_m_s"),
         target_m=np.array(targets) if targets else None,
         lowest_m=column("limits.floor_m") - ground,
@@ -146,7 +143,7 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
         fence_m=column("limits.fence_radius_m"),
         home_m=np.array([each.home_m for each in scenarios]),
         limit_s=column("time_limit_s"),
-        noise=Noise(seed, *noises),
+        noise=Noise(seed, *map(column, ("sensor.position_noise_m", "sensor.velocity_noise_m_s", "sensor.dropout"))),
         pursuer=strategy_of(kind, PURSUER, P, speeds, seed),
         evader=strategy_of(kind, EVADER, E, Ball(evader_speed), seed),
     )
@@ -201,8 +198,3 @@ def strategy_of(scenario: Scenario, name: str, start_m: Array, speeds: SpeedSet,
         case "recorded":
             course = recorded(start_m, player.track)
     return Strategy(player.policy, course, scenario.pursuer.navigation_gain)
-
-
-def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - a batch or a part
-    """Return some rows of a batch, or of a part."""
-    return rows_of(value, lambda array: array[rows])

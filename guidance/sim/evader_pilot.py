@@ -39,8 +39,7 @@ class EvaderPilot:
         self._requested_s = self._stood_s = float("-inf")
         self.vehicle, self.ready = VehicleState(), False
         self._position_m: Vector | None = None
-        self._frame: GameFrame | None = None
-        self._frame_sources: tuple[Home | None, Origin | None] = (None, None)
+        self._frame: tuple[tuple[Home | None, Origin | None], GameFrame | None] = (None, None), None
 
     def position_game_m(self) -> Vector | None:
         """Its position in the game frame from its own telemetry, None until known."""
@@ -48,12 +47,11 @@ class EvaderPilot:
 
     def _located(self) -> Vector | None:
         sources = (self.vehicle.last(Home), self.vehicle.last(Origin))
-        if sources != self._frame_sources:
-            self._frame_sources = sources
-            frame = local_frame(self.vehicle, ROVER.projection)
-            self._frame = None if frame is None else GameFrame(frame.ned_from_wgs84(*self._site))
-        local = self.vehicle.last(LocalPosition)
-        return None if self._frame is None or local is None else self._frame.position_from_ned(local.position_ned_m)
+        if sources != self._frame[0]:
+            local_ned = local_frame(self.vehicle, ROVER.projection)
+            self._frame = sources, None if local_ned is None else GameFrame(local_ned.ned_from_wgs84(*self._site))
+        frame, local = self._frame[1], self.vehicle.last(LocalPosition)
+        return None if frame is None or local is None else frame.position_from_ned(local.position_ned_m)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
@@ -81,13 +79,8 @@ class EvaderPilot:
         if now_s - self._requested_s < REPEAT_S:
             return
         self._requested_s = now_s
-        for request in (
-            *ROVER.stream_requests(),
-            ROVER.request_message(HOME_POSITION),
-            ROVER.request_message(GPS_GLOBAL_ORIGIN),
-            ROVER.set_mode(Mode.GUIDED),
-            ROVER.arm(),
-        ):
+        asked = map(ROVER.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))
+        for request in (*ROVER.stream_requests(), *asked, ROVER.set_mode(Mode.GUIDED), ROVER.arm()):
             self._link.request(request)
 
     def _velocity_ned_m_s(self, pursuer_game_m: Vector, evader_game_m: Vector, played_s: float) -> Vector:

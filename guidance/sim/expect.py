@@ -49,14 +49,17 @@ class CheckedExpectation(NamedTuple):
 
 
 class Ranges(Section):
-    """Allowed ranges of columns."""
+    """Expected texts and ranges of columns."""
 
     def verdicts(self, values: Mapping[str, Any]) -> list[CheckedExpectation]:
-        """Return the verdict on every range that is given, from the values of all columns."""
+        """Return the verdict on everything that is expected, from the values of all columns."""
         return [
-            CheckedExpectation(column, str(each), values[column], each.holds(values[column]))
+            CheckedExpectation(
+                column, str(each), value, each.holds(value) if isinstance(each, Range) else each == value
+            )
             for column, each in self
-            if isinstance(each, Range)
+            if isinstance(each, (Range, str))
+            for value in [values[column]]
         ]
 
 
@@ -91,19 +94,17 @@ class Expectations(Ranges):
     @model_validator(mode="before")
     @classmethod
     def _check_columns(cls, given: Any) -> Any:  # noqa: ANN401 - whatever a file holds
-        if not isinstance(given, dict):
-            return given
-        for column in RENAMED_COLUMNS.keys() & given.keys():
-            if given[column] is not None:
-                raise ValueError(f"expect.{column} is named {RENAMED_COLUMNS[column]} now")
-        return {name: value for name, value in given.items() if name not in RENAMED_COLUMNS}
+        for column, name in RENAMED_COLUMNS.items() if isinstance(given, dict) else ():
+            if given.get(column) is not None:
+                raise ValueError(f"expect.{column} is named {name} now")
+            given = {key: value for key, value in given.items() if key != column}
+        return given
 
     @field_validator("events")
     @classmethod
     def _check_events(cls, events: tuple[str, ...]) -> tuple[str, ...]:
-        for event in events:
-            if event in RENAMED_EVENTS:
-                raise ValueError(f"{event!r} is named {RENAMED_EVENTS[event]!r} now")
+        for event in RENAMED_EVENTS.keys() & events:
+            raise ValueError(f"{event!r} is named {RENAMED_EVENTS[event]!r} now")
         return events
 
     def check(self, game: str) -> None:
@@ -122,17 +123,11 @@ class Expectations(Ranges):
 
     def verdicts(self, outcome: Mapping[str, Any]) -> list[CheckedExpectation]:
         """Return the verdict on every expectation."""
-        named = ((column, getattr(self, column)) for column in ("end", "winner"))
-        found = [
-            CheckedExpectation(column, expected, outcome[column], expected == outcome[column])
-            for column, expected in named
-            if expected is not None
-        ]
         happened = outcome["events"]
         events = [
             CheckedExpectation("events", f"has {one!r}", ", ".join(happened), one in happened) for one in self.events
         ]
-        return [*found, *super().verdicts(outcome), *events]
+        return [*super().verdicts(outcome), *events]
 
 
 class Expect(Expectations):

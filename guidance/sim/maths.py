@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
+from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,11 +17,12 @@ from numpy.typing import NDArray
 
 from guidance.flight import Event, State
 from guidance.flight.settings import LIMITS_S
-from guidance.game import Ball, Game, Solution, solve
+from guidance.game import Ball, Solution, solve
 from guidance.game.arrays import NUMPY, Real, pair_length
 from guidance.game.pe import TOUCH_M
+from guidance.game.records import rows_of
 from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
-from guidance.sim.batch import Array, Batch, by_kind, keep, kind_of, stack, starts
+from guidance.sim.batch import Array, Batch, by_kind, kind_of, stack
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import PERFECT, TIMEOUT_S, Received, begin, known, listen, next_event_s
@@ -99,9 +101,9 @@ def play(scenarios: Sequence[Scenario]) -> list[Outcome]:
     return by_kind(scenarios, kind_of, _play_kind)
 
 
-def moments(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Iterator[Moment]:
-    """Play scenarios of one kind, see `kind_of`; yield every moment, also of games that have just ended."""
-    batch, moment = batch or stack(scenarios), begun(scenarios)
+def moments(batch: Batch) -> Iterator[Moment]:
+    """Play the games of a batch; yield every moment, also of games that have just ended."""
+    moment = begun(batch)
     with np.errstate(all="ignore"):
         while len(moment.row):
             ahead = look_ahead(NUMPY, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
@@ -109,23 +111,20 @@ def moments(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Iterat
             yield moment
             running = moment.end == RUNNING
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
-                batch, moment, ahead = (keep(part, running) for part in (batch, moment, ahead))
+                batch, moment, ahead = (rows_of(part, itemgetter(running)) for part in (batch, moment, ahead))
             if len(moment.row):
                 moment = _advance(batch, moment, ahead)
 
 
-def opening(scenarios: Sequence[Scenario], batch: Batch | None = None) -> Solution:
-    """Solve the games of scenarios of one kind at engagement, with the evader speed that the pursuer assumes."""
-    batch = batch or stack(scenarios)
-    P, E = starts(scenarios)
-    return solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
+def opening(batch: Batch) -> Solution:
+    """Solve the games of a batch at engagement, with the evader speeds that the pursuers assume."""
+    return solve(batch.believed, batch.pursuer_m, batch.evader_m, batch.target_m)
 
 
-def begun(scenarios: Sequence[Scenario]) -> Moment:
-    """Return the moment of engagement of scenarios of one kind."""
-    (P, E), count = starts(scenarios), len(scenarios)
+def begun(batch: Batch) -> Moment:
+    """Return the moment of engagement."""
+    P, E, count, sensor = batch.pursuer_m, batch.evader_m, len(batch.pursuer_m), batch.kind.sensor
     zeros, no = np.zeros(count), np.zeros(count, dtype=bool)
-    sensor, navigates = scenarios[0].sensor, scenarios[0].pursuer.policy == PROPORTIONAL
     return Moment(
         row=np.arange(count),
         now_s=zeros,
@@ -134,7 +133,7 @@ def begun(scenarios: Sequence[Scenario]) -> Moment:
         flown_m_s=np.zeros_like(P),
         run_m_s=np.zeros_like(E),
         step_s=zeros,
-        turning_rad_s=np.zeros_like(P) if navigates and sensor == PERFECT else None,
+        turning_rad_s=np.zeros_like(P) if batch.pursuer.name == PROPORTIONAL and sensor == PERFECT else None,
         heard=None if sensor == PERFECT else begin(sensor, E),
         lost_s=zeros,
         standoff_m=beside(P, E),
@@ -153,14 +152,14 @@ def beside(P: Array, E: Array) -> Array:
 
 def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
     batch = stack(scenarios)
-    first = _listed(opening(scenarios, batch))
+    first = _listed(opening(batch))
     found: dict[int, Outcome] = {}
     done = np.zeros(len(scenarios), dtype=bool)
-    for moment in moments(scenarios, batch):
+    for moment in moments(batch):
         new = (moment.end != RUNNING) & ~done[moment.row]
         if new.any():
             done[moment.row[new]] = True
-            ended = _listed(keep(moment, new))
+            ended = _listed(rows_of(moment, itemgetter(new)))
             for place, row in enumerate(ended.row):
                 found[row] = _outcome(scenarios[row], first, row, ended, place)
     return [found[row] for row in range(len(scenarios))]
@@ -288,11 +287,6 @@ def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Sl
     return tuple((a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
 
 
-def game_of(batch: Batch, evader_speed_m_s: Real, age_s: Real = 0.0) -> Game:
-    """Return the games of a batch for other evader speeds, (n,) or one number, and ages of the evader's position."""
-    return replace(batch.game, evader_speed_m_s=evader_speed_m_s, information_age_s=age_s)
-
-
 def _velocities(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None = None) -> tuple[Array, Array]:
     """Return the velocities of players that see each other, (n, 3) each.
 
@@ -303,16 +297,18 @@ def _velocities(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope |
         E: Positions of the evaders, (n, 3).
         first: Velocities at the begin of the step, kept by players on a course; None at the begin.
     """
-    T, game = batch.target_m, batch.game
-    if batch.agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
+    T, game, evader = batch.target_m, batch.game, batch.kind.evader
+    agreed = evader.believed_speed_m_s == evader.speed_m_s  # in all games of a kind
+    if agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
         solution = solve(game, P, E, T, evader_velocity_m_s=moment.run_m_s)
         return solution.pursuer_velocity_m_s, solution.evader_velocity_m_s
     memory = StrategyMemory(moment.flown_m_s, moment.now_s, moment.turning_rad_s)
     w = evade(batch.evader, game, P, E, T, memory) if first is None or batch.evader.course is None else first[1]
     if first is not None and batch.pursuer.course is not None:
         return first[0], w
-    if not batch.agreed:
-        game = game_of(batch, np.maximum(batch.believed_m_s, np.sqrt(w[:, 0] ** 2 + w[:, 1] ** 2)))
+    if not agreed:
+        speed_m_s = np.maximum(batch.believed_m_s, np.sqrt(w[:, 0] ** 2 + w[:, 1] ** 2))
+        game = replace(game, evader_speed_m_s=speed_m_s)
     return pursue(batch.pursuer, game, P, E, T, w, memory, dt_s=moment.step_s), w
 
 
@@ -320,7 +316,7 @@ def _sensed_velocities(batch: Batch, moment: Moment, heard: Received) -> tuple[A
     """Return both players' velocities, (n, 3), and the age, (n,), of what the pursuer knows from its sensor."""
     P, T, memory = moment.pursuer_m, batch.target_m, StrategyMemory(moment.flown_m_s, moment.now_s)
     seen_m, bound_m_s, age_s = known(batch.noise, heard, batch.believed_m_s, moment.now_s)
-    game = game_of(batch, bound_m_s, np.minimum(age_s, TIMEOUT_S))
+    game = replace(batch.game, evader_speed_m_s=bound_m_s, information_age_s=np.minimum(age_s, TIMEOUT_S))
     v = pursue(batch.pursuer, game, P, seen_m, T, heard.velocity_m_s, memory, dt_s=moment.step_s)
     return v, evade(batch.evader, batch.game, P, moment.evader_m, T, memory), age_s
 

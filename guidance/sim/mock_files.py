@@ -26,12 +26,11 @@ def fleet(flown: Flown) -> dict[str, Any]:
     for scenario, vehicle, evader in pursuits:
         vehicles[vehicle] = _pursuer(scenario)
         vehicles.setdefault(evader, _evader(scenario.evader))
-    common = {"ready_after_s": READY_AFTER_S}
     return {
         "seed": pursuits[0].scenario.seed,
         "home": {"lat_deg": site.latitude_deg, "lon_deg": site.longitude_deg, "alt_amsl_m": site.altitude_amsl_m},
         "vehicle": [
-            {"name": name, "system_id": number, **keys, **common}
+            {"name": name, "system_id": number, **keys, "ready_after_s": READY_AFTER_S}
             for number, (name, keys) in enumerate(vehicles.items(), start=1)
         ],
     }
@@ -46,14 +45,13 @@ def _pursuer(scenario: Scenario) -> dict[str, Any]:
     """Return the keys of a pursuer; its autopilot gets the vertical speeds of the scenario."""
     east_m, north_m = scenario.home_m
     autopilot = autopilot_named(scenario.pursuer.autopilot)
-    parameters = autopilot.mock_speeds(scenario.pursuer.speeds)
-    return {"flavour": autopilot.mock, "start_ned_m": [north_m, east_m, 0.0], "parameters": dict(parameters)}
+    parameters = dict(autopilot.mock_speeds(scenario.pursuer.speeds))
+    return {"flavour": autopilot.mock, "start_ned_m": [north_m, east_m, 0.0], "parameters": parameters}
 
 
 def _evader(evader: Evader) -> dict[str, Any]:
     east_m, north_m = evader.position_m
-    acceleration_m_s2 = evader.acceleration_m_s2
-    parameters = {} if acceleration_m_s2 is None else {"ATC_ACCEL_MAX": acceleration_m_s2}
+    parameters = {} if evader.acceleration_m_s2 is None else {"ATC_ACCEL_MAX": evader.acceleration_m_s2}
     return {"flavour": "rover", "start_ned_m": [north_m, east_m, -evader.height_m], "parameters": parameters}
 
 

@@ -102,7 +102,7 @@ def listen(
         number, report = heard.measurements[rows], np.concatenate([evader_m[rows], velocity_m_s[rows]], axis=1)
         for place, stream in _STREAMS.items():
             spread = noise.position_m if place < 3 else noise.velocity_m_s
-            report[:, place] += _in(spread, rows) * normal(noise.seed[rows], stream, number)
+            report[:, place] += np.broadcast_to(spread, now_s.shape)[rows] * normal(noise.seed[rows], stream, number)
         ring[rows, number % ring.shape[1]] = report
         heard.measurements[rows] += 1
     while True:
@@ -111,7 +111,7 @@ def listen(
         if not rows.size:
             return heard
         number = heard.arrivals[rows]
-        comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= _in(noise.dropout, rows)
+        comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= np.broadcast_to(noise.dropout, now_s.shape)[rows]
         for begin_s, end_s in sensor.outages_s:
             comes &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
         heard.arrivals[rows] += 1
@@ -134,10 +134,6 @@ def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> tu
     seen_m_s = np.sqrt(heard.velocity_m_s[:, 0] ** 2 + heard.velocity_m_s[:, 1] ** 2)
     bound = np.maximum(declared_m_s, seen_m_s - _SURE * noise.velocity_m_s)
     return position_m, bound, age_s
-
-
-def _in(value: Real, rows: NDArray[np.intp]) -> Real:
-    return value[rows] if isinstance(value, np.ndarray) else value
 
 
 def _rate_hz(sensor: Sensor) -> float:
@@ -190,8 +186,10 @@ class SensedEvader:
         self._source.close()
 
     def _measure(self, report: EvaderReport) -> None:
-        number, arrival_s = self._number(report), report.received_s + self._sensor.latency_s
-        since_s = arrival_s - self._engaged_s
+        arrival_s, rate_hz = report.received_s + self._sensor.latency_s, self._sensor.rate_hz
+        since_s, number = arrival_s - self._engaged_s, self._last + 1
+        if rate_hz is not None:  # the number of the sensor's period
+            number = math.floor((report.received_s - self._engaged_s) * rate_hz + _SLACK_S)
         silent = any(begin <= since_s < end for begin, end in self._sensor.outages_s)
         if number == self._last:
             self._withheld += 1
@@ -200,12 +198,6 @@ class SensedEvader:
         else:
             self._on_the_way.append(self._late(self._inexact(report, number), arrival_s))
         self._last = number
-
-    def _number(self, report: EvaderReport) -> int:
-        """Return the number of the sensor's period; without a rate, of the report."""
-        if self._sensor.rate_hz is None:
-            return self._last + 1
-        return math.floor((report.received_s - self._engaged_s) * self._sensor.rate_hz + _SLACK_S)
 
     def _late(self, report: EvaderReport, arrival_s: float) -> EvaderReport:
         """Delay the arrival; the age stays known, as from an evader that answers TIMESYNC."""

@@ -79,9 +79,8 @@ class SteppedWorld(World):
 
     def advance(self) -> None:
         """Step all vehicles."""
-        now_s = self._clock.now_s()
         for mock in self._mocks.values():
-            mock.advance(now_s)
+            mock.advance(self._clock.now_s())
 
     def engage(self, vehicle: str) -> None:
         """Put the faults of a vehicle's game in place that count from its engagement."""

@@ -123,11 +123,6 @@ class Teams(NamedTuple):
     pursuer_policy: tuple[str, ...]
     evader_policy: tuple[str, ...]
 
-    @property
-    def game(self) -> Game:
-        """The game, with each player's speed."""
-        return Game(Ball(self.pursuer_speed_m_s[:, None]), self.evader_speed_m_s)
-
 
 def teams_of(scenario: TeamScenario) -> Teams:
     """Place the players of a scenario; a player's place depends on the seed and not on the number of others."""
@@ -220,13 +215,10 @@ def play_teams(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
 def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: bool = False) -> TeamRollout:
     """Simulate several teams of one kind as a batch, with the settings of a scenario."""
     target = None if teams[0].target_m is None else np.array([[one.target_m] for one in teams])
-    u = np.array([one.pursuer_speed_m_s[:, None] for one in teams])
-    v = np.array([one.evader_speed_m_s[None, :] for one in teams])
+    P, E, u, v = (np.array(part) for part in zip(*(one[:4] for one in teams), strict=True))
+    start = Game(Ball(u[..., None]), v[:, None]), P, E, target
     return rollout_teams(
-        Game(Ball(u), v),
-        np.array([one.pursuers_m for one in teams]),
-        np.array([one.evaders_m for one in teams]),
-        target,
+        *start,
         pursuer_policy=teams[0].pursuer_policy,
         evader_policy=teams[0].evader_policy,
         capture_m=scenario.capture_m,
@@ -240,20 +232,19 @@ def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: b
 def opening_of(scenario: TeamScenario) -> Matching:
     """Match the teams of a scenario at its start."""
     teams = teams_of(scenario)
-    return match_teams(teams.game, teams.pursuers_m, teams.evaders_m, teams.target_m)
+    game = Game(Ball(teams.pursuer_speed_m_s[:, None]), teams.evader_speed_m_s)
+    return match_teams(game, teams.pursuers_m, teams.evaders_m, teams.target_m)
 
 
 def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
     """Return the summary of a game of teams."""
-    regrets = [row.regret for row in rows if not math.isnan(row.regret)]
-    sure = [row.predicted for row in rows if row.predicted_winner == "pursuer"]
     return {
         "pursuers": rows[0].pursuers,
         "evaders": rows[0].evaders,
         "guaranteed": rows[0].guaranteed,
         "captured": rows[0].captured,
-        "total": math.fsum(sure),
-        "worst_regret": max(regrets, default=math.nan),
+        "total": math.fsum(row.predicted for row in rows if row.predicted_winner == "pursuer"),
+        "worst_regret": max((row.regret for row in rows if not math.isnan(row.regret)), default=math.nan),
     }
 
 
@@ -287,22 +278,15 @@ def outcomes_of(
         ends: Of each evader: the end, its time, s, the distance from the target, m, and the number of the captor.
     """
     captured, rows = sum(end == "captured" for end, *_ in ends), []
+    plays = "+".join(dict.fromkeys(teams.pursuer_policy))
+    counts = len(teams.pursuers_m), len(teams.evaders_m), int(first.guaranteed), captured
     for j, (end, time_s, away_m, captor) in enumerate(ends):
         sure, predicted = bool(first.first[j] >= 0), float(first.value[j])
         achieved, regret = achieved_and_regret(scenario.game, end, time_s, away_m, predicted)
+        names = scenario.title, run, scenario.game, j, plays, teams.evader_policy[j], scenario.seed
         rows.append(
             TeamOutcome(
-                scenario=scenario.title,
-                run=run,
-                game=scenario.game,
-                evader=j,
-                pursuer_policy="+".join(dict.fromkeys(teams.pursuer_policy)),
-                evader_policy=teams.evader_policy[j],
-                seed=scenario.seed,
-                pursuers=len(teams.pursuers_m),
-                evaders=len(teams.evaders_m),
-                guaranteed=int(first.guaranteed),
-                captured=captured,
+                *(names + counts),
                 end=end,
                 winner=WINNERS.get(end, "none"),
                 predicted_winner=winner_name(int(first.winner[j])),

@@ -67,26 +67,22 @@ class Distribution(Section):
     disc: float | None = Field(
         None, description="{ disc = radius } in m, with about_m = [x, y] if its centre is not zero"
     )
-    annulus: Two | None = Field(None, description="{ annulus = [inner, outer] } in m, 0 <= inner < outer, likewise")
+    annulus: Two | None = Field(
+        None, description="{ annulus = [inner, outer] } in m, with 0 <= inner < outer, and about_m as for a disc"
+    )
     about_m: Two = (0.0, 0.0)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _check_keys(cls, given: Any) -> Any:  # noqa: ANN401 - from a file
-        forms = {name: str(field.description) for name, field in cls.model_fields.items() if name != "about_m"}
-        names = set(given) if isinstance(given, Mapping) else set[str]()
-        if len(names & forms.keys()) != 1 or names - {"about_m", *forms}:
-            raise ValueError(f"must be one of {'; '.join(forms.values())}")
-        if "about_m" in names and not names & {"disc", "annulus"}:
-            raise ValueError("about_m: only with disc or annulus")
-        return given
-
     @model_validator(mode="after")
-    def _check_numbers(self) -> Self:
+    def _check(self) -> Self:
+        forms = {name: field.description for name, field in type(self).model_fields.items() if name != "about_m"}
+        kind, *more = [*self.model_fields_set - {"about_m"}] or [""]
+        if more or not kind:
+            raise ValueError(f"must be one of {'; '.join(map(str, forms.values()))}")
+        if "about_m" in self.model_fields_set and not self.radii_m:
+            raise ValueError("about_m: only with disc or annulus")
         inner, outer = self.radii_m or (0.0, 1.0)
         if not 0.0 <= inner < outer or (self.law is not None and not math.isfinite(self.law.median())):
-            (kind,) = self.model_fields_set - {"about_m"}
-            raise ValueError(f"must be {type(self).model_fields[kind].description}")
+            raise ValueError(f"must be {forms[kind]}")
         return self
 
     @property
@@ -112,8 +108,7 @@ class Distribution(Section):
             return [[x + outer, y], [x - outer, y], [x, y + outer], [x, y - outer]]
         if self.choice:
             return self.choice
-        ends = [float(end) for end in self.law.support()]
-        return [float(self.law.median())] if self.normal else ends
+        return [float(self.law.median())] if self.normal else [float(end) for end in self.law.support()]
 
     def draw(self, first: Array, second: Array) -> list[Any]:
         """Make a value for each seed from two random numbers for each, from 0 to 1."""

@@ -17,24 +17,15 @@ from scipy import stats
 from guidance.errors import ConfigError
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
-from guidance.sweeps.folder import END, PAIR, POINT, SEED, Folder, read_folder
+from guidance.sim.outcome import Outcome
+from guidance.sweeps.folder import END, PAIR, POINT, SEED, Folder, read_folder, read_json
 from guidance.sweeps.plan import ROW, Plan
 
 Array = NDArray[np.float64]
 
 CONFIDENCE: Final = 0.95
 CAPTURED: Final = "captured"
-COLUMNS: Final = (
-    "predicted_capture_time_s",
-    "predicted_evader_to_target_m",
-    "regret",
-    "game_time_s",
-    "capture_time_s",
-    "distance_to_disc_m",
-    "evader_to_target_m",
-    "min_standoff_m",
-    "min_altitude_m",
-)
+COLUMNS: Final = tuple(name for name, kind in Outcome.__annotations__.items() if kind is float)
 """Columns whose means are compared."""
 
 _ROUNDING: Final = 1e-9
@@ -53,8 +44,7 @@ def share(successes: int, of: int) -> Interval:
     """Return a probability with Wilson's interval."""
     if of == 0:
         return Interval(math.nan, math.nan, math.nan)
-    low, high = stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson")
-    return Interval(successes / of, float(low), float(high))
+    return Interval(successes / of, *stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson"))
 
 
 def mean(numbers: Array) -> Interval:
@@ -98,9 +88,7 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
     matched = matched_pairs(a.plan, b.plan)
     paired = bool(matched) and a.plan.axes == b.plan.axes
     tables = [_read(folder) for folder in (a, b)]
-    names = [[f"{pair.pursuer} / {pair.evader}" for pair in folder.plan.pairs] for folder in (a, b)]
-    groups: list[dict[str, Any]] = []
-    largest: list[dict[str, Any]] = []
+    groups, largest = list[dict[str, Any]](), list[dict[str, Any]]()
     if not matched:
         groups.append(_group("all rows", "all rows", *tables, paired=False))
     for one, other in matched.items():
@@ -111,7 +99,8 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
             first, second = _shared(first, second), _shared(second, first)
             largest += _largest(first, second, column, rows)
         if first.num_rows or second.num_rows:
-            groups.append(_group(names[0][one], names[1][other], first, second, paired=paired))
+            names = " / ".join(a.plan.pairs[one]), " / ".join(b.plan.pairs[other])
+            groups.append(_group(*names, first, second, paired=paired))
     largest.sort(key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"]))))
     means = "Student's t of the paired differences" if paired else "Welch's t"
     found: dict[str, Any] = plain(
@@ -129,9 +118,7 @@ def _shared(rows: pa.Table, others: pa.Table) -> pa.Table:
 def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
     """Match the pairs of policies of two sweeps: by name if they share any, otherwise by place; empty if neither."""
     shared = {a.pairs.index(pair): b.pairs.index(pair) for pair in a.pairs if pair in b.pairs}
-    if shared or len(a.pairs) != len(b.pairs):
-        return shared
-    return {number: number for number in range(len(a.pairs))}
+    return shared or {number: number for number in range(len(a.pairs)) if len(a.pairs) == len(b.pairs)}
 
 
 def _read(folder: Folder) -> pa.Table:
@@ -153,15 +140,14 @@ def _group(name_a: str, name_b: str, a: pa.Table, b: pa.Table, *, paired: bool) 
 
 def _largest(a: pa.Table, b: pa.Table, column: str, count: int) -> list[dict[str, Any]]:
     """Return paired rows with different ends, then those with the largest differences."""
-    apart = b[column].to_numpy() - a[column].to_numpy()
-    size = np.nan_to_num(np.abs(apart))
+    size = np.nan_to_num(np.abs(b[column].to_numpy() - a[column].to_numpy()))
     same = np.array(a[END].to_pylist()) == np.array(b[END].to_pylist())
     order = np.lexsort((-size, same))[:count]
+    order = pa.array(order[~same[order] | (size[order] > 0.0)])
     return [
         {"row_a": one[ROW], "row_b": other[ROW], "end_a": one[END], "end_b": other[END], "column": column}
         | {"a": one[column], "b": other[column], "difference": other[column] - one[column]}
-        for place in order[~same[order] | (size[order] > 0.0)].tolist()
-        for one, other in [(a.slice(place, 1).to_pylist()[0], b.slice(place, 1).to_pylist()[0])]
+        for one, other in zip(a.take(order).to_pylist(), b.take(order).to_pylist(), strict=True)
     ]
 
 
@@ -184,13 +170,8 @@ def read_outcome(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: If it cannot be read, or is something else.
     """
-    try:
-        outcome = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise ConfigError(f"{path}: not valid JSON ({error})") from error
-    if not isinstance(outcome, dict) or not {"end", "winner", *COLUMNS} <= set(outcome):
+    outcome = read_json(path)
+    if not {"end", "winner", "game_time_s"} <= set(outcome):
         raise ConfigError(f"{path}: not an outcome; it must be what guidance scenario run FILE --json wrote")
     return outcome
 
@@ -230,7 +211,7 @@ def _known(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:
 
 def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     """Yield a table of numbers, and one of texts, whose cells may be long."""
-    rows = [tuple(map(_cell, row)) for row in _known(compared)]
+    rows = [tuple(map(cell, row)) for row in _known(compared)]
     yield sheet(("column", "A", "B", "B − A"), [row for row in rows if row[3] != "-"])
     yield sheet(("column", "A", "B"), [row[:3] for row in rows if row[3] == "-"], left=range(3), title=" ")
 
@@ -238,14 +219,14 @@ def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
 def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | str]:
     kind = "paired rows" if compared["paired"] else "independent rows (the sweeps vary different values)"
     for group in compared["groups"]:
-        rows = [(name, _cell(a, 4), _cell(b, 4), _apart(apart)) for name, a, b, apart in _known(group["columns"])]
+        rows = [(name, cell(a, 4), cell(b, 4), spread(apart)) for name, a, b, apart in _known(group["columns"])]
         count = group["rows_a"] if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
         yield f"\n[italic]{_both(group, '')}: {count} {kind}[/italic]"
         yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)
     if compared["largest"]:
         yield f"\n[italic]the rows that differ most in {compared['largest'][0]['column']}[/italic]"
         largest = [
-            (_both(row, "row_"), _both(row, "end_"), *(_cell(row[key]) for key in ("a", "b", "difference")))
+            (_both(row, "row_"), _both(row, "end_"), *(cell(row[key]) for key in ("a", "b", "difference")))
             for row in compared["largest"]
         ]
         yield sheet(("row", "end", "A", "B", "B − A"), largest, left=(0, 1))
@@ -257,16 +238,22 @@ def _both(values: Mapping[str, Any], prefix: str) -> str:
     return str(a) if a == b else f"{a}, in B {b}"
 
 
-def _apart(difference: Mapping[str, float | None]) -> str:
-    """Return a difference with half the width of its interval."""
-    low, high = difference["low"], difference["high"]
-    half = "" if low is None or high is None else f" ± {_cell(0.5 * (high - low), 2)}"
-    return _cell(difference["estimate"], 3) + half
+def spread(interval: Mapping[str, float | None], rounding: float = _ROUNDING) -> str:
+    """Return an estimate in three digits, with half the width of its interval if that is known.
+
+    Args:
+        interval: As plain values.
+        rounding: Smaller numbers are rounding errors.
+    """
+    low, high = interval["low"], interval["high"]
+    half = 0.0 if low is None or high is None else 0.5 * (high - low)
+    return cell(interval["estimate"], 3, rounding) + (f" ± {half:.2g}" if half > rounding else "")
 
 
-def _cell(value: Any, digits: int = 5) -> str:  # noqa: ANN401 - any column
+def cell(value: Any, digits: int = 5, rounding: float = _ROUNDING) -> str:  # noqa: ANN401 - any column
+    """Return a value in a table: numbers smaller than `rounding` as 0, none as "-"."""
     if isinstance(value, float):
-        return f"{0.0 if abs(value) < _ROUNDING else value:.{digits}g}"
+        return f"{0.0 if abs(value) < rounding else value:.{digits}g}"
     if isinstance(value, list):
         return ", ".join(map(str, value)) or "none"
     return "-" if value is None else str(value)

@@ -20,12 +20,16 @@ _STYLES: Final = (
     {"color": "0.45", "linestyle": (0, (6, 2)), "marker": "v"},
     {"color": "#7b4fa3", "linestyle": (0, (1, 1)), "marker": "x"},
 )
+_MEASURES: Final = (
+    ("share captured, with its 95 % interval", "games", "capture", ("low", "estimate", "high")),
+    ("regret, {}: median, 5 % to 95 %", "regret_games", "regret_quantiles", ("0.05", "0.5", "0.95")),
+)
+"""What the curves show: label, number of games, and the keys of the measure and of the ends and middle of its band."""
+
 _MOST_KEYS: Final = 6
-_POINTS: Final = 400
+_SHARES: Final = np.linspace(0.0, 1.0, 400)
 _SHOWN: Final = 0.995
 """The regret's axis ends at this quantile, because a single game can flatten all others."""
-
-Policies = Mapping[str, Any]
 
 
 class Key(NamedTuple):
@@ -54,7 +58,7 @@ def draw_all(
     Args:
         report: As `summed_up` returns it.
         keys: The swept keys.
-        regrets: Sorted regrets of each pair of policies.
+        regrets: Regrets of each pair of policies.
         out: The folder.
 
     Raises:
@@ -113,13 +117,12 @@ def _regret(report: Mapping[str, Any], regrets: Sequence[NDArray[np.float64]]) -
     evaders, styles = list(dict.fromkeys(one["evader"] for one in known)), _styles(report)
     figure, axes = _figure(f"{report['title']}: regret against the game's value", 1, len(evaders))
     for panel, evader in zip(axes[0], evaders, strict=True):
-        group = [(one, sorted_m) for one, sorted_m in zip(known, regrets, strict=True) if one["evader"] == evader]
+        group = [(one, numbers) for one, numbers in zip(known, regrets, strict=True) if one["evader"] == evader]
         ends = np.quantile(np.concatenate([numbers for _, numbers in group]), [1.0 - _SHOWN, _SHOWN])
         margin = max(0.03 * float(np.ptp(ends)), 1e-6)
         for one, numbers in group:
-            at = np.unique(np.linspace(0, len(numbers) - 1, _POINTS).round().astype(int))
-            style = styles[one["pursuer"]]
-            panel.plot(numbers[at], (at + 1.0) / len(numbers), drawstyle="steps-post", markevery=0.2, **style)
+            quantiles = np.quantile(numbers, _SHARES, method="inverted_cdf")
+            panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **styles[one["pursuer"]])
         panel.set(xlim=(ends[0] - margin, ends[1] + margin), ylim=(0.0, 1.02))
         panel.set(xlabel=f"regret, {report['unit']}", title=f"evader: {evader}")
         panel.axvline(0.0, color="0.5", linewidth=0.8)
@@ -135,41 +138,23 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
     evaders, styles = _names(report, "evader"), _styles(report)
     groups = [one for policies in report["policies"] for key in keys for one in policies["by_key"][key.column]]
     differ = len({one["capture"]["estimate"] for one in groups if one["games"]}) > 1
-    rows = list(itertools.product(evaders, [_capture_curve, _regret_curve] if differ else [_regret_curve]))
+    rows = list(itertools.product(evaders, _MEASURES if differ else _MEASURES[1:]))
     shape = (len(rows) // len(evaders), len(evaders)) if len(keys) == 1 else (len(rows), len(keys))
     figure, axes = _figure(f"{report['title']}: results by swept key", *shape)
     panels = axes.T.ravel() if len(keys) == 1 else axes.ravel()
-    for panel, ((evader, curve), key) in zip(panels, itertools.product(rows, keys), strict=True):
-        for one in report["policies"]:
-            if one["evader"] == evader:
-                curve(panel, key, one["by_key"][key.column], styles[one["pursuer"]])
-        name = "share captured" if curve is _capture_curve else f"regret, {report['unit']}: median, 5 % to 95 %"
-        panel.set(xlabel=key_label(key.column), ylabel=name, title=f"evader: {evader}")
+    for panel, ((evader, (name, count, measure, band)), key) in zip(panels, itertools.product(rows, keys), strict=True):
+        for one in (one for one in report["policies"] if one["evader"] == evader):
+            known, style = [group for group in one["by_key"][key.column] if group[count]], styles[one["pursuer"]]
+            centres = [key.centres[key.labels.index(group["at"][key.column])] for group in known]
+            numbers = np.array([[group[measure][part] for part in band] for group in known], dtype=np.float64)
+            low, middle, high = numbers.reshape(-1, 3).T
+            panel.plot(centres, middle, **style)
+            panel.fill_between(centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
+        panel.set(xlabel=key_label(key.column), ylabel=name.format(report["unit"]), title=f"evader: {evader}")
         if [*key.centres] == [*range(len(key.labels))]:
             panel.set_xticks(key.centres, key.labels)
     _legend(figure, axes)
     return figure
-
-
-def _capture_curve(panel: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401
-    known = [one for one in groups if one["games"]]
-    shares = [one["capture"] for one in known]
-    middle = np.array([one["estimate"] for one in shares])
-    ends = [[one["estimate"] if one[end] is None else one[end] for one in shares] for end in ("low", "high")]
-    reach = np.abs(np.array(ends) - middle)
-    panel.errorbar(_centres(key, known), middle, yerr=reach, capsize=2, elinewidth=1.0, **style)
-    panel.set(ylim=(-0.03, 1.03))
-
-
-def _regret_curve(panel: Any, key: Key, groups: Sequence[Policies], style: Mapping[str, Any]) -> None:  # noqa: ANN401
-    known = [one for one in groups if one["regret_games"]]
-    low, middle, high = ([one["regret_quantiles"][name] for one in known] for name in ("0.05", "0.5", "0.95"))
-    panel.plot(_centres(key, known), middle, **style)
-    panel.fill_between(_centres(key, known), low, high, color=style["color"], alpha=0.12, linewidth=0.0)
-
-
-def _centres(key: Key, groups: Sequence[Policies]) -> list[float]:
-    return [key.centres[key.labels.index(one["at"][key.column])] for one in groups]
 
 
 def _map(report: Mapping[str, Any], down: Key, across: Key, measure: str, name: str) -> Figure | None:

@@ -4,7 +4,6 @@ A file is written under a temporary name, synchronised to the disk and then rena
 also after a crash or a power failure, and missing chunks are computed again.
 """
 
-import errno
 import fcntl
 import json
 import math
@@ -13,6 +12,7 @@ import platform
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -20,10 +20,11 @@ from typing import Any, Final
 import pyarrow as pa
 from pyarrow import parquet
 
-from guidance.errors import ConfigError, OutputError
-from guidance.files import private_file, private_folder, writing
+from guidance.errors import ConfigError
+from guidance.files import private_file, private_folder, text_of, writing
 from guidance.log.writer import PACKAGE, commit
 from guidance.sweeps.plan import ROW, Plan, plan_of
+from guidance.sweeps.rows import refuse_without_games
 
 MANIFEST: Final = "sweep.json"
 ROWS: Final = "rows"
@@ -34,7 +35,6 @@ PAIR, POINT, SEED = "pair", "point", "case_seed"
 """Columns that `Folder.table` adds: number of the pair of policies, of the grid point, and the seed."""
 
 _FORMAT: Final = 1
-_PARTIAL: Final = ".partial"
 
 _CHUNKS_A_WORKER: Final = 4
 _LARGEST_CHUNK: Final = {"maths": 4096, "teams": 512, "fast": 1}
@@ -47,7 +47,7 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises:
         OSError: If it cannot be written; no partial file is left.
     """
-    partial = path.with_name(f".{path.name}{_PARTIAL}")  # hidden from tools that read the folder
+    partial = path.with_name(f".{path.name}.partial")  # hidden from tools that read the folder
     try:
         with private_file(partial).open("wb") as stream:
             stream.write(content)
@@ -59,7 +59,7 @@ def write_whole(path: Path, content: bytes) -> None:
         raise
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Folder:
     """A sweep's folder.
 
@@ -72,11 +72,6 @@ class Folder:
     path: Path
     plan: Plan
     chunk_rows: int
-
-    @property
-    def chunks(self) -> int:
-        """Number of chunks of the whole sweep."""
-        return math.ceil(self.plan.rows / self.chunk_rows)
 
     def part(self, chunk: int) -> Path:
         """Return the path of a chunk's file."""
@@ -95,25 +90,29 @@ class Folder:
             return False
         return bool(count >= games if self.plan.teams else count == games)
 
+    @cached_property
+    def missing(self) -> list[int]:
+        """The chunks without a complete file, when first asked for."""
+        return [chunk for chunk in range(math.ceil(self.plan.rows / self.chunk_rows)) if not self.has(chunk)]
+
+    @property
+    def rows_there(self) -> int:
+        """Number of rows in the other chunks."""
+        return self.plan.rows - sum(len(self.rows(chunk)) for chunk in self.missing)
+
     def keep(self, chunk: int, content: bytes) -> None:
         """Write a chunk's file.
 
         Raises:
             OutputError: If it cannot be written. Earlier chunks are kept.
         """
-        try:
+        with writing(self.part(chunk), "earlier rows are kept: make room, then run the same command to continue"):
             write_whole(self.part(chunk), content)
-        except OSError as error:
-            reason = "the disk is full" if error.errno == errno.ENOSPC else error.strerror or str(error)
-            raise OutputError(
-                f"{self.part(chunk)}: cannot be written ({reason}); earlier rows are kept: make room, then run the "
-                "same command to continue"
-            ) from error
 
     @property
     def parts(self) -> list[Path]:
         """The existing files, in the order of their rows."""
-        return [self.part(chunk) for chunk in range(self.chunks) if self.part(chunk).is_file()]
+        return sorted((self.path / ROWS).glob("part-*.parquet"))
 
     def table(self, columns: Sequence[str]) -> pa.Table:
         """Read columns of all rows, with `PAIR`, `POINT` and `SEED`; texts but the end are dictionary encoded."""
@@ -126,7 +125,7 @@ class Folder:
         return table
 
 
-def opened(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:
+def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:
     """Begin a sweep in a folder, or continue the one in it.
 
     Args:
@@ -136,9 +135,10 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> 
         workers: Number of processes; a new folder has four chunks or more for each of several.
 
     Raises:
-        ConfigError: If the folder holds another sweep, or other files.
+        ConfigError: If the folder holds another sweep, or other files, or all rows are invalid.
         OutputError: If it cannot be written.
     """
+    refuse_without_games(plan)
     with writing(f"--out {path}"):
         private_folder(path)
         if (path / MANIFEST).is_file():
@@ -189,15 +189,14 @@ def alone(path: Path) -> Iterator[None]:
 
 def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     manifest = _manifest(path)
-    if manifest["digest"] != plan.digest:
-        was, now = plan_of(manifest).decisive, plan.decisive
-        differing = [name for name in {**was, **now} if was.get(name) != now.get(name)]
+    was, now = plan_of(manifest).decisive, plan.decisive
+    if differing := [name for name in {**was, **now} if was.get(name) != now.get(name)]:
         raise ConfigError(
             f"--out {path}: holds another sweep ({', '.join(differing)} differ{'s' * (len(differing) == 1)}); "
             "choose another folder"
         )
-    if (begun := manifest["versions"]) != (here := _versions()):
-        changed = "; ".join(f"{one} {begun.get(one)}, now {here[one]}" for one in here if begun.get(one) != here[one])
+    if (there := manifest["versions"]) != (here := _versions()):
+        changed = "; ".join(f"{one} {there.get(one)}, now {here[one]}" for one in here if there.get(one) != here[one])
         raise ConfigError(f"--out {path}: was begun with {changed}: rows could differ; choose another folder")
     if chunk_rows not in {None, manifest["chunk_rows"]}:
         raise ConfigError(f"--chunk {chunk_rows}: this sweep was begun with {manifest['chunk_rows']}; omit the option")
@@ -205,15 +204,25 @@ def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
 
 
 def _manifest(path: Path) -> Mapping[str, Any]:
-    try:
-        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: not the folder of a sweep: it has no {MANIFEST}") from None
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path / MANIFEST}: cannot be read ({error})") from error
-    if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
+    if not (path / MANIFEST).is_file():
+        raise ConfigError(f"{path}: not the folder of a sweep: it has no {MANIFEST}")
+    manifest = read_json(path / MANIFEST)
+    if manifest.get("format") != _FORMAT:
         raise ConfigError(f"{path / MANIFEST}: must be the manifest of a sweep, format {_FORMAT}")
     return manifest
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the object in a JSON file; empty if it holds something else.
+
+    Raises:
+        ConfigError: If it cannot be read, or is not JSON.
+    """
+    try:
+        found = json.loads(text_of(path, str(path), secret=False))
+    except ValueError as error:
+        raise ConfigError(f"{path}: not valid JSON ({error})") from error
+    return found if isinstance(found, dict) else {}
 
 
 def _versions() -> dict[str, str]:

@@ -15,15 +15,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from pydantic import (
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationInfo,
-    WithJsonSchema,
-    field_validator,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from guidance.config import Section, as_toml, find, parse, read
 from guidance.errors import ConfigError
@@ -61,8 +53,6 @@ class Policies(Section):
 
 class Seeds(Section):
     """Seeds: `count` of them beginning with `from`, or a list."""
-
-    model_config = ConfigDict(populate_by_name=True)
 
     begin: int = Field(0, alias="from", ge=0, description="the first")
     count: int = Field(1, ge=1, description="how many")
@@ -252,7 +242,7 @@ def plan_of(document: Mapping[str, Any]) -> Plan:
     return Plan.model_validate({**document["sweep"], "as": document["as"], "scenario": document["scenario"]})
 
 
-def load_sweep(name: str, way: Way | None = None) -> Plan:
+def load_sweep(name: str, way: str | None = None) -> Plan:
     """Read a sweep by path, or by the name of one that comes with the package.
 
     Args:

@@ -14,14 +14,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import tomli_w
-from numpy.typing import NDArray
 from rich.console import Console
 
 from guidance.files import private_folder, writing
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.compare import CAPTURED, Interval, mean, share
+from guidance.sweeps.compare import CAPTURED, Interval, cell, mean, share, spread
 from guidance.sweeps.drawing import Key, draw_all, key_label
 from guidance.sweeps.folder import END, PAIR, POINT, Folder, read_folder, write_whole
 from guidance.sweeps.plan import ROW, Plan
@@ -65,7 +64,7 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
         text = json.dumps(report, indent=1) + "\n"
         write_whole(out / "report.json", text.encode())
         regret, pair = table["regret"].to_numpy(), table[PAIR].to_numpy()
-        regrets = [np.sort(regret[np.isfinite(regret) & (pair == number)]) for number in range(len(plan.pairs))]
+        regrets = [regret[np.isfinite(regret) & (pair == number)] for number in range(len(plan.pairs))]
         pictures = draw_all(report, keys, regrets, out)
     if as_json:
         sys.stdout.write(text)
@@ -158,31 +157,26 @@ def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[
     mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
     found: dict[int, list[dict[str, Any]]] = {}
     grouped = grouped.sort_by([(name, "ascending") for name in names])
-    regrets = grouped["regret_list"]
     for number, row in enumerate(grouped.drop_columns(["regret_list"]).to_pylist()):
         at = {key.column: key.labels[row[_place(key)]] for key in keys}
         times = row["game_time_s_min_max"]
         drawn = any(axis.random is not None for axis in plan.axes) or times["min"] != times["max"]
-        regret = regrets[number].values.to_numpy(zero_copy_only=False)
-        summary = _summary(row, regret, intervals=drawn and not mixed and not plan.teams)
+        regrets = grouped["regret_list"][number].values.to_numpy(zero_copy_only=False)
+        regrets = regrets[np.isfinite(regrets)]
+        captured, regret = share(row["captured_sum"], row["game_sum"]), mean(regrets)
+        if not drawn or mixed or plan.teams:
+            captured, regret = (_NO_INTERVAL._replace(estimate=one.estimate) for one in (captured, regret))
+        quantiles = np.quantile(regrets, QUANTILES).tolist() if regrets.size else []
+        summary = {
+            "games": row["game_sum"],
+            "capture": captured,
+            "predicted_mean": row["predicted_mean"],
+            "regret_games": regrets.size,
+            "regret_mean": regret,
+            "regret_quantiles": {f"{one:g}": value for one, value in zip(QUANTILES, quantiles, strict=False)},
+        }
         found.setdefault(row[PAIR], []).append(({"at": at} if keys else {}) | summary)
     return found
-
-
-def _summary(row: Mapping[str, Any], regrets: NDArray[np.float64], *, intervals: bool) -> dict[str, Any]:
-    regrets = regrets[np.isfinite(regrets)]
-    captured, regret = share(row["captured_sum"], row["game_sum"]), mean(regrets)
-    if not intervals:
-        captured, regret = (_NO_INTERVAL._replace(estimate=one.estimate) for one in (captured, regret))
-    quantiles = np.quantile(regrets, QUANTILES).tolist() if regrets.size else []
-    return {
-        "games": row["game_sum"],
-        "capture": captured,
-        "predicted_mean": row["predicted_mean"],
-        "regret_games": regrets.size,
-        "regret_mean": regret,
-        "regret_quantiles": {f"{one:g}": value for one, value in zip(QUANTILES, quantiles, strict=False)},
-    }
 
 
 def _reasons(table: pa.Table) -> list[dict[str, Any]]:
@@ -212,8 +206,7 @@ def _written_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> It
     for number, place in enumerate(order[best.astype(int)].tolist(), 1):
         scenario, names = scenario_of(plan, int(row[place])), plan.pairs[pair[place]]
         path = out / f"worst-{number:03d}.toml"
-        played = f"{names.pursuer} against {names.evader}: {end[place]}"
-        about = f"Row {row[place]} of the sweep {plan.digest[:12]}, {played}."
+        about = f"Row {row[place]} of the sweep {plan.digest[:12]}, {' against '.join(names)}: {end[place]}."
         if not isinstance(scenario, str):
             document = {**scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True), "description": about}
             write_whole(path, tomli_w.dumps(document).encode())
@@ -269,10 +262,8 @@ def _by_key(
 
 def _regret(one: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:
     """Return the mean regret with half the width of its interval, if that is known, and some quantiles."""
-    mean, quantiles = one["regret_mean"], one["regret_quantiles"]
-    half = 0.0 if mean["low"] is None or mean["high"] is None else 0.5 * (mean["high"] - mean["low"])
-    words = _number(mean["estimate"]) + (f" ± {half:.2g}" if half > _ROUNDING else "")
-    return (words, *(_number(quantiles.get(_SHOWN[name])) for name in names))
+    quantiles = (one["regret_quantiles"].get(_SHOWN[name]) for name in names)
+    return (spread(one["regret_mean"], _ROUNDING), *map(_number, quantiles))
 
 
 def _share(interval: Mapping[str, float | None]) -> str:
@@ -287,4 +278,4 @@ def _percent(share: float | None) -> str:
 
 def _number(value: float | None) -> str:
     """Return three digits; rounding errors of zero as 0."""
-    return "-" if value is None else f"{0.0 if abs(value) < _ROUNDING else value:.3g}"
+    return cell(value, 3, _ROUNDING)

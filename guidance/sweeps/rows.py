@@ -22,7 +22,7 @@ from guidance.sim.outcome import Outcome, outcome_of
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.teams import TeamOutcome, TeamScenario, play_teams
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.plan import Cases, Pair, Plan, Way, load_sweep, policy_in
+from guidance.sweeps.plan import Cases, Pair, Plan, load_sweep, policy_in
 
 _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 _SAMPLE: Final = 1000
@@ -95,7 +95,7 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
     return {**section, head: _placed(section.get(head), rest, value)}
 
 
-def planned(name: str, way: Way | None = None) -> Plan:
+def planned(name: str, way: str | None = None) -> Plan:
     """Read a sweep by path or name; refuse unknown policies and keys, and values outside a key's range.
 
     Rules between keys, as the speed ratio, are checked row by row: such a row is invalid.
@@ -156,13 +156,11 @@ def computed(plan: Plan, rows: range) -> bytes:
 @contextlib.contextmanager
 def uncollected() -> Iterator[None]:
     """Switch garbage collection off."""
-    was_on = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        if was_on:
-            gc.enable()
+        gc.enable()
 
 
 def table_of(plan: Plan, rows: range) -> pa.Table:

@@ -9,22 +9,21 @@ import signal
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.extras import require
 from guidance.screen import console, redraws
-from guidance.sweeps.folder import Folder, alone, opened
-from guidance.sweeps.plan import Plan, Way
-from guidance.sweeps.rows import computed, planned, refuse_without_games, uncollected
+from guidance.sweeps.folder import Folder, alone, begun
+from guidance.sweeps.rows import computed, planned, uncollected
 
 CONNECT_S = 10.0
 _SHOW_S: Final = 0.5
@@ -33,35 +32,24 @@ _AHEAD: Final = 3
 _DEATHS: Final = 5
 """The sweep gives up when this many workers have died of one chunk."""
 
-_UNITS: Final[dict[Way, str]] = {"maths": "games", "fast": "flights"}
-
 _LINE_S: Final = 10.0
 """Least time between two lines of progress where nothing can be redrawn."""
 
 
-class Work(NamedTuple):
-    """Work in a folder: the missing chunks, and the number of rows already there."""
-
-    folder: Folder
-    missing: list[int]
-    rows_there: int
-
-
-class Shown:
+class Shown(Progress):
     """Progress on the terminal, a bar or a line now and then; call it with the number of rows that were just written.
 
     Args:
-        work: The folder and its missing chunks.
+        folder: With missing chunks.
         unit: "games" or "flights".
     """
 
-    def __init__(self, work: Work, unit: str) -> None:
-        self.kept = self._before = work.rows_there
-        self._rows, self._unit = work.folder.plan.rows, unit
-        self._there = console(stderr=True)
-        columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.description}"))
-        self.bar = Progress(*columns, console=self._there, transient=True, disable=not redraws(self._there))
-        self._task = self.bar.add_task("", total=self._rows, completed=self.kept)
+    def __init__(self, folder: Folder, unit: str) -> None:
+        self.kept = self._before = folder.rows_there
+        self._rows, self._unit = folder.plan.rows, unit
+        columns, there = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.description}")), console(stderr=True)
+        super().__init__(*columns, console=there, transient=True, disable=not redraws(there))
+        self._task = self.add_task("", total=self._rows, completed=self.kept)
         self._begun_s = self._shown_s = time.monotonic()
 
     def __call__(self, rows: int) -> None:
@@ -71,57 +59,10 @@ class Shown:
         rate = done / max(1e-9, now_s - self._begun_s)
         left = timedelta(seconds=round((self._rows - self.kept) / rate)) if done else None
         text = f"{rate:.3g} {self._unit}/s, {left} left" if done else ""
-        self.bar.update(self._task, completed=self.kept, description=text)
-        if self.bar.disable and now_s - self._shown_s >= _LINE_S:
+        self.update(self._task, completed=self.kept, description=text)
+        if self.disable and now_s - self._shown_s >= _LINE_S:
             self._shown_s = now_s
-            self._there.print(f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}")
-
-
-class Workers(NamedTuple):
-    """A function that starts an executor, and the number of chunks to submit ahead."""
-
-    start: Callable[[], Executor]
-    ahead: int
-
-
-class ThisProcess(Executor):
-    """Runs a call when it is submitted."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ANN401 - any call
-        """Run it; the future is done."""
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
-SERIAL: Final = Workers(ThisProcess, 1)
-
-
-@contextmanager
-def workers_of(count: int, scheduler: str | None) -> Iterator[Workers]:
-    """Connect to a cluster, or prepare processes on this machine; end them afterwards.
-
-    Args:
-        count: Number of processes; 1 is this process.
-        scheduler: Address of a Dask scheduler instead. With tls:// the certificates are those of Dask's configuration
-            (`distributed.comm.tls`).
-
-    Raises:
-        ConfigError: If Dask is not installed, or certificates are missing.
-        LinkError: If the cluster cannot be reached, or refuses our certificate.
-    """
-    if scheduler is not None:
-        with _client(scheduler) as client:
-            size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-            yield Workers(lambda: client.get_executor(pure=False, retries=0), _AHEAD * size)
-    elif count == 1:
-        yield SERIAL
-    else:
-        spawn = multiprocessing.get_context("spawn")
-        yield Workers(lambda: ProcessPoolExecutor(count, mp_context=spawn, initializer=_begin_worker), _AHEAD * count)
+            self.console.print(f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}")
 
 
 def _begin_worker() -> None:
@@ -162,43 +103,42 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
     return client
 
 
-def begun(plan: Plan, out: Path, chunk_rows: int | None, workers: int = 1) -> Work:
-    """Begin a sweep's folder, or find its missing chunks.
-
-    Args:
-        plan: Of the sweep.
-        out: The folder.
-        chunk_rows: Rows of a chunk; None chooses.
-        workers: Number of processes.
-
-    Raises:
-        ConfigError: If the folder belongs to another sweep, or all rows are invalid.
-        OutputError: If it cannot be written.
-    """
-    refuse_without_games(plan)
-    folder = opened(out, plan, chunk_rows, workers)
-    missing = [chunk for chunk in range(folder.chunks) if not folder.has(chunk)]
-    return Work(folder, missing, plan.rows - sum(len(folder.rows(chunk)) for chunk in missing))
-
-
-def finish(work: Work, workers: Workers, on_kept: Callable[[int], None]) -> None:
+def finish(folder: Folder, on_kept: Callable[[int], None], *, workers: int = 1, scheduler: str | None = None) -> None:
     """Compute and write the missing chunks.
 
     Args:
-        work: The folder and its missing chunks.
-        workers: Compute the chunks.
+        folder: With missing chunks.
         on_kept: Called with the number of rows that were just written, also with 0 while waiting.
+        workers: Number of processes on this machine; 1 is this process.
+        scheduler: Address of a Dask scheduler instead. With tls:// the certificates are those of Dask's configuration
+            (`distributed.comm.tls`).
 
     Raises:
+        ConfigError: If Dask is not installed, or certificates are missing.
+        LinkError: If the cluster cannot be reached, or refuses our certificate.
         OutputError: If a chunk cannot be written; earlier chunks are kept.
         GuidanceError: If a chunk cannot be computed.
     """
-    folder, pending, deaths = work.folder, deque(work.missing), Counter[int]()
+    if scheduler is not None:
+        with _client(scheduler) as client:
+            size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+            _spread(folder, on_kept, size, partial(client.get_executor, pure=False, retries=0))
+    elif workers > 1:
+        spawn = {"mp_context": multiprocessing.get_context("spawn"), "initializer": _begin_worker}
+        _spread(folder, on_kept, workers, partial(ProcessPoolExecutor, workers, **spawn))
+    else:
+        for chunk in folder.missing:
+            folder.keep(chunk, computed(folder.plan, folder.rows(chunk)))
+            on_kept(len(folder.rows(chunk)))
+
+
+def _spread(folder: Folder, on_kept: Callable[[int], None], size: int, start: Callable[[], Executor]) -> None:
+    pending, deaths = deque(folder.missing), Counter[int]()
     while pending:
-        executor, running = workers.start(), dict[Future[bytes], int]()
+        executor, running = start(), dict[Future[bytes], int]()
         try:
             while pending or running:
-                while pending and len(running) < workers.ahead:
+                while pending and len(running) < _AHEAD * size:
                     future = executor.submit(computed, folder.plan, folder.rows(pending[0]))
                     running[future] = pending.popleft()
                 for future in wait(running, timeout=_SHOW_S, return_when=FIRST_COMPLETED).done:
@@ -235,7 +175,7 @@ def _deadly(chunk: int) -> GuidanceError:
 
 
 def run_sweep(
-    name: str, *, way: Way | None, workers: int | None, scheduler: str | None, out: Path | None, chunk: int | None
+    name: str, *, way: str | None, workers: int | None, scheduler: str | None, out: Path | None, chunk: int | None
 ) -> Path:
     """Run a sweep, or continue it; return its folder.
 
@@ -253,51 +193,29 @@ def run_sweep(
     there = console(stderr=True)
     plan = planned(name, way)
     path = out if out is not None else Path("sweeps") / f"{Path(name).stem}-{plan.way}"
-    unit = _UNITS[plan.way]
+    unit = "games" if plan.way == "maths" else "flights"
     size = workers if workers is not None else os.cpu_count() or 1
     with alone(path):
         there.print(f"[bold]{plan.title or Path(name).stem}[/bold]: {plan.rows} {unit}")
-        work = begun(plan, path, chunk, size)
-        count = len(work.missing)
-        if work.rows_there:
-            there.print(f"{work.rows_there} of them are there already")
+        folder = begun(path, plan, chunk, size)
+        count = len(folder.missing)
+        if folder.rows_there:
+            there.print(f"{folder.rows_there} of them are there already")
         if not count:
             return path
         size = min(size, count)
-        there.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}")
+        by = "in this process" if size == 1 else f"in {size} processes"
+        by = by if scheduler is None else f"on the cluster at {scheduler}"
+        there.print(f"{count} chunks of {folder.chunk_rows}, {by}")
         begun_s = time.monotonic()
-        progress = Shown(work, unit)
-        with progress.bar, workers_of(size, scheduler) as working:
+        progress = Shown(folder, unit)
+        with progress:
             try:
-                finish(work, working, progress)
+                finish(folder, progress, workers=size, scheduler=scheduler)
             except KeyboardInterrupt:
-                raise Interrupted(progress.kept, plan.rows) from None
+                kept = f"{progress.kept} of {plan.rows} rows are kept" if progress.kept else "no rows were written yet"
+                raise KeyboardInterrupt(f"interrupted: {kept}; run the same command to continue") from None
         took_s = time.monotonic() - begun_s
-        rows = plan.rows - work.rows_there
+        rows = plan.rows - folder.rows_there
         there.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} per second")
     return path
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C, with a message about the rows that are kept."""
-
-    def __init__(self, kept: int, rows: int) -> None:
-        there = f"{kept} of {rows} rows are kept" if kept else "no rows were written yet"
-        super().__init__(f"interrupted: {there}; run the same command to continue")
-
-
-def _by(size: int, scheduler: str | None) -> str:
-    if scheduler is not None:
-        return f"on the cluster at {scheduler}"
-    return "in this process" if size == 1 else f"in {size} processes"
-
-
-def checked_way(text: str | None) -> Way | None:
-    """Check the option --as.
-
-    Raises:
-        ConfigError: If it is neither maths nor fast.
-    """
-    if text is None or text in _UNITS:
-        return text
-    raise ConfigError(f"--as {text}: allowed are {', '.join(_UNITS)}; for real time use guidance scenario run")

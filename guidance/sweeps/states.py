@@ -88,8 +88,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
     done, there = 0, console(stderr=True)
     try:
         columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
-        bar = Progress(*columns, console=there, transient=True, disable=not redraws(there))
-        with bar:
+        with Progress(*columns, console=there, transient=True, disable=not redraws(there)) as bar:
             task = bar.add_task("", total=_rows_of(states))
             for chunk in _chunks(states):
                 numbers, cells = _with_numbers(chunk, first_row=done + 1)
@@ -172,11 +171,10 @@ def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Ce
         if not _NUMBERS.fullmatch(name) or not (pa.types.is_string(kind) or pa.types.is_null(kind)):
             continue
         words = pc.utf8_trim_whitespace(chunk.column(place).cast(pa.string()))
-        wrong = pc.fill_null(
-            pc.invert(pc.match_substring_regex(words, _NUMBER_FORM, ignore_case=True)), fill_value=False
-        )
-        strange += [(first_row + row, name, words[row].as_py()) for row in np.flatnonzero(wrong).tolist()]
-        chunk = chunk.set_column(place, name, pc.if_else(wrong, None, words).cast(pa.float64()))
+        right = pc.match_substring_regex(words, _NUMBER_FORM, ignore_case=True)
+        wrong = pc.indices_nonzero(pc.invert(right)).to_pylist()
+        strange += [(first_row + row, name, words[row].as_py()) for row in wrong]
+        chunk = chunk.set_column(place, name, pc.if_else(right, words, None).cast(pa.float64()))
     return chunk, sorted(strange)
 
 
@@ -189,8 +187,7 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool)
     else:
         columns = {}
         for name, field in solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)._asdict().items():
-            parted = re.sub(r"(_m_s|_m)$", r"_{}\1", name)
-            columns |= dict(_flat(name, parted if field.ndim > 1 else name, field))
+            columns |= dict(_flat(name, re.sub(r"(_m_s|_m)$", r"_{}\1", name) if field.ndim > 1 else name, field))
     taken = names & set(columns)
     if taken and taken != set(columns):
         raise ConfigError(

@@ -26,8 +26,8 @@ from guidance.game import Ball, End, Extent, Game, StandOff
 from guidance.game.team import Matching, TeamRollout
 from guidance.game.team.regions import regions_of, survived
 from guidance.log.scene import Array, circle, isochron, lifted, target_edge
-from guidance.sim.batch import Batch, stack, starts, target_game_m
-from guidance.sim.maths import game_of, moments, opening
+from guidance.sim.batch import Batch, stack, target_game_m
+from guidance.sim.maths import moments, opening
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import Teams, TeamScenario, played_teams, teams_of
 
@@ -266,10 +266,10 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     Raises:
         OutputError: If the file cannot be written.
     """
-    P, E = (start[0] for start in starts([scenario]))
-    played_s, pursuer, evader = played(scenario)
-    batch, meeting_m = stack([scenario]), opening([scenario]).meeting_point_m[0]
-    curve, target_m = isochron(game_of(batch, batch.believed_m_s), P, E), target_game_m(scenario)
+    batch = stack([scenario])
+    played_s, pursuer, evader = played(batch)
+    meeting_m, target_m = opening(batch).meeting_point_m[0], target_game_m(scenario)
+    curve = isochron(batch.believed, batch.pursuer_m[0], batch.evader_m[0])
     foreseen_m = meeting_m if np.isfinite(meeting_m).all() else None
     shapes = [
         *_courses(batch, 2.0 * played_s),
@@ -284,12 +284,12 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     save(figure, path)
 
 
-def played(scenario: Scenario) -> tuple[float, Array, Array]:
-    """Play a scenario as mathematics; return the duration (s) and both tracks, (n, 3), m.
+def played(batch: Batch) -> tuple[float, Array, Array]:
+    """Play a batch of one game as mathematics; return the duration (s) and both tracks, (n, 3), m.
 
     A step may be long. Hermite's cubic draws it from the positions and velocities at both ends.
     """
-    steps = list(moments([scenario]))
+    steps = list(moments(batch))
     after = [*steps[1:], steps[-1]]
     now_s = np.array([step.now_s[0] for step in steps])
     pursuer = _curved(now_s, [step.pursuer_m[0] for step in steps], [step.flown_m_s[0] for step in after])

@@ -21,11 +21,11 @@ import numpy as np
 
 from guidance.config import find
 from guidance.sim.maths import play
-from guidance.sweeps.folder import opened
+from guidance.sweeps.folder import begun
 from guidance.sweeps.plan import FOLDER
 from guidance.sweeps.report import write_report
 from guidance.sweeps.rows import as_table, computed, planned, scenarios_of, table_of
-from guidance.sweeps.running import Work, finish, run_sweep, workers_of
+from guidance.sweeps.running import finish, run_sweep
 
 GAMES = """
 title = "Short chases"
@@ -153,9 +153,7 @@ def bench_flights(folder, flights):
     print(f"a fast sweep of {flights} flights of {flown / flights:.0f} s on average")
     print(f"  {flights / cpu:8.3f} flights/s of processor time on one core, {flown / cpu:.1f} × real time")
     began = time.perf_counter()
-    work = Work(opened(folder / "flights", plan, 1), list(range(flights)), 0)
-    with workers_of(2, None) as working:
-        finish(work, working, lambda _: None)
+    finish(begun(folder / "flights", plan, 1), lambda _: None, workers=2)
     two = (time.perf_counter() - began) / flights
     print(
         f"  {flights / wall:8.3f} flights/s of wall time alone, {1 / two:.3f} with two workers and their start: "

@@ -10,6 +10,7 @@ from guidance.cli.program import app
 from guidance.cli.scenario import expected, facts_of, listing, names
 from guidance.config import find
 from guidance.errors import OutputError
+from guidance.sim.batch import stack
 from guidance.sim.maths import opening, play
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.viz.figures import draw_scenario, played
@@ -34,7 +35,7 @@ def test_show_explains_a_scenario_and_writes_its_picture(tmp_path):
     done = guidance("show", "wind", "--out", tmp_path / "wind.png")
     assert done.exit_code == 0, done.output
     assert "from the west" in done.output
-    value = opening([load_scenario("wind")[1]]).value[0]
+    value = opening(stack([load_scenario("wind")[1]])).value[0]
     assert f"{value:.2f} s to capture" in done.output
     assert "(2, 0) m/s, east and north" in done.output
     assert (tmp_path / "wind.png").read_bytes().startswith(b"\x89PNG")
@@ -54,7 +55,7 @@ def test_fences_targets_courses_and_degenerate_starts_are_drawn(name, tmp_path):
 
 def test_the_tracks_in_the_picture_are_those_that_are_played():
     scenario = load_scenario("barrier_pursuer")[1]
-    played_s, pursuer, evader = played(scenario)
+    played_s, pursuer, evader = played(stack([scenario]))
     outcome = play([scenario])[0]
     assert played_s == outcome.game_time_s
     assert np.hypot(*(evader[-1, :2] - scenario.target.position_m)) == pytest.approx(outcome.evader_to_target_m)

@@ -6,7 +6,7 @@ import pytest
 
 from guidance.config import parse
 from guidance.game import Exact, rollout
-from guidance.sim.batch import stack, starts
+from guidance.sim.batch import stack
 from guidance.sim.maths import moments, play
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_scenario
@@ -85,9 +85,14 @@ def test_a_pure_pursuit_is_that_of_a_rollout():
     chase = scenario(
         pursuer={"policy": "pure_pursuit", "position_m": [9.0, 0.0, 15.0]}, evader={"policy": "pure_evade"}
     )
-    P, E = starts([chase])
+    batch = stack([chase])
     exact = rollout(
-        stack([chase]).game, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", stepping=Exact(0.02)
+        batch.game,
+        batch.pursuer_m,
+        batch.evader_m,
+        pursuer_policy="pure_pursuit",
+        evader_policy="pure_evade",
+        stepping=Exact(0.02),
     )
     assert play([chase])[0].game_time_s == pytest.approx(float(exact.time_s[0]), abs=0.002)
 
@@ -140,12 +145,12 @@ def test_the_fence_holds_the_pursuer_back():
     assert outcome.end == "time_up"
     assert outcome.limits == ("fence",)
     assert np.isnan(outcome.capture_time_s)
-    last = list(moments([scenario(limits={"fence_radius_m": 40.0}, time_limit_s=25.0)]))[-1]
+    last = list(moments(stack([scenario(limits={"fence_radius_m": 40.0}, time_limit_s=25.0)])))[-1]
     assert np.hypot(*(last.pursuer_m[0, :2] - [0.0, -2.0])) == pytest.approx(40.0)
 
 
 def test_the_pursuer_stays_outside_the_disc_and_above_the_floor():
-    for moment in moments([scenario(evader={"position_m": [4.0, 0.0]})]):
+    for moment in moments(stack([scenario(evader={"position_m": [4.0, 0.0]})])):
         assert moment.pursuer_m[0, 2] >= 5.0 - 1e-9
     assert one().min_standoff_m >= 3.0
 

@@ -2,9 +2,9 @@ import shutil
 
 import pytest
 
-from guidance.sweeps.folder import read_folder
+from guidance.sweeps.folder import begun, read_folder
 from guidance.sweeps.rows import planned
-from guidance.sweeps.running import SERIAL, begun, finish
+from guidance.sweeps.running import finish
 
 SCENARIO = """
 title = "Short"
@@ -64,7 +64,7 @@ def mixed_once(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mixed")
     (folder / "short.toml").write_text(SCENARIO)
     plan = _planned(MIXED, folder)
-    finish(begun(plan, folder / "out", 64), SERIAL, lambda _: None)
+    finish(begun(folder / "out", plan, 64), lambda _: None)
     return folder / "out"
 
 

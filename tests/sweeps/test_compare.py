@@ -13,9 +13,9 @@ from guidance.errors import ConfigError
 from guidance.sim.maths import play
 from guidance.sim.outcome import outcome_json
 from guidance.sweeps.compare import compare_sweeps, difference_of_means, matched_pairs, mean, share
-from guidance.sweeps.folder import read_folder
+from guidance.sweeps.folder import begun, read_folder
 from guidance.sweeps.rows import scenario_of
-from guidance.sweeps.running import SERIAL, begun, finish
+from guidance.sweeps.running import finish
 
 BASE = """
 scenario = "short.toml"
@@ -32,7 +32,7 @@ policies = [{ pursuer = PURSUERS, evader = "random_turns" }]
 def swept(plan_from, tmp_path):
     def make(name, text=BASE, pursuers='"optimal"', chunk=7):
         plan = plan_from(text.replace("PURSUERS", pursuers))
-        finish(begun(plan, tmp_path / name, chunk), SERIAL, lambda _: None)
+        finish(begun(tmp_path / name, plan, chunk), lambda _: None)
         return read_folder(tmp_path / name)
 
     return make
@@ -111,7 +111,7 @@ def test_sweeps_over_different_values_are_independent(swept):
 
 def test_an_unknown_column_is_refused_with_those_allowed(swept):
     a = swept("a")
-    with pytest.raises(ConfigError, match="--by speed: allowed are predicted_capture_time_s"):
+    with pytest.raises(ConfigError, match="--by speed: allowed are game_time_s, capture_time_s"):
         compare_sweeps(a, a, column="speed", rows=1)
 
 

@@ -13,9 +13,9 @@ from guidance.sim.maths import play
 from guidance.sim.scenario_file import load_scenario
 from guidance.sweeps import report
 from guidance.sweeps.drawing import key_label
-from guidance.sweeps.folder import read_folder
+from guidance.sweeps.folder import begun, read_folder
 from guidance.sweeps.report import QUANTILES, write_report
-from guidance.sweeps.running import SERIAL, begun, finish
+from guidance.sweeps.running import finish
 
 
 class Rows(dict):
@@ -64,7 +64,7 @@ def swept(plan_from, tmp_path):
     """Runs a sweep of the short scenario."""
 
     def make(text):
-        finish(begun(plan_from('scenario = "short.toml"\n' + text), tmp_path / "swept", 64), SERIAL, lambda _: None)
+        finish(begun(tmp_path / "swept", plan_from('scenario = "short.toml"\n' + text), 64), lambda _: None)
         return read_folder(tmp_path / "swept")
 
     return make

@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 from guidance.cli.sweep import sweep as app
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.sweeps import folder, running
-from guidance.sweeps.folder import alone, opened, read_folder, write_whole
-from guidance.sweeps.rows import planned
-from guidance.sweeps.running import SERIAL, Interrupted, Shown, ThisProcess, Workers, begun, finish, workers_of
+from guidance.sweeps.folder import alone, begun, read_folder, write_whole
+from guidance.sweeps.rows import computed, planned
+from guidance.sweeps.running import Shown, finish, run_sweep
 from tests.sweeps.conftest import SWEEP
 
 # A shell that starts the tests in its background ignores SIGINT, and a child inherits that.
@@ -32,8 +32,8 @@ main()
 COMMAND = [sys.executable, "-c", START, "sweep"]
 
 
-def run(plan, out, *, chunk=5, by=None):
-    finish(begun(plan, out, chunk), by or SERIAL, lambda _: None)
+def run(plan, out, *, chunk=5, **by):
+    finish(begun(out, plan, chunk), lambda _: None, **by)
     return out
 
 
@@ -54,24 +54,22 @@ def test_the_rows_do_not_depend_on_the_chunks(plan_from, tmp_path):
     assert set(five["end"].to_pylist()) == {"captured"}
 
 
-def test_a_sweep_that_stops_half_way_is_completed_with_equal_bytes(plan_from, tmp_path):
+def test_a_sweep_that_stops_half_way_is_completed_with_equal_bytes(plan_from, tmp_path, monkeypatch):
     class StopError(Exception):
         pass
 
-    class Mortal(ThisProcess):
-        count = 0
-
-        def submit(self, fn, /, *call, **named):
-            self.count += 1
-            if self.count == 3:
-                raise StopError
-            return super().submit(fn, *call, **named)
+    def mortal(plan, rows):
+        if rows.start == 10:
+            raise StopError
+        return computed(plan, rows)
 
     plan = plan_from()
+    monkeypatch.setattr(running, "computed", mortal)
     with pytest.raises(StopError):
-        run(plan, tmp_path / "out", by=Workers(Mortal, 1))
+        run(plan, tmp_path / "out")
+    monkeypatch.undo()
     assert len(files(tmp_path / "out")) == 2
-    work = begun(plan, tmp_path / "out", None)
+    work = begun(tmp_path / "out", plan, None)
     assert (work.missing, work.rows_there) == ([2, 3, 4], 10)
     assert files(run(plan, tmp_path / "out", chunk=None)) == files(run(plan, tmp_path / "whole"))
 
@@ -90,7 +88,7 @@ def test_a_killed_sweep_continues_with_the_missing_chunks(short, tmp_path):
     there = files(tmp_path / "out")
     assert 2 <= len(there) < 15
     plan = planned(str(short / "sweep.toml"))
-    finish(begun(plan, tmp_path / "out", None), SERIAL, lambda _: None)
+    finish(begun(tmp_path / "out", plan, None), lambda _: None)
     complete = files(tmp_path / "out")
     assert complete.items() >= there.items()
     assert complete == files(run(plan, tmp_path / "whole", chunk=4))
@@ -117,13 +115,13 @@ def test_a_damaged_chunk_is_computed_again(plan_from, tmp_path):
     before = files(run(plan, tmp_path / "out"))
     part = tmp_path / "out" / "rows" / "part-000001.parquet"
     part.write_bytes(part.read_bytes()[:100])
-    assert begun(plan, tmp_path / "out", None).missing == [1]
+    assert begun(tmp_path / "out", plan, None).missing == [1]
     assert files(run(plan, tmp_path / "out", chunk=None)) == before
 
 
 def test_a_full_disk_is_reported_and_earlier_rows_are_kept(plan_from, tmp_path, monkeypatch):
     plan = plan_from()
-    work = begun(plan, tmp_path / "out", 5)
+    work = begun(tmp_path / "out", plan, 5)
 
     def fill_up(path, content):
         if path.name == "part-000002.parquet":
@@ -131,10 +129,12 @@ def test_a_full_disk_is_reported_and_earlier_rows_are_kept(plan_from, tmp_path, 
         write_whole(path, content)
 
     monkeypatch.setattr(folder, "write_whole", fill_up)
-    with pytest.raises(OutputError, match=r"part-000002\.parquet: cannot be written \(the disk is full\)") as caught:
-        finish(work, SERIAL, lambda _: None)
+    with pytest.raises(
+        OutputError, match=r"part-000002\.parquet: cannot be written \(No space left on device\)"
+    ) as caught:
+        finish(work, lambda _: None)
     assert caught.value.exit_code == 5
-    assert begun(plan, tmp_path / "out", None).rows_there == 10
+    assert begun(tmp_path / "out", plan, None).rows_there == 10
 
 
 def test_a_file_that_cannot_be_completed_is_removed(tmp_path, monkeypatch):
@@ -151,35 +151,35 @@ def test_a_folder_of_another_sweep_is_refused_with_the_difference(plan_from, sho
     run(plan_from(), tmp_path / "out")
     (short / "short.toml").write_text((short / "short.toml").read_text().replace("7.0", "8.0"))
     with pytest.raises(ConfigError, match=r"holds another sweep \(scenario differs\)"):
-        begun(plan_from(), tmp_path / "out", None)
+        begun(tmp_path / "out", plan_from(), None)
     with pytest.raises(ConfigError, match="scenario, as differ"):
-        begun(plan_from(way="fast"), tmp_path / "out", None)
+        begun(tmp_path / "out", plan_from(way="fast"), None)
 
 
 def test_another_chunk_or_another_version_is_refused(plan_from, tmp_path):
     plan, out = plan_from(), tmp_path / "out"
     run(plan, out)
     with pytest.raises(ConfigError, match="--chunk 6: this sweep was begun with 5"):
-        begun(plan, out, 6)
+        begun(out, plan, 6)
     manifest = json.loads((out / "sweep.json").read_text())
     manifest["versions"]["numpy"] = "1.0"
     (out / "sweep.json").write_text(json.dumps(manifest))
     with pytest.raises(ConfigError, match=r"was begun with numpy 1\.0, now"):
-        begun(plan, out, None)
+        begun(out, plan, None)
 
 
 def test_a_changed_description_continues_the_same_sweep(plan_from, short, tmp_path):
     run(plan_from(), tmp_path / "out")
     path = short / "sweep.toml"
     path.write_text('description = "Now with an explanation."\n' + path.read_text())
-    assert begun(planned(str(path)), tmp_path / "out", None).missing == []
+    assert begun(tmp_path / "out", planned(str(path)), None).missing == []
 
 
 def test_a_folder_with_other_files_is_refused(plan_from, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "letters.txt").write_text("dear")
     with pytest.raises(ConfigError, match="has files but no sweep"):
-        opened(tmp_path / "out", plan_from(), None)
+        begun(tmp_path / "out", plan_from(), None)
     with pytest.raises(ConfigError, match=r"not the folder of a sweep: it has no sweep\.json"):
         read_folder(tmp_path / "out")
 
@@ -187,7 +187,7 @@ def test_a_folder_with_other_files_is_refused(plan_from, tmp_path):
 def test_a_folder_that_cannot_be_made_is_an_output_error(plan_from, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        opened(tmp_path / "file" / "out", plan_from(), None)
+        begun(tmp_path / "file" / "out", plan_from(), None)
 
 
 def test_only_one_process_writes_a_sweep(tmp_path):
@@ -198,20 +198,20 @@ def test_only_one_process_writes_a_sweep(tmp_path):
 def test_a_sweep_with_invalid_rows_only_is_refused_with_the_reason(plan_from, tmp_path):
     plan = plan_from('scenario = "short.toml"\n[grid]\n"evader.speed_m_s" = [6.0, 7.0]\n')
     with pytest.raises(ConfigError, match="all 2 rows of a sample are invalid") as caught:
-        begun(plan, tmp_path / "out", None)
+        begun(tmp_path / "out", plan, None)
     assert "must be above 1" in str(caught.value)
     assert not (tmp_path / "out").exists()
 
 
-def test_one_worker_runs_in_this_process():
-    with workers_of(1, None) as working:
-        assert isinstance(working.start(), ThisProcess)
+def test_one_worker_runs_in_this_process(plan_from, tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "computed", lambda *_: str(os.getpid()).encode())
+    assert set(files(run(plan_from(), tmp_path / "out", workers=1)).values()) == {str(os.getpid()).encode()}
 
 
-def test_a_missing_scheduler_is_a_link_error(monkeypatch):
+def test_a_missing_scheduler_is_a_link_error(plan_from, tmp_path, monkeypatch):
     monkeypatch.setattr(running, "CONNECT_S", 0.3)
-    with pytest.raises(LinkError, match="no answer from a Dask scheduler"), workers_of(2, "tcp://127.0.0.1:9"):
-        pass
+    with pytest.raises(LinkError, match="no answer from a Dask scheduler"):
+        run(plan_from(), tmp_path / "out", scheduler="tcp://127.0.0.1:9")
 
 
 @contextlib.contextmanager
@@ -232,19 +232,19 @@ def test_a_tls_cluster_needs_its_certificate_and_computes_equal_rows(plan_from, 
     cluster = LocalCluster(1, 1, processes=False, security=ours, protocol="tls", dashboard_address=None)
     with cluster:
         at = cluster.scheduler_address
-        with pytest.raises(ConfigError, match="TLS needs a certificate"), workers_of(2, at):
-            pass
-        with trusted_with(forged), pytest.raises(LinkError, match="no answer from a Dask scheduler"), workers_of(2, at):
-            pass
-        with trusted_with(ours), workers_of(2, at) as working:
-            run(plan, tmp_path / "by the cluster", by=working)
+        with pytest.raises(ConfigError, match="TLS needs a certificate"):
+            run(plan, tmp_path / "by the cluster", scheduler=at)
+        with trusted_with(forged), pytest.raises(LinkError, match="no answer from a Dask scheduler"):
+            run(plan, tmp_path / "by the cluster", scheduler=at)
+        with trusted_with(ours):
+            run(plan, tmp_path / "by the cluster", scheduler=at)
         monkeypatch.setattr(running, "CONNECT_S", 0.3)
-        with pytest.raises(LinkError, match="no answer from a Dask scheduler"), workers_of(2, at.replace("tls", "tcp")):
-            pass
+        with pytest.raises(LinkError, match="no answer from a Dask scheduler"):
+            run(plan, tmp_path / "in the clear", scheduler=at.replace("tls", "tcp"))
     assert files(tmp_path / "by the cluster") == files(run(plan, tmp_path / "alone"))
 
 
-def test_garbage_collection_is_off_while_a_client_starts(monkeypatch):
+def test_garbage_collection_is_off_while_a_client_starts(plan_from, tmp_path, monkeypatch):
     """Collecting a failed client during the start of the next would wait for a lock that the start holds."""
     import distributed
 
@@ -255,8 +255,8 @@ def test_garbage_collection_is_off_while_a_client_starts(monkeypatch):
         raise OSError
 
     monkeypatch.setattr(distributed, "Client", failing)
-    with pytest.raises(LinkError, match="no answer from a Dask scheduler"), workers_of(2, "tcp://127.0.0.1:1"):
-        pass
+    with pytest.raises(LinkError, match="no answer from a Dask scheduler"):
+        run(plan_from(), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
     assert began == [False]
     assert gc.isenabled()
 
@@ -275,7 +275,7 @@ def processes_of(process):
 def test_two_workers_give_equal_bytes_even_if_one_is_killed(plan_from, tmp_path):
     plan, me = plan_from(), psutil.Process()
     expected = files(run(plan, tmp_path / "alone", chunk=3))
-    work = begun(plan, tmp_path / "both", 3)
+    work = begun(tmp_path / "both", plan, 3)
     killed, living, sockets = [], [], []
 
     def kill_one(rows):
@@ -287,8 +287,7 @@ def test_two_workers_give_equal_bytes_even_if_one_is_killed(plan_from, tmp_path)
             with contextlib.suppress(psutil.Error):  # it ended meanwhile
                 sockets.extend(process.net_connections("inet"))
 
-    with workers_of(2, None) as working:
-        finish(work, working, kill_one)
+    finish(work, kill_one, workers=2)
     assert killed
     assert [one for one in sockets if one.status == psutil.CONN_LISTEN] == []
     assert files(tmp_path / "both") == expected
@@ -302,8 +301,8 @@ def die(_plan, _rows):
 @pytest.mark.slow
 def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkeypatch):
     monkeypatch.setattr(running, "computed", die)
-    with workers_of(2, None) as working, pytest.raises(GuidanceError, match="ended 5 workers"):
-        finish(begun(plan_from(), tmp_path / "out", 12), working, lambda _: None)
+    with pytest.raises(GuidanceError, match="ended 5 workers"):
+        run(plan_from(), tmp_path / "out", chunk=12, workers=2)
 
 
 @pytest.mark.parametrize(
@@ -312,19 +311,25 @@ def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkey
 )
 def test_several_workers_have_four_chunks_each(plan_from, tmp_path, seeds, way, workers, expected):
     plan = plan_from(SWEEP.replace("seeds = 6", f"seeds = {seeds}"), way)
-    assert opened(tmp_path / "out", plan, None, workers).chunk_rows == expected
+    assert begun(tmp_path / "out", plan, None, workers).chunk_rows == expected
 
 
-def test_an_interruption_says_what_is_kept():
-    assert str(Interrupted(0, 24)) == "interrupted: no rows were written yet; run the same command to continue"
-    assert str(Interrupted(5, 24)) == "interrupted: 5 of 24 rows are kept; run the same command to continue"
+@pytest.mark.parametrize(("rows", "words"), [(0, "no rows were written yet"), (5, "5 of 24 rows are kept")])
+def test_an_interruption_says_what_is_kept(short, tmp_path, monkeypatch, rows, words):
+    def interrupted(_folder, on_kept, **_):
+        on_kept(rows)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "finish", interrupted)
+    with pytest.raises(KeyboardInterrupt, match=f"interrupted: {words}; run the same command to continue"):
+        run_sweep(str(short / "sweep.toml"), way=None, workers=1, scheduler=None, out=tmp_path / "out", chunk=None)
 
 
 def test_progress_says_the_time_left_after_the_first_chunk(plan_from, tmp_path, monkeypatch, capsys):
     now_s = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     monkeypatch.setenv("TERM", "dumb")
-    progress = Shown(begun(plan_from(), tmp_path / "out", 12), "games")
+    progress = Shown(begun(tmp_path / "out", plan_from(), 12), "games")
     for second, rows in ((5, 0), (15, 0), (25, 12), (35, 12)):
         now_s[0] = float(second)
         progress(rows)

@@ -7,6 +7,7 @@ import pytest
 
 from guidance.errors import ConfigError, OutputError
 from guidance.log.scene import circle
+from guidance.sim.batch import stack
 from guidance.sweeps.drawing import _figure
 from guidance.viz.figures import MOST_POINTS, check_picture, draw_fence, draw_scenario, figure_of, played, save, thinned
 from tests.harness.flights import NEAR
@@ -88,7 +89,7 @@ def test_a_scenario_that_ends_where_it_begins_is_drawn(tmp_path):
     evader = NEAR.evader.position_m
     above = NEAR.pursuer.model_copy(update={"position_m": (*evader[:2], NEAR.standoff.height_m)})
     scenario = NEAR.model_copy(update={"pursuer": above})
-    assert len(played(scenario)[1]) == 1
+    assert len(played(stack([scenario]))[1]) == 1
     draw_scenario(scenario, tmp_path / "scenario.png")
     assert (tmp_path / "scenario.png").stat().st_size > 0
 
