@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final, NamedTuple
 
-from guidance.autopilots import AutopilotProfile, Mode
+from guidance.autopilots import AutopilotProfile, Finding, Mode, Verdict
 from guidance.certificate import Certificate
 from guidance.control import Limiter
 from guidance.flight.heard import HOLD_S, Heard
@@ -36,17 +36,26 @@ _LARGEST_AGE_S: Final[Mapping[type, float]] = {
 """Messages needed for arming and engaging."""
 
 
-class Check(NamedTuple):
-    """One condition: name, result, and the value found."""
+_TO_DO: Final[Mapping[str, str]] = {
+    "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
+    "Heartbeat": "check the vehicle's power and the link",
+    "LocalPosition": "wait for the estimator's position; check that LOCAL_POSITION_NED is streamed",
+    "Attitude": "check that ATTITUDE is streamed",
+    "LandedState": "check that EXTENDED_SYS_STATE is streamed",
+    "Home": "wait for a position fix: home is set with it",
+    "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
+    "battery": "change or charge the battery",
+}
+"""Advice for each failed readiness check, by its name."""
 
-    name: str
-    passed: bool
-    found: str
+
+def _check(name: str, passed: bool, found: str) -> Finding:
+    return Finding.of(passed, name, found, "", _TO_DO[name])
 
 
 def checks(
     vehicle: VehicleState, profile: AutopilotProfile, now_s: float, *, battery_minimum: float
-) -> tuple[Check, ...]:
+) -> tuple[Finding, ...]:
     """Evaluate every condition for arming and engaging.
 
     Args:
@@ -57,11 +66,11 @@ def checks(
     """
     heartbeat = vehicle.last(Heartbeat)
     found = "not heard" if heartbeat is None else f"MAV_AUTOPILOT {heartbeat.autopilot}, want {profile.autopilot_id}"
-    rows = [Check("autopilot", heartbeat is not None and heartbeat.autopilot == profile.autopilot_id, found)]
+    rows = [_check("autopilot", heartbeat is not None and heartbeat.autopilot == profile.autopilot_id, found)]
     for kind, limit_s in _LARGEST_AGE_S.items():
         age_s = vehicle.age_s(kind, now_s)
         found = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
-        rows.append(Check(kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
+        rows.append(_check(kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
     return (*rows, *_status(vehicle, profile, battery_minimum))
 
 
@@ -88,10 +97,10 @@ def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
     return "; ".join(late) or "telemetry is back"
 
 
-def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: float) -> tuple[Check, Check]:
+def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: float) -> tuple[Finding, Finding]:
     status = vehicle.last(SystemStatus)
     if status is None:
-        return Check("prearm", passed=False, found="not heard"), Check("battery", passed=False, found="not heard")
+        return _check("prearm", False, "not heard"), _check("battery", False, "not heard")
     reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
     healthy = bool(status.sensors_health & _PREARM_CHECK)
     found = "healthy" if healthy else "the autopilot's own checks fail"
@@ -103,8 +112,8 @@ def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: f
         reported, found = False, "of a mode that misses setpoints; asked again as it arms"
     battery = status.battery_remaining
     return (
-        Check("prearm", healthy or not reported, found),
-        Check("battery", not battery < battery_minimum, "unknown" if math.isnan(battery) else f"{battery:.0%} left"),
+        _check("prearm", healthy or not reported, found),
+        _check("battery", not battery < battery_minimum, "unknown" if math.isnan(battery) else f"{battery:.0%} left"),
     )
 
 
@@ -201,7 +210,7 @@ def fit(now: Moment) -> bool:
     """Whether every readiness check passes and preflight refuses nothing."""
     settings = now.settings
     rows = checks(now.heard.vehicle, settings.autopilot, now.now_s, battery_minimum=now.battery_needed)
-    return not now.refusals and all(row.passed for row in rows)
+    return not now.refusals and all(row.verdict is Verdict.PASS for row in rows)
 
 
 def _external_mode_change(now: Moment) -> bool:

@@ -85,7 +85,7 @@ class Heard:
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._jumps = (NOWHERE, NOWHERE)
         self.vehicle = VehicleState()
-        self.tracking = Tracking(settings.cycle, settings.autopilot, settings.evaders)
+        self.tracking = Tracking(settings)
         self.echo = Echo()
         self.messages: Sequence[Message] = ()
         self.beats: Sequence[Heartbeat] = ()

@@ -9,9 +9,9 @@ import math
 import traceback
 from collections.abc import Iterator, Sequence
 
-from guidance.autopilots import Mode
+from guidance.autopilots import Finding, Mode
 from guidance.flight import detection, table
-from guidance.flight.detection import TELEMETRY_LIMIT_S, Check, Moment, Stage
+from guidance.flight.detection import TELEMETRY_LIMIT_S, Moment, Stage
 from guidance.flight.heard import Heard
 from guidance.flight.sending import Asking, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
@@ -99,7 +99,7 @@ class Flight:
         """Seconds since the operator's last order or sign of life; 0 before the first one."""
         return max(0.0, now_s - self._stage.operator_s)
 
-    def checks(self, now_s: float) -> tuple[Check, ...]:
+    def checks(self, now_s: float) -> tuple[Finding, ...]:
         """Return the readiness checks."""
         return detection.checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.battery_needed)
 

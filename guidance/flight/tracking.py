@@ -10,14 +10,12 @@ back, so no command mixes the two frames.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Final
 
-from guidance.autopilots import AutopilotProfile
-from guidance.cycle import CycleSettings
 from guidance.estimation import EvaderEstimate, Observer, moved, observe, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.track import ReportOutcome
+from guidance.flight.settings import FlightSettings
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference, total
 from guidance.messages import EvaderReport, GlobalPosition, Home, LocalPosition, Message, Origin
 from guidance.vehicle import VehicleState, local_frame
@@ -40,19 +38,15 @@ class Tracking:
     not known yet. `playing` is the evader of the game; "" is the only evader of a vehicle that has no team.
     """
 
-    def __init__(
-        self, settings: CycleSettings, profile: AutopilotProfile, evaders: Mapping[str, float] = MappingProxyType({})
-    ) -> None:
-        self._site = settings.site
-        self.evaders = evaders
+    def __init__(self, settings: FlightSettings) -> None:
+        self._settings = settings
         self.playing = ""
-        declared_m_s = settings.game.evader_speed_m_s
-        self._free = TrackSettings(declared_speed_m_s=declared_m_s, sigmas=settings.speed_sigmas)
+        declared_m_s = settings.cycle.game.evader_speed_m_s
+        self._free = TrackSettings(declared_speed_m_s=declared_m_s, sigmas=settings.cycle.speed_sigmas)
         # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
-        way_m_s = max(declared_m_s, settings.ground_speed_m_s)
+        way_m_s = max(declared_m_s, settings.cycle.ground_speed_m_s)
         self._track = replace(self._free, jump_m_s=declared_m_s, way_m_s=way_m_s)
         self._observers: dict[str, Observer] = {}
-        self._projection = profile.projection
         self._told: tuple[Message | None, Message | None, LocalFrame | None] = (None, None, None)
         self._jumped_ned_m = NOWHERE
         self._home: Home | None = None
@@ -89,7 +83,7 @@ class Tracking:
         """Return the frame about the accepted origin; None until the vehicle has reported one."""
         home, origin, told = vehicle.latest.get(Home), vehicle.latest.get(Origin), self._told[2]
         if (home, origin) != self._told[:2]:  # only a new report is computed
-            told = local_frame(vehicle, self._projection)
+            told = local_frame(vehicle, self._settings.autopilot.projection)
             # Heights above home may change; the frame is the same.
             told = None if told is None else replace(told, home=None)
             self._told = home, origin, told
@@ -121,7 +115,7 @@ class Tracking:
 
     def _of(self, name: str, settings: TrackSettings) -> TrackSettings:
         """Return the settings for an evader that declares another speed."""
-        speed_m_s = self.evaders.get(name, settings.declared_speed_m_s)
+        speed_m_s = self._settings.evaders.get(name, settings.declared_speed_m_s)
         return settings if speed_m_s == settings.declared_speed_m_s else replace(settings, declared_speed_m_s=speed_m_s)
 
     @property
@@ -151,8 +145,8 @@ class Tracking:
                 self._observers[name] = moved(observer, lambda place: before.ned_in(frame, place))
             if self.home_ned_m is not None:
                 self.home_ned_m = before.ned_in(frame, self.home_ned_m)
-        if self._site is not None:
-            self.game_frame = GameFrame(frame.ned_from_wgs84(*self._site))
+        if (site := self._settings.cycle.site) is not None:
+            self.game_frame = GameFrame(frame.ned_from_wgs84(*site))
         elif before is None or self.game_frame is None:
             self.game_frame = GameFrame(NOWHERE)
         else:

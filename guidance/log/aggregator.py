@@ -76,7 +76,7 @@ class Aggregator:
         self._begin()
 
     def _begin(self) -> None:
-        self._tracking = Tracking(self.settings.cycle, self.settings.autopilot)
+        self._tracking = Tracking(self.settings)
         self.vehicle = VehicleState()
         self._evader_m: Vector = _UNKNOWN
         self._report_s = math.nan

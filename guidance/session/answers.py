@@ -7,7 +7,6 @@ from typing import Any, Final
 
 from guidance.autopilots import Finding, Verdict
 from guidance.flight import BEFORE_FLIGHT, ORDERS, Event, Flight, Outputs, State, is_done
-from guidance.flight.detection import Check
 from guidance.flight.table import state_words
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
@@ -29,18 +28,6 @@ _WHY: Final[Mapping[State, str]] = {
     State.RETURNING: "it is returning: order hold or land",
     State.LANDING: "it is landing: order hold or return",
 }
-
-_TO_DO: Final[Mapping[str, str]] = {
-    "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
-    "Heartbeat": "check the vehicle's power and the link",
-    "LocalPosition": "wait for the estimator's position; check that LOCAL_POSITION_NED is streamed",
-    "Attitude": "check that ATTITUDE is streamed",
-    "LandedState": "check that EXTENDED_SYS_STATE is streamed",
-    "Home": "wait for a position fix: home is set with it",
-    "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
-    "battery": "change or charge the battery",
-}
-"""Advice for each failed readiness check, by its name."""
 
 _ENDED: Final[Mapping[State, str]] = {
     State.LANDED: "the flight is over",
@@ -114,13 +101,13 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
     return "airborne, and not taken over yet: order start first, then engage"
 
 
-def _failed(flight: Flight, now_s: float) -> list[Check]:
-    return [check for check in flight.checks(now_s) if not check.passed]
+def _failed(flight: Flight, now_s: float) -> list[Finding]:
+    return [check for check in flight.checks(now_s) if check.verdict is not Verdict.PASS]
 
 
 def failed_checks(flight: Flight, now_s: float) -> str:
     """Name every failed check, and what it found."""
-    return ", ".join(f"{check.name} ({check.found})" for check in _failed(flight, now_s))
+    return ", ".join(f"{check.name} ({check.value})" for check in _failed(flight, now_s))
 
 
 def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
@@ -131,10 +118,8 @@ def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
 
 def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[str, str]]:
     """List every failed check and every preflight row that does not pass, each with advice."""
-    failed = _failed(flight, now_s)
-    failing = [Finding(one.name, one.found, "", Verdict.REFUSE, _TO_DO.get(one.name, "")) for one in failed]
     keys = ("name", "found", "wanted", "verdict", "advice")
-    not_passed = (row for row in (*failing, *rows) if row.verdict is not Verdict.PASS)
+    not_passed = (row for row in (*_failed(flight, now_s), *rows) if row.verdict is not Verdict.PASS)
     return [dict(zip(keys, map(str, row), strict=True)) for row in not_passed]
 
 

@@ -70,8 +70,8 @@ class Checkup:
                 break
         # The flight's own checks may still pass later, so none is a refusal here.
         readiness = (
-            Finding.of(check.passed, f"ready: {check.name}", check.found, "before start", "", Verdict.WARN)
-            for check in daemon.flight.checks(clock.now_s())
+            Finding.of(verdict is Verdict.PASS, f"ready: {name}", found, "before start", "", Verdict.WARN)
+            for name, found, _, verdict, _ in daemon.flight.checks(clock.now_s())
         )
         return (*daemon.rows, *readiness)
 

@@ -433,7 +433,7 @@ class VehicleMission:
             if away_m > fence_m:
                 allowed = f"allowed is the fence's {fence_m:g} m. Does [site] of the scenario say where the vehicle is?"
                 raise FlightError(f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; {allowed}")
-        otherwise_fit = daemon.survey.complete and all(check.passed for check in flight.checks(now_s))
+        otherwise_fit = daemon.survey.complete and not failed_checks(flight, now_s)
         refused = otherwise_fit and bool(refusals(daemon.rows))
         self._refused_s = min(self._refused_s, now_s) if refused else math.inf
         if now_s - self._refused_s >= JUDGED_FOR_S:

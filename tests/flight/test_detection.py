@@ -357,7 +357,7 @@ def test_fit_is_every_check_and_no_refusal():
 
 def row(name, vehicle, autopilot=PX4):
     (one,) = [check for check in checks(vehicle, autopilot, NOW_S, battery_minimum=0.25) if check.name == name]
-    return one.passed, one.found
+    return one.verdict == "pass", one.value
 
 
 @pytest.mark.parametrize(
@@ -401,7 +401,7 @@ def test_what_was_never_heard_passes_no_check():
     rows = checks(VehicleState(), PX4, NOW_S, battery_minimum=0.0)
     kinds = [kind.__name__ for kind in (Heartbeat, LocalPosition, Attitude, LandedState, Home)]
     assert [check.name for check in rows] == ["autopilot", *kinds, "prearm", "battery"]
-    assert {(check.passed, check.found) for check in rows} == {(False, "not heard")}
+    assert {(check.verdict, check.value) for check in rows} == {("refuse", "not heard")}
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport, GlobalPosition, Home, Origin
 from guidance.vehicle import VehicleState, observe
-from tests.flight.scenes import HOME_DOWN_M, SETTINGS, home, local
+from tests.flight.scenes import HOME_DOWN_M, SETTINGS, home, local, settings_of
 
 HERE = (47.397742, 8.545594)
 NAN = math.nan
@@ -28,7 +28,7 @@ def report(at_s, *, north_deg=0.0, velocity=(0.0, 0.0, 0.0), velocity_sd=0.1):
 
 
 def test_nothing_is_known_of_an_evader_before_the_vehicles_frame_is():
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     tracking.observe(VehicleState(), [report(1.0)])
     assert (tracking.local_frame, tracking.game_frame, tracking.evader(1.0)) == (None, None, None)
     assert tracking.silence_s(1.0) == math.inf
@@ -38,7 +38,7 @@ def test_nothing_is_known_of_an_evader_before_the_vehicles_frame_is():
 
 
 def test_a_velocity_that_is_not_known_is_none_and_the_declared_speed_bounds_it():
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     tracking.observe(vehicle_at_home(), [report(1.0, velocity=(NAN, NAN, NAN), velocity_sd=NAN)])
     evader = tracking.evader(1.0)
     assert evader.velocity_ned_m_s == (0.0, 0.0, 0.0)
@@ -47,7 +47,7 @@ def test_a_velocity_that_is_not_known_is_none_and_the_declared_speed_bounds_it()
 
 
 def test_an_evader_that_moves_is_where_it_has_come_to_with_its_own_velocity():
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     for n in range(30):
         moved_deg = math.degrees(2.0 * 0.1 * n / 6371000.0)
         tracking.observe(vehicle_at_home(), [report(0.1 * n, north_deg=moved_deg, velocity=(2.0, 0.0, 0.0))])
@@ -57,7 +57,7 @@ def test_an_evader_that_moves_is_where_it_has_come_to_with_its_own_velocity():
 
 
 def test_a_reset_that_leaves_the_zero_where_it_was_leaves_the_track_alone():
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     tracking.observe(vehicle_at_home(), [report(1.0, north_deg=1e-3)])
     before = tracking.evader(1.5)
     tracking.observe(vehicle_at_home(resets=1)._replace(jumped_ned_m=(7.0, 0.0, 0.0)), [])
@@ -65,7 +65,7 @@ def test_a_reset_that_leaves_the_zero_where_it_was_leaves_the_track_alone():
 
 
 def test_a_moved_origin_moves_the_track_to_the_same_place_in_the_new_frame():
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     tracking.observe(vehicle_at_home(), [report(1.0, north_deg=1e-3)])
     before, place = tracking.evader(1.5), tracking.local_frame
     tracking.observe(observe(vehicle_at_home(), [Origin(2.0, 47.4, 8.5, 480.0)]), [])
@@ -77,11 +77,11 @@ def test_a_moved_origin_moves_the_track_to_the_same_place_in_the_new_frame():
 
 def test_the_game_is_played_about_the_site_or_where_the_local_frame_has_its_zero():
     vehicle = observe(VehicleState(), [Home(0.0, *HERE, 492.0, (3.0, 4.0, -4.0)), Origin(0.0, *HERE, 488.0)])
-    about_zero = Tracking(SETTINGS.cycle, PX4)
+    about_zero = Tracking(SETTINGS)
     about_zero.observe(vehicle, [])
     assert about_zero.game_frame.position_from_ned((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
     site = (HERE[0] + math.degrees(50.0 / 6371000.0), HERE[1], Amsl(498.0))
-    about_site = Tracking(replace(SETTINGS.cycle, site=site), PX4)
+    about_site = Tracking(settings_of(cycle=replace(SETTINGS.cycle, site=site)))
     about_site.observe(vehicle, [])
     assert about_site.game_frame.position_from_ned((50.0, 0.0, -10.0)) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
 
@@ -104,7 +104,7 @@ def seen_at(ned, at_s, *, received_s=None):
 
 def believed(by_m, *said):
     """Return the local frame used after a report of a moved origin, given the vehicle's earlier messages."""
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     vehicle = observe(VehicleState(), [home(0.0), origin(ZERO), *said])
     tracking.observe(vehicle, [])
     assert tracking.local_frame == ZERO
@@ -137,7 +137,7 @@ def test_places_of_two_moments_are_compared_by_the_way_between_them(north_m):
 @pytest.mark.parametrize("axis", range(3))
 def test_a_position_that_is_a_metre_off_at_first_has_not_jumped(axis):
     off = tuple(float(n == axis) for n in range(3))
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     said = [home(0.0), origin(ZERO), local(1.0, (0.0, 0.0, 0.0)), seen_at(off, 1.0)]
     tracking.observe(observe(VehicleState(), said), [])
     assert (tracking.local_frame, tracking.held_back_ned_m) == (ZERO, (0.0, 0.0, 0.0))
@@ -146,7 +146,7 @@ def test_a_position_that_is_a_metre_off_at_first_has_not_jumped(axis):
 def test_a_jump_is_judged_by_a_global_position_of_the_same_time():
     before = [home(0.0), origin(ZERO), local(1.0, (0.0, 0.0, 0.0)), seen_at((0.0, 0.0, 0.0), 1.0)]
     for seen_s, held_back_m in ((1.01, 30.0), (1.02, 0.0)):
-        tracking = Tracking(SETTINGS.cycle, PX4)
+        tracking = Tracking(SETTINGS)
         vehicle = observe(VehicleState(), before)
         tracking.observe(vehicle, [])
         jumped = [local(1.02, (30.0, 0.0, 0.0)), seen_at((30.0, 0.0, 0.0), seen_s)]
@@ -156,7 +156,7 @@ def test_a_jump_is_judged_by_a_global_position_of_the_same_time():
 
 
 def test_a_jump_before_the_frame_is_known_or_a_far_origin_changes_nothing():
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     jumped = observe(VehicleState(), [local(1.0), seen_at((0.0, 0.0, 0.0), 1.0), local(1.02, (30.0, 0.0, 0.0))])
     assert jumped.jumped_ned_m != (0.0, 0.0, 0.0)
     tracking.observe(jumped, [])
@@ -169,14 +169,14 @@ def test_a_jump_before_the_frame_is_known_or_a_far_origin_changes_nothing():
 def test_a_home_without_local_coordinates_is_where_the_map_has_it():
     latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned((20.0, -30.0, -6.0))
     unplaced = Home(0.0, latitude_deg, longitude_deg, altitude.metres, (NAN, NAN, NAN))
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     tracking.observe(observe(VehicleState(), [unplaced, origin(ZERO)]), [])
     assert tracking.home_ned_m == pytest.approx((20.0, -30.0, -6.0), abs=1e-3)
 
 
 @pytest.mark.parametrize("site", [None, (*HERE, Amsl(500.0))])
 def test_the_game_stays_where_it_is_on_earth_when_the_origin_moves_and_moves_again(site):
-    tracking = Tracking(replace(SETTINGS.cycle, site=site), PX4)
+    tracking = Tracking(settings_of(cycle=replace(SETTINGS.cycle, site=site)))
     tracking.observe(vehicle_at_home(), [])
     down_m = 0.0 if site is None else -12.0
     assert tracking.game_frame.origin_ned_m == pytest.approx((0.0, 0.0, down_m), abs=1e-6)
@@ -190,7 +190,7 @@ def test_the_game_stays_where_it_is_on_earth_when_the_origin_moves_and_moves_aga
     ("given", "believed_m"), [({}, 0.0), ({"in_flight": True}, 0.0), ({"in_flight": False}, 500.0)]
 )
 def test_an_evader_jumps_no_further_than_it_can_have_gone_unless_nothing_flies(given, believed_m):
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     for n in range(25):
         north_deg = math.degrees(500.0 / 6371000.0) if n > 10 else 0.0
         tracking.observe(vehicle_at_home(), [report(0.1 * n, north_deg=north_deg)], **given)
@@ -198,7 +198,7 @@ def test_an_evader_jumps_no_further_than_it_can_have_gone_unless_nothing_flies(g
 
 
 def test_a_rival_is_told_of_for_as_long_as_it_counts_as_there():
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     assert tracking.rival(0.0) == ""
     tracking._observers[""] = Observer(rivals=Rivals(seen_s=10.0, why="place"))
     assert [tracking.rival(10.0 + after_s) for after_s in (0.0, LASTS_S, LASTS_S + 0.1)] == ["place", "place", ""]

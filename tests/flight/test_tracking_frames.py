@@ -262,7 +262,7 @@ def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
 
 
 def test_without_a_global_position_what_is_told_is_believed():
-    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking = Tracking(SETTINGS)
     tracking.observe(observe(VehicleState(), [home_at(0.0, 0.0), told(ZERO, 0.0)]), [])
     other = moved_zero_of((50.0, 0.0, 0.0))
     tracking.observe(observe(VehicleState(), [home_at(0.0, 0.0), told(other, 1.0)]), [])
