@@ -14,7 +14,8 @@ from guidance.control import Acceleration, Envelope, Situation
 from guidance.control.braking_law import Wall, held_back
 from guidance.control.capability import SpeedMemory, observe_speed
 from guidance.control.follow import Following, FollowMemory, Pace, follow, gaps_to_disc, observe_drift
-from guidance.control.servo import AltitudeHold, NorthEast, hold_altitude, keep_station
+from guidance.control.polygon import Point
+from guidance.control.servo import AltitudeHold, hold_altitude, keep_station
 from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
@@ -86,7 +87,7 @@ class CycleMemory(NamedTuple):
     limits: LimitMemory | None = None
     height: AltitudeHold | None = None
     yaw_rad: float | None = None
-    place: NorthEast | None = None
+    place: Point | None = None
     strategy: StrategyMemory = StrategyMemory()
     optimal_game_m_s: Vector | None = None
     speed: SpeedMemory = SpeedMemory()

@@ -39,7 +39,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from guidance.control.braking_law import STILL, Situation, approach_speed
-from guidance.control.servo import ServoGains, ServoMemory, serve
+from guidance.control.servo import LONGEST_STEP_S, ServoGains, ServoMemory, serve
 from guidance.frames import Vector, difference, total
 from guidance.game import StandOff
 
@@ -52,7 +52,6 @@ above, it could not capture an evader that passes."""
 SETTLE_S = 1.2
 LARGEST_M_S = 0.6
 JUMP_M = 1.0
-_LONGEST_STEP_S = 0.1
 _TOUCH_M = 1e-3
 
 RECOVERY_PER_S = 0.5
@@ -85,7 +84,7 @@ def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector
     """
     if drift.position_ned_m is None:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
-    dt_s = min(max(dt_s, 0.0), _LONGEST_STEP_S)
+    dt_s = min(max(dt_s, 0.0), LONGEST_STEP_S)
     places, drifts = [], []
     for place_m, drift_m_s, reported_m, velocity_m_s in zip(
         drift.position_ned_m, drift.velocity_ned_m_s, position_ned_m, velocity_ned_m_s, strict=True

@@ -59,16 +59,6 @@ class Speeds(NamedTuple):
     descent_m_s: float
 
 
-class StandOffLimit(NamedTuple):
-    """The space about the evader that the vehicle never enters: an upright cylinder from the ground to `height_m`.
-
-    It is slightly smaller than the game's disc. A limit that binds on every arrival costs capture time.
-    """
-
-    radius_m: float
-    height_m: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Agility:
     """Largest horizontal acceleration, vertical acceleration, and change of the acceleration, of a command."""
@@ -101,6 +91,8 @@ class Envelope(Dynamics):
     """Bounds of every setpoint. Heights are above home, fences about home, in metres.
 
     Commands stop above the floor by the estimator's standard deviation of the height, at most by `floor_margin_m`.
+    The vehicle never enters the upright cylinder about the evader from the ground to the height of `stand_off`. It is
+    slightly smaller than the game's disc; a limit that binds on every arrival costs capture time.
     `speeds` and `accelerations` repeat the limits as bounds of a vector.
 
     Raises:
@@ -118,7 +110,7 @@ class Envelope(Dynamics):
     fence_polygon: Polygon | None = None
     fence_margin_m: float = 0.0
     floor_margin_m: float = 0.0
-    stand_off: StandOffLimit | None = None
+    stand_off: StandOff | None = None
     speeds: Bounds = field(init=False, repr=False)
     accelerations: Bounds = field(init=False, repr=False)
 
@@ -235,7 +227,7 @@ class Limits(Section):
             yaw_rate_rad_s=math.radians(self.yaw_rate_deg_s),
             floor_margin_m=min(_FLOOR_MARGIN_M, max(0.0, float(standoff.height_m) - self.floor_m)),
             fence_polygon=None if self.fence_polygon_ne_m is None else Polygon(self.fence_polygon_ne_m),
-            stand_off=StandOffLimit(*zone_m),
+            stand_off=StandOff(*zone_m),
         )
 
     def about_home(self, envelope: Envelope, home_ned_m: Vector, frame: LocalFrame) -> Envelope:

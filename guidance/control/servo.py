@@ -27,9 +27,10 @@ from typing import Final, NamedTuple
 
 from guidance.control.braking_law import STILL, approach_speed
 from guidance.control.limits import Agility, Envelope
+from guidance.control.polygon import Point
 from guidance.frames import Bounds, Vector, clamp, difference, usable
 
-_LONGEST_STEP_S: Final = 0.1
+LONGEST_STEP_S: Final = 0.1
 _SLOW_M_S: Final = 1.0
 """Below this speed, drag cannot be distinguished from trim."""
 
@@ -142,7 +143,7 @@ def serve(
         dt_s: Time since the last call, s; at most 0.1 s counts.
         held_back: Whether a wall reduced the last command; the servo then learns nothing.
     """
-    dt_s = min(max(dt_s, 0.0), _LONGEST_STEP_S)
+    dt_s = min(max(dt_s, 0.0), LONGEST_STEP_S)
     before, delayed = memory.reference_ned_m_s or flown_ned_m_s, memory.expected_ned_m_s
     if memory.reference_ned_m_s is None:
         delayed = flown_ned_m_s
@@ -190,8 +191,6 @@ AT_REST_M_S: Final = 0.5
 AWAY_M: Final = 1.5
 _INTEGRAL_PER_S2: Final = 0.08
 
-NorthEast = tuple[float, float]
-
 
 class AltitudeHold(NamedTuple):
     """Memory: the height to keep (down, m), and the vertical speed that keeping it costs."""
@@ -227,16 +226,14 @@ def hold_altitude(memory: AltitudeHold | None, *, down_m: float, envelope: Envel
     held_m = min(home_down_m - envelope.floor_m, max(home_down_m - envelope.ceiling_m, held_m))
     error_m = held_m - down_m
     if abs(error_m) < AWAY_M:
-        trim_m_s += _INTEGRAL_PER_S2 * error_m * min(_LONGEST_STEP_S, max(0.0, dt_s))
+        trim_m_s += _INTEGRAL_PER_S2 * error_m * min(LONGEST_STEP_S, max(0.0, dt_s))
         trim_m_s = min(LARGEST_M_S, max(-LARGEST_M_S, trim_m_s))
     reach_m_s = approach_speed(abs(error_m), envelope.vertical_braking_m_s2, 1.0 / GAIN_PER_S)
     wanted_m_s = math.copysign(reach_m_s, error_m) + trim_m_s
     return Held(min(envelope.descent_m_s, max(-envelope.climb_m_s, wanted_m_s)), AltitudeHold(held_m, trim_m_s))
 
 
-def keep_station(
-    place: NorthEast | None, position_ned_m: Vector, flown_ned_m_s: Vector
-) -> tuple[NorthEast, NorthEast | None]:
+def keep_station(place: Point | None, position_ned_m: Vector, flown_ned_m_s: Vector) -> tuple[Point, Point | None]:
     """Return the velocity over the ground that stops and stays, (north, east) in m/s, and the place for the next call.
 
     Args:

@@ -23,11 +23,9 @@ from typing import Final, NamedTuple
 
 from guidance.control.braking_law import STILL, Constraint, Situation, Wall, braked, constraints_of, measure_walls, obey
 from guidance.control.limits import Envelope, Limiter
-from guidance.control.servo import shape, slew
+from guidance.control.servo import LONGEST_STEP_S, shape, slew
 from guidance.frames import Bounds, Vector, clamp, difference, total, usable
 from guidance.messages import Setpoint
-
-_LONGEST_STEP_S: Final = 0.1
 
 NOTED: Final = 0.05
 """A limiter other than a wall is named for a change of more than this (m/s, m/s², or rad).
@@ -108,9 +106,9 @@ def limit(
         if not usable(*asked):
             active.append(Limiter.COMMAND)
             command = Setpoint(STILL, yaw_rad=memory.yaw_rad)
-    if not 0.0 <= dt_s <= _LONGEST_STEP_S:
+    if not 0.0 <= dt_s <= LONGEST_STEP_S:
         active.append(Limiter.CLOCK)
-        dt_s = _LONGEST_STEP_S if dt_s > _LONGEST_STEP_S else 0.0
+        dt_s = LONGEST_STEP_S if dt_s > LONGEST_STEP_S else 0.0
     walls = measure_walls(situation, envelope) if walls is None else walls
 
     allowed = clamp(command.velocity_ned_m_s, envelope.speeds)

@@ -235,10 +235,12 @@ def _in_rows(wanted: Truth, whole: Any, function: Callable[..., Any], *records: 
 
     A single state, and a library that is not NumPy, has no rows to choose from.
     """
-    if isinstance(wanted, (bool, np.bool_, np.ndarray)) and not np.any(wanted):
-        return whole
+    if isinstance(wanted, (bool, np.bool_)):
+        return function(*records) if wanted else whole
     if not isinstance(wanted, np.ndarray) or wanted.all():
         return function(*records)
+    if not wanted.any():
+        return whole
     shape, rows = wanted.shape, np.nonzero(wanted)
 
     def few(array: Array) -> Array:

@@ -157,17 +157,11 @@ def solve_state(
         return _row_of_one(game, known)
     if not _is_sound(game, play, squares) or _has_no_region(game, play):
         return _row_of_one(game, known)
-    (x, y, z), (px, py, pz), (ex, ey, ez) = play.meeting_point_m, play.pursuer_velocity_m_s, play.evader_velocity_m_s
-    return StateSolution(
-        int(play.winner),
-        play.value + 0.0,
-        play.margin_s + 0.0,
-        (x + 0.0, y + 0.0, z + 0.0),
-        play.meeting_time_s + 0.0,
-        (px + 0.0, py + 0.0, pz + 0.0),
-        (ex + 0.0, ey + 0.0, ez + 0.0),
-        int(_doubted(FLOATS, game, play)),
-    )
+    # Zero is added because a batch has no negative zeros.
+    plain: list[Any] = [
+        tuple([v + 0.0 for v in part]) if isinstance(part, tuple) else part + 0.0 for part in play[1:-1]
+    ]
+    return StateSolution._make((int(play.winner), *plain, int(_doubted(FLOATS, game, play))))
 
 
 def _row_of_one(game: Game, known: tuple[Place | None, ...]) -> StateSolution:
@@ -210,10 +204,7 @@ def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Sp
 def _fault(xp: Library, game: Game, given: dict[str, Array], play: StateSolution) -> Real:
     """Return 0, or the reason why a row can have no answer."""
     sound = _is_sound(game, play, most_squares(given) if xp is NUMPY else squares(given))
-    fault: Real = int(Reason.SOLVED)
-    lost = _has_no_region(game, play)
-    if lost is not False:
-        fault = xp.select(lost, int(Reason.NO_REGION), fault)
+    fault = xp.select(_has_no_region(game, play), int(Reason.NO_REGION), int(Reason.SOLVED))
     if xp is not NUMPY or not np.all(sound):
         sound = _is_sound(game, play, squares(given))
         zero = sum(0.0 * part for array in given.values() for part in components(array))

@@ -14,12 +14,12 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.control import Envelope, Situation
-from guidance.control.limits import StandOffLimit
 from guidance.control.polygon import Polygon
 from guidance.control.setpoint_limiter import limit
 from guidance.estimation import Observer, predict
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update
+from guidance.game import StandOff
 from guidance.messages import Setpoint
 
 with warnings.catch_warnings():
@@ -40,7 +40,7 @@ ENVELOPE = Envelope(
     yaw_rate_rad_s=1.0,
     fence_radius_m=200.0,
     fence_polygon=Polygon(((-150.0, -150.0), (150.0, -150.0), (150.0, 150.0), (-150.0, 150.0))),
-    stand_off=StandOffLimit(radius_m=2.0, height_m=4.0),
+    stand_off=StandOff(radius_m=2.0, height_m=4.0),
 )
 
 

@@ -8,10 +8,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from guidance.control import Limiter, Situation
-from guidance.control.limits import StandOffLimit
 from guidance.control.polygon import Polygon
 from guidance.control.servo import AltitudeHold, hold_altitude
 from guidance.control.setpoint_limiter import NOTED, LimitMemory, limit
+from guidance.game import StandOff
 from guidance.messages import Setpoint
 from tests.control.scenes import MULTICOPTER
 from tests.harness.examples import drawn
@@ -28,7 +28,7 @@ ENVELOPE = replace(
     fence_radius_m=65.0,
     fence_polygon=Polygon(CORNERS),
     fence_margin_m=1.0,
-    stand_off=StandOffLimit(radius_m=3.0, height_m=5.0),
+    stand_off=StandOff(radius_m=3.0, height_m=5.0),
 )
 
 anything = st.floats(allow_nan=True, allow_infinity=True)

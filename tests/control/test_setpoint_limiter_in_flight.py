@@ -9,10 +9,10 @@ import pytest
 
 from guidance.control import Limiter, Situation
 from guidance.control.braking_law import Wall, measure_walls
-from guidance.control.limits import StandOffLimit
 from guidance.control.polygon import Polygon
 from guidance.control.servo import AltitudeHold, hold_altitude
 from guidance.control.setpoint_limiter import limit
+from guidance.game import StandOff
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S
 from tests.control.scenes import MULTICOPTER as ENVELOPE
@@ -141,7 +141,7 @@ def test_heights_are_above_home_and_not_above_the_origin():
 @pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0, 30.0])
 def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
     # The estimated evader velocity keeps its old value after the stop, the worst case of a slow estimate.
-    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
+    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (8.0, 0.0, 0.0),
         envelope,
@@ -155,7 +155,7 @@ def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
 
 @pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0])
 def test_an_evader_that_stops_dead_is_flown_past_over_it_and_never_below_the_lid(stops_at_s):
-    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
+    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=5.0))
     rows = fly(
         (8.0, 0.0, 1.5),
         envelope,
@@ -170,7 +170,7 @@ def test_an_evader_that_stops_dead_is_flown_past_over_it_and_never_below_the_lid
 
 
 def test_a_fleeing_evader_is_followed_beside_at_what_can_be_stopped_within():
-    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
+    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (8.0, 0.0, 0.0),
         envelope,
@@ -185,7 +185,7 @@ def test_a_fleeing_evader_is_followed_beside_at_what_can_be_stopped_within():
 
 
 def test_an_evader_that_comes_nearer_does_not_push_the_vehicle():
-    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
+    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (0.0, 0.0, 0.0),
         envelope,
@@ -199,7 +199,7 @@ def test_an_evader_that_comes_nearer_does_not_push_the_vehicle():
 @pytest.mark.parametrize("bearing_deg", [0, 135, 260])
 @pytest.mark.parametrize("height_m", [4.5, 7.0, 20.0])
 def test_a_dive_at_the_evader_ends_on_the_rim_or_the_lid_of_the_stand_off(bearing_deg, height_m):
-    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
+    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=5.0))
     bearing = math.radians(bearing_deg)
 
     def at_evader(_now, vehicle):
@@ -233,7 +233,7 @@ def test_two_vehicles_that_each_use_half_of_the_gap_keep_their_separation(aside_
 
 
 def test_hovering_noise_at_the_rim_does_not_shake_the_setpoint():
-    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=2.0, height_m=4.0))
+    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=2.0, height_m=4.0))
     noise, memory, sent = random.Random(5), None, []
     for _ in range(1000):  # the game holds at R = 3 m, h = 5 m; the estimate is noisy, the law pulls towards the evader
         position = (-3.0 + noise.gauss(0.0, 0.1), noise.gauss(0.0, 0.1), -5.0 + noise.gauss(0.0, 0.1))

@@ -7,7 +7,6 @@ import pytest
 
 from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds
 from guidance.control.braking_law import COVER_M, measure_walls, surge
-from guidance.control.limits import StandOffLimit
 from guidance.control.polygon import Polygon
 from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.frames import clamp
@@ -218,7 +217,7 @@ def test_the_margin_above_the_floor_leaves_the_disc_in_reach(disc_m, margin_m):
     assert made.floor_margin_m == pytest.approx(margin_m)
 
 
-ZONE = replace(OPEN, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
+ZONE = replace(OPEN, stand_off=StandOff(radius_m=3.0, height_m=5.0))
 
 
 @pytest.mark.parametrize(

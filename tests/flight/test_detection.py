@@ -6,11 +6,11 @@ from dataclasses import replace
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
-from guidance.control.limits import StandOffLimit
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.detection import checks, events, fit
 from guidance.flight.settings import AfterCapture
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
+from guidance.game import StandOff
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition
 from guidance.vehicle import VehicleState, observe
 from tests.flight.scenes import (
@@ -181,7 +181,7 @@ def test_what_the_certificate_says_is_read_from_its_own_line(event, state, name)
     assert not happens(event, state, certificate=None, vehicle=GUIDED)
 
 
-HIGH_M, STAND_OFF = HOME_DOWN_M - 10.0, StandOffLimit(radius_m=4.0, height_m=6.0)
+HIGH_M, STAND_OFF = HOME_DOWN_M - 10.0, StandOff(radius_m=4.0, height_m=6.0)
 ABOUT_HOME = replace(ENVELOPE, home_ned_m=(5.0, 0.0, HOME_DOWN_M), stand_off=STAND_OFF)
 
 

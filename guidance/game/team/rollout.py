@@ -20,7 +20,7 @@ from guidance.game.game import Game, Reason
 from guidance.game.pe import to_target
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, policy_of
 from guidance.game.records import require
-from guidance.game.rollout import NANOSECOND_S, SPARE_STEPS, Ahead, End, look_ahead
+from guidance.game.rollout import NANOSECOND_S, SPARE_STEPS, End, look_ahead
 from guidance.game.rows import for_rows
 from guidance.game.team.arguments import Games, joined
 from guidance.game.team.matching import Matching, match_teams
@@ -118,7 +118,10 @@ def rollout_teams(
     now, when, captor = np.zeros(shape), np.zeros((*shape, m)), np.full((*shape, m), -1)
     matching, path = first, []
     for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
-        capture, arrival, turn = _ahead(ends, pairs.plays, P, E, T)
+        goal = None if T is None else T[..., None, :, :]
+        capture, arrival, turn = look_ahead(NUMPY, ends, P[..., :, None, :], E[..., None, :, :], goal)
+        capture = np.where(pairs.plays, capture, math.inf)
+        arrival, turn = np.broadcast_to(arrival, capture.shape)[..., 0, :], np.broadcast_to(turn, capture.shape)
         soonest = np.min(capture, axis=-2)
         running = end == End.RUNNING
         caught, arrived = running & (soonest <= NANOSECOND_S), running & (arrival <= NANOSECOND_S)
@@ -146,14 +149,6 @@ def rollout_teams(
     if T is not None:
         distance[...] = NUMPY.norm2(to_target(NUMPY, pairs.game, components(E), components(T))[:2])
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
-
-
-def _ahead(game: Game, plays: Array, P: Array, E: Array, T: Array | None) -> Ahead:
-    """Return the least times, s, until an evader could be captured (..., n, m), or arrive (..., m), or it turns."""
-    goal = None if T is None else T[..., None, :, :]
-    capture, arrival, turn = look_ahead(NUMPY, game, P[..., :, None, :], E[..., None, :, :], goal)
-    arrival, turn = (np.broadcast_to(time_s, capture.shape) for time_s in (arrival, turn))
-    return Ahead(np.where(plays, capture, math.inf), arrival[..., 0, :], turn)
 
 
 def _played(
