@@ -34,10 +34,8 @@ def require(what: str, *extras: str) -> None:
 
 def how_to_add(*extras: str) -> str | None:
     """Return which packages are missing and how to install them; None if all are installed."""
-    missing = {extra: [name for name in EXTRAS[extra] if find_spec(name) is None] for extra in extras}
-    lacking = [extra for extra, names in missing.items() if names]
-    if not lacking:
+    missing = {name: extra for extra in extras for name in EXTRAS[extra] if find_spec(name) is None}
+    if not missing:
         return None
-    packages = ", ".join(name for extra in lacking for name in missing[extra])
-    are = "are" if "," in packages else "is"
-    return f"needs {packages}, which {are} not installed: pip install 'pursuit-guidance[{','.join(lacking)}]'"
+    lacking, are = ",".join(dict.fromkeys(missing.values())), "are" if len(missing) > 1 else "is"
+    return f"needs {', '.join(missing)}, which {are} not installed: pip install 'pursuit-guidance[{lacking}]'"

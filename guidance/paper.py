@@ -4,18 +4,18 @@ Each of the eight published cells is played with the paper's stepping, and again
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from guidance.files import writing
-from guidance.game import Ball, Game, Rollout, apollonius_circle, apollonius_sphere, rollout, solve
+from guidance.game import Ball, Game, apollonius_circle, apollonius_sphere, rollout, solve
 from guidance.game.apollonius import Apollonius
 from guidance.game.rollout import Paper, Sample
+from guidance.log.scene import Array
+from guidance.log.scene import circle as flat_circle
 
 GAME = Game(Ball(2.0), evader_speed_m_s=1.0)
 """δ = 2. The paper gives no speeds; its times are those of v = 1 m/s."""
@@ -36,15 +36,7 @@ RATIO = 2.0
 DPI = 200
 _APOLLONIUS = {"color": "black", "linestyle": (0, (5, 3)), "linewidth": 1.2}
 
-Array = NDArray[np.float64]
-
-SYMBOLS = {"optimal": ("u*", "v*")}
-"""The paper's symbols of the optimal strategies of pursuer and evader; the others keep their names."""
-
-
-TableRow = tuple[str, str, str]
-"""Strategies of pursuer and evader, and the published number."""
-
+# Strategies of pursuer and evader, and the published number.
 TABLE_1 = (("pure_pursuit", "optimal", "11.05"), ("optimal", "pure_evade", "10.43"), ("optimal", "optimal", "10.43"))
 TABLE_2 = (
     ("optimal", "task_oriented", "4.2341"),
@@ -55,8 +47,7 @@ TABLE_2 = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(NamedTuple):
     """A published number beside ours.
 
     Attributes:
@@ -87,10 +78,10 @@ class Case:
 
     @property
     def strategies(self) -> tuple[str, str]:
-        """Both strategies as the paper writes them."""
-        names = (self.pursuer_policy, self.evader_policy)
-        pursuer, evader = (SYMBOLS.get(name, (name, name))[side] for side, name in enumerate(names))
-        return pursuer.replace("_", "-"), evader.replace("_", "-")
+        """Both strategies as the paper writes them: u* and v* are the optimal ones, the others keep their names."""
+        policies = ((self.pursuer_policy, "u*"), (self.evader_policy, "v*"))
+        pursuer, evader = (star if name == "optimal" else name.replace("_", "-") for name, star in policies)
+        return pursuer, evader
 
 
 class Table(NamedTuple):
@@ -103,29 +94,20 @@ class Table(NamedTuple):
 
 def tables() -> tuple[Table, Table]:
     """Compute both tables of section V."""
-    pe = Table(
-        "Table 1: PE game, P = (8.00, 1.42, 9.41), E = (7.92, 9.60), δ = 2",
-        "time cost, s",
-        tuple(_case(row, PE_PURSUER, PE_EVADER, None) for row in TABLE_1),
-    )
-    tad = Table(
-        "Table 2: TAD game, P = (6.97, 5.83, 9.15), E = (9.80, 0.33), T = (0, 0), δ = 2",
-        "final distance to the target, m",
-        tuple(_case(row, TAD_PURSUER, TAD_EVADER, TAD_TARGET) for row in TABLE_2),
-    )
-    return pe, tad
+    pe = tuple(_case(row, PE_PURSUER, PE_EVADER, None) for row in TABLE_1)
+    tad = tuple(_case(row, TAD_PURSUER, TAD_EVADER, TAD_TARGET) for row in TABLE_2)
+    pe_title = "Table 1: PE game, P = (8.00, 1.42, 9.41), E = (7.92, 9.60), δ = 2"
+    tad_title = "Table 2: TAD game, P = (6.97, 5.83, 9.15), E = (9.80, 0.33), T = (0, 0), δ = 2"
+    return Table(pe_title, "time cost, s", pe), Table(tad_title, "final distance to the target, m", tad)
 
 
-def _case(row: TableRow, pursuer: Array, evader: Array, target: Array | None) -> Case:
+def _case(row: tuple[str, str, str], pursuer: Array, evader: Array, target: Array | None) -> Case:
     pursues, flees, published = row
     play = partial(rollout, GAME, pursuer, evader, target, pursuer_policy=pursues, evader_policy=flees)
     stepped, exact = play(stepping=Paper()), play(keep_path=True)
     digits = len(published.partition(".")[2])
-
-    def printed(end: Rollout, places: int) -> str:
-        return f"{float(end.time_s if target is None else end.distance_m):.{places}f}"
-
-    return Case(*row, stepped=printed(stepped, digits), exact=printed(exact, EXACT_DIGITS), path=exact.path)
+    ours = [float(end.time_s if target is None else end.distance_m) for end in (stepped, exact)]
+    return Case(*row, f"{ours[0]:.{digits}f}", f"{ours[1]:.{EXACT_DIGITS}f}", exact.path)
 
 
 def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
@@ -151,9 +133,8 @@ def _plot_tracks(axes: Any, cases: Sequence[Case], dimensions: list[int], unit: 
     dashes = iter(OTHERS)
     for case in sorted(cases, key=lambda case: not case.is_optimal):
         style = {"linestyle": OPTIMAL, "linewidth": 3.0} if case.is_optimal else {"linestyle": next(dashes)}
-        pursuer, evader = (
-            np.stack([getattr(sample, name) for sample in case.path]) for name in ("pursuer_m", "evader_m")
-        )
+        pursuer = np.stack([sample.pursuer_m for sample in case.path])
+        evader = np.stack([sample.evader_m for sample in case.path])
         label = f"{' / '.join(case.strategies)}: {case.exact} {unit}"
         axes.plot(*pursuer[:, dimensions].T, color=RED, zorder=4, label=label, **style)
         axes.plot(*evader[:, dimensions].T, color=BLUE, zorder=3, **style)
@@ -170,9 +151,8 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     axes.plot(*_ring(circle), 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
     _plot_tracks(axes, cases, [0, 1, 2], "s")
     q = solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m
-    for name, marker, place in zip(
-        ("P", "E", "c", "q*"), "^s+*", (PE_PURSUER, PE_EVADER, circle.centre_m, q), strict=True
-    ):
+    places = (PE_PURSUER, PE_EVADER, circle.centre_m, q)
+    for name, marker, place in zip(("P", "E", "c", "q*"), "^s+*", places, strict=True):
         axes.plot(*place, color="black", marker=marker, linestyle="", markersize=9, zorder=5)
         axes.text(place[0] + 0.9, place[1], place[2] + 0.6, name, zorder=6, fontsize=12)
     axes.set(xlabel="x, m", ylabel="y, m", zlabel="z, m", title="PE game, δ = 2: pursuer light, evader dark")
@@ -204,6 +184,5 @@ def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: 
     figure.legend(*plan.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
 
 
-def _ring(circle: Apollonius) -> tuple[Array, Array]:
-    angle = np.linspace(0.0, 2.0 * np.pi, 181)
-    return circle.centre_m[0] + circle.radius_m * np.cos(angle), circle.centre_m[1] + circle.radius_m * np.sin(angle)
+def _ring(circle: Apollonius) -> Array:
+    return flat_circle(circle.centre_m, float(circle.radius_m)).T

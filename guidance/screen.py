@@ -1,8 +1,8 @@
 """Terminal output: tables that fit the terminal, and waiting lines. NO_COLOR, TERM=dumb and pipes have no colours."""
 
-import contextlib
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Final
 
 from rich.console import Console, JustifyMethod
@@ -66,8 +66,7 @@ def aged(words: str, age_s: float, stalled_s: float) -> str:
     return f"NO NEWS for {age_s:.0f} s; last {words}" if words and age_s > stalled_s else words
 
 
-@contextlib.contextmanager
-def live(target: Console, draw: Callable[[], str], *, every_s: float = 0.25) -> Iterator[None]:
+def live(target: Console, draw: Callable[[], str], *, every_s: float = 0.25) -> AbstractContextManager[object]:
     """Draw a line again and again, below what is printed; show none if the console cannot redraw it.
 
     Args:
@@ -75,18 +74,15 @@ def live(target: Console, draw: Callable[[], str], *, every_s: float = 0.25) -> 
         draw: Returns the line. It runs on another thread, so that a blocked terminal stops nobody else.
         every_s: Period.
     """
-    if not redraws(target):
-        yield
-        return
 
     def line() -> Text:
         return Text(draw(), no_wrap=True, overflow="ellipsis")
 
-    with Live(get_renderable=line, console=target, refresh_per_second=1.0 / every_s, transient=True):
-        yield
+    shown = Live(get_renderable=line, console=target, refresh_per_second=1.0 / every_s, transient=True)
+    return shown if redraws(target) else nullcontext()
 
 
-@contextlib.contextmanager
+@contextmanager
 def waiting(target: Console, what: str, limit_s: float) -> Iterator[Callable[[str], None]]:
     """Show a waiting line and keep it current; a console that cannot redraw prints it once.
 

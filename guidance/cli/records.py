@@ -3,7 +3,6 @@
 import json
 import math
 from collections import Counter
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -107,7 +106,7 @@ def replay(
     if survey.missing:
         typer.echo(f"{survey.missing} messages are missing: the file is damaged", err=True)
     counts = {name: getattr(comparison, name) for name in ("cycles", "setpoints", "differing")}
-    differences = {name: asdict(getattr(comparison, name)) for name in ("wanted", "commanded")} if changed else {}
+    differences = {name: getattr(comparison, name)._asdict() for name in ("wanted", "commanded")} if changed else {}
     first = None if changed else comparison.first
     if as_json:
         typer.echo(json.dumps(counts | differences, indent=2))

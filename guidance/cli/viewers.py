@@ -64,7 +64,7 @@ def view(
     if with_parent:
         end_with_parent()
     require("the view", "viz")
-    from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
+    from guidance.viz.view import RecordFile  # noqa: PLC0415
     from guidance.viz.view import view as show  # noqa: PLC0415
 
     sources: dict[str, RecordFile | LiveFlight]
@@ -73,7 +73,7 @@ def view(
         sources = {path.parent.name: RecordFile(path, live=follow) for path in records}
     else:
         sources = {"": LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)}
-    count = show(sources, Destination(save, port, web_port), typer.echo, ended)
+    count = show(sources, save, (port, web_port), typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 
 

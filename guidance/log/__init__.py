@@ -14,19 +14,8 @@ Replay:
 """
 
 from guidance.log.aggregator import Aggregator, Cycle, SettingsOf
-from guidance.log.entries import CycleEntry, EventEntry
-from guidance.log.reader import (
-    Item,
-    Survey,
-    cycles_of,
-    events_of,
-    metadata_of,
-    record_errors,
-    reports_of,
-    scan,
-    survey_of,
-    title_of,
-)
+from guidance.log.entries import CycleEntry, EventEntry, Item, title_of
+from guidance.log.reader import Survey, cycles_of, events_of, metadata_of, record_errors, reports_of, scan, survey_of
 from guidance.log.replay import Comparison, ReplayedCycle, compare, replay
 
 __all__ = [

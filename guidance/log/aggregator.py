@@ -9,8 +9,8 @@ from guidance.certificate import Certificate
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, Vector
-from guidance.log.entries import BEGUN, RELOADED, CycleEntry, EventEntry
-from guidance.log.reader import CONFIG, Item, row_of
+from guidance.log.entries import BEGINNINGS, CONFIG, RELOADED, CycleEntry, EventEntry, Item
+from guidance.log.reader import row_of
 from guidance.messages import EvaderReport, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
@@ -56,7 +56,6 @@ class Aggregator:
 
     Attributes:
         settings: Of the present flight.
-        flights: Number of flights begun. Each starts without the state of the last.
         cycle: Numbers of the last cycle.
         playing: In a team, the evader that the vehicle plays against.
         evaders_m: Last place of each evader in the game frame, by name; "" is the only one of a vehicle without a team.
@@ -69,24 +68,18 @@ class Aggregator:
     """
 
     def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
-        self._settings_of = settings_of
-        self._source = Path(source)
+        self._settings_of, self._source = settings_of, Path(source)
         self.settings = settings_of(metadata)
-        self.flights = 0
         self._begin()
 
     def _begin(self) -> None:
         self._tracking = Tracking(self.settings)
-        self.vehicle = VehicleState()
-        self._evader_m: Vector = _UNKNOWN
-        self._report_s = math.nan
+        self.vehicle, self.cycle, self.envelope = VehicleState(), Cycle(math.nan), self.settings.cycle.envelope
+        self._evader_m, self._report_s = _UNKNOWN, math.nan
         self.playing: str | None = None
-        self.evaders_m: dict[str, Vector] = {}
+        self.evaders_m = dict[str, Vector]()
         self._home_ned_m: Vector | None = None
-        self.flights += 1
-        self.cycle = Cycle(math.nan)
         self.home_m: Vector | None = None
-        self.envelope = self.settings.cycle.envelope
 
     def take(self, item: Item) -> EventEntry | CycleEntry | None:
         """Take the next item and return it decoded; items other than cycles and events are ignored.
@@ -101,7 +94,7 @@ class Aggregator:
             if row.event == RELOADED:
                 self.settings = self._settings_of({CONFIG: row.detail})
                 row = row._replace(detail="")
-            if row.event in {BEGUN, RELOADED}:
+            if row.event in BEGINNINGS:
                 self._begin()
         return row
 

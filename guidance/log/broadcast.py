@@ -17,8 +17,9 @@ import zenoh
 from guidance.errors import ConfigError, LinkError
 from guidance.flight import Inputs
 from guidance.links.zenoh_wire import is_over
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, encoded
-from guidance.log.reader import Idle, Item
+from guidance.log.codec import Codec
+from guidance.log.entries import CONFIG, CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, Idle, Item
+from guidance.log.writer import Entry, Record
 
 if TYPE_CHECKING:
     from guidance.messages import Role
@@ -34,8 +35,8 @@ _MAX_QUERIES: Final = 16
 
 MAX_ARRIVED: Final = 4096
 TIMEOUT_S: Final = 4.0
-_TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
-"""Last part of a broadcast key -> topic in a record."""
+_CODECS: Final[Mapping[str, Codec[Any]]] = {"cycle": CYCLE, "event": EVENT}
+"""By the last part of a broadcast key."""
 
 
 def broadcast_key(name: str, what: str) -> str:
@@ -43,8 +44,8 @@ def broadcast_key(name: str, what: str) -> str:
     return f"guidance/{name}/live/{what}"
 
 
-class Broadcast:
-    """`Record` for onlookers.
+class Broadcast(Record):
+    """`Record` for onlookers, without frames.
 
     Args:
         name: Name of the vehicle.
@@ -52,32 +53,34 @@ class Broadcast:
         metadata: As in a record.
     """
 
-    failed = None
-
     def __init__(self, name: str, session: "zenoh.Session", metadata: Mapping[str, str]) -> None:
+        super().__init__()
         self._name, self._metadata = name, dict(metadata)
-        self._latest: dict[type, Any] = {}
+        self._latest, self._waiting = dict[type, Any](), deque[CycleEntry | EventEntry]()
         self._last: CycleEntry | None = None
         self._role: Role | None = None
-        self._waiting: deque[CycleEntry | EventEntry] = deque()
         self._queries: deque[Any] = deque(maxlen=_MAX_QUERIES)
-        self.dropped = 0
-        self._publishers = {what: self._declare(session, what) for what in ("cycle", "event")}
+        self._publishers = {
+            what: session.declare_publisher(
+                broadcast_key(name, what),
+                encoding=zenoh.Encoding.APPLICATION_JSON.with_schema(f"guidance.{what.capitalize()}"),
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.DATA_LOW,
+            )
+            for what in _CODECS
+        }
         self._queryable = session.declare_queryable(broadcast_key(name, FLIGHT), self._queries.append)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
 
-    def frames(self, passed: Sequence[tuple[float, str, bytes]]) -> None:
-        """Do nothing: raw frames are published elsewhere."""
-
-    def cycle(self, entry: CycleEntry) -> None:
-        """Publish one guidance cycle."""
-        self._put(entry)
-
-    def event(self, now_s: float, event: str, detail: str = "") -> None:
-        """Publish one event."""
-        self._put(EventEntry(now_s, event, detail))
+    def frames(self, passed: Sequence[Entry]) -> None:
+        """Publish cycles and events; raw frames are published elsewhere."""
+        for _, _, entry in passed:
+            if len(self._waiting) >= MAX_WAITING:
+                self.dropped += 1
+            elif not isinstance(entry, bytes):
+                self._waiting.append(entry)
 
     def close(self) -> None:
         """Stop publishing; may be called twice."""
@@ -85,20 +88,6 @@ class Broadcast:
         self._thread.join()
         with contextlib.suppress(zenoh.ZError):
             self._queryable.undeclare()  # type: ignore[no-untyped-call]
-
-    def _declare(self, session: "zenoh.Session", what: str) -> "zenoh.Publisher":
-        return session.declare_publisher(
-            broadcast_key(self._name, what),
-            encoding=zenoh.Encoding.APPLICATION_JSON.with_schema(f"guidance.{what.capitalize()}"),
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.DATA_LOW,
-        )
-
-    def _put(self, entry: CycleEntry | EventEntry) -> None:
-        if len(self._waiting) >= MAX_WAITING:
-            self.dropped += 1
-        else:
-            self._waiting.append(entry)
 
     def _run(self) -> None:
         over = False
@@ -117,9 +106,9 @@ class Broadcast:
                 self._last, self._role = entry, entry.inputs.role or self._role
                 self._latest.update((type(message), message) for message in entry.inputs.messages)
             elif entry.event == RELOADED:
-                self._metadata["config"] = entry.detail
+                self._metadata[CONFIG] = entry.detail
             if watched[what]:
-                self._publishers[what].put(encoded(entry))
+                self._publishers[what].put(_CODECS[what].encode(entry))
 
     def _answer(self) -> None:
         while self._queries:
@@ -153,16 +142,16 @@ def find_flights(session: "zenoh.Session", name: str, timeout_s: float) -> Seque
     for reply in session.get(broadcast_key(name, FLIGHT), timeout=timeout_s, target=zenoh.QueryTarget.ALL):
         if reply.ok is not None:
             answer = json.loads(reply.ok.payload.to_bytes())
-            heard = json.dumps(answer["heard"]).encode() if "heard" in answer else None
-            last = None if heard is None else Item(0.0, CYCLE_TOPIC, "json", heard)
+            heard = json.dumps(answer.get("heard")).encode()
+            last = Item(0.0, CYCLE.topic, "json", heard) if "heard" in answer else None
             found.append(FoundFlight(str(answer["name"]), dict(answer["metadata"]), last))
     return found
 
 
 def item_of(sample: "zenoh.Sample") -> Item | None:
     """Return a cycle or event as published, without its time; None for anything else. The content is not checked."""
-    topic = _TOPICS.get(str(sample.key_expr).rpartition("/")[2])
-    return None if topic is None else Item(0.0, topic, "json", sample.payload.to_bytes())
+    codec = _CODECS.get(str(sample.key_expr).rpartition("/")[2])
+    return None if codec is None else Item(0.0, codec.topic, "json", sample.payload.to_bytes())
 
 
 class LiveFlight:
@@ -219,6 +208,5 @@ class LiveFlight:
 
     def _hear(self, sample: "zenoh.Sample") -> None:
         """Queue a sample; Zenoh's thread must not wait."""
-        item = item_of(sample)
-        if item is not None:
+        if (item := item_of(sample)) is not None:
             self._arrived.append(item)

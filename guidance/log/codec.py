@@ -59,14 +59,14 @@ class Codec(Generic[T]):
     Args:
         title: Name of the type in the record.
         kind: A named tuple of numbers, text, enumerations, tuples of those, and other named tuples.
+        topic: Of its messages in a record.
 
     Raises:
         TypeError: If viewers cannot read the type.
     """
 
-    def __init__(self, title: str, kind: Callable[..., T]) -> None:
-        self.title = title
-        self._name = kind.__name__
+    def __init__(self, title: str, kind: Callable[..., T], topic: str = "") -> None:
+        self.title, self.topic, self._name = title, topic, kind.__name__
         core, schema, self._write = form_of(kind)
         self.schema: Schema = {"$schema": DIALECT, "title": title, **schema}
         self._validator = SchemaValidator(core)

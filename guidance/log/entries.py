@@ -1,6 +1,7 @@
-"""Entries of a record besides raw frames: cycles, events and evader reports."""
+"""What is in a record: its metadata, raw messages, and as entries cycles, events and evader reports."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
@@ -22,6 +23,9 @@ BEGUN: Final = "flight begins"
 RELOADED: Final = "configuration read again"
 """Event of a configuration reload; the detail is the new configuration as JSON."""
 
+BEGINNINGS: Final = (BEGUN, RELOADED)
+"""After these events nothing is known of the flight before."""
+
 FLIGHT_OVER: Final = "flight over"
 """Last event of a broadcast. Its detail is JSON: how it `ended`, the `record` and its name in the records' `replay`."""
 
@@ -36,6 +40,26 @@ ASSIGNED: Final = "team assignment"
 
 STOPPED: Final = "recording has stopped; the flight goes on"
 """Event of a failed record; it goes to the log, the metrics and the bus."""
+
+
+RUN: Final = "run"
+"""Name of the metadata record: vehicle file or scenario, versions, start time."""
+
+SCENARIO: Final = "scenario"
+CONFIG: Final = "config"
+"""Keys of the metadata: a mocked flight's scenario and a daemon's vehicle file, as JSON."""
+
+Idle = Callable[[], bool]
+"""Called at the end of a file that is still being written: it waits a little, and returns True to stop reading."""
+
+
+class Item(NamedTuple):
+    """One message of a record: log time, topic, encoding and bytes."""
+
+    now_s: float
+    topic: str
+    encoding: str
+    data: bytes
 
 
 class CycleEntry(NamedTuple):
@@ -71,14 +95,9 @@ class EventEntry(NamedTuple):
             return self.detail
 
 
-CYCLE: Final = Codec("guidance.Cycle", CycleEntry)
-EVENT: Final = Codec("guidance.Event", EventEntry)
-REPORT: Final = Codec("guidance.EvaderReport", EvaderReport)
-
-
-def encoded(entry: CycleEntry | EventEntry) -> bytes:
-    """Return a cycle or an event as JSON."""
-    return CYCLE.encode(entry) if isinstance(entry, CycleEntry) else EVENT.encode(entry)
+CYCLE: Final = Codec("guidance.Cycle", CycleEntry, CYCLE_TOPIC)
+EVENT: Final = Codec("guidance.Event", EventEntry, EVENT_TOPIC)
+REPORT: Final = Codec("guidance.EvaderReport", EvaderReport, EVADER_TOPIC)
 
 
 def cycle_entry(
@@ -88,3 +107,11 @@ def cycle_entry(
     made = outputs.requests, outputs.setpoint, outputs.certificate, outputs.alarm
     by = Authority.FLIGHT if outputs.cause is None else outputs.cause.by
     return CycleEntry(now_s, outputs.state, inputs, *made, timing, by, vehicle)
+
+
+def title_of(metadata: Mapping[str, str]) -> str:
+    """Return the title of a flight."""
+    for kind, key in ((SCENARIO, "title"), (CONFIG, "name")):
+        if kind in metadata:
+            return str(json.loads(metadata[kind]).get(key, ""))
+    return "flight"

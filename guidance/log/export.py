@@ -33,7 +33,8 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links.frames import FrameReader, frame_length
 from guidance.log.aggregator import SettingsOf
 from guidance.log.codec import inside
-from guidance.log.reader import Survey, cycles_of, metadata_of, scan, title_of
+from guidance.log.entries import title_of
+from guidance.log.reader import Survey, cycles_of, metadata_of, scan
 from guidance.log.scene import fence_edges
 from guidance.messages import AltitudeSaid, EvaderReport, GlobalPosition, Home, Setpoint
 from guidance.vehicle import VehicleState, observe
@@ -145,8 +146,7 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
     """
     tracks: dict[str, list[GlobalPosition | EvaderReport]] = {"pursuer": []}
     changes: list[Feature] = []
-    vehicle, home = VehicleState(), None
-    state = ""
+    vehicle, home, state = VehicleState(), None, ""
     for row in cycles_of(path):
         inputs = row.inputs
         tracks["pursuer"] += [one for one in inputs.messages if isinstance(one, GlobalPosition)]
@@ -158,11 +158,10 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
         if row.state != state and tracks["pursuer"]:
             state = row.state
             changes.append(feature(state, "Point", [_place(tracks["pursuer"][-1])], time_s=row.now_s))
-    drawn = [
-        feature(name, "LineString", [*map(_place, track)], times_s=[round(one.received_s, 3) for one in track])
-        for name, track in tracks.items()
-        if len(track) > 1
-    ]
+    drawn = []
+    for name, track in ((name, track) for name, track in tracks.items() if len(track) > 1):
+        times_s = [round(one.received_s, 3) for one in track]
+        drawn.append(feature(name, "LineString", [*map(_place, track)], times_s=times_s))
     return [*drawn, *changes, *_fence(settings, home), *_goal(settings)]
 
 
@@ -197,7 +196,9 @@ def _place(report: GlobalPosition | EvaderReport) -> Coordinates:
 
 def feature(name: str, shape: str, places: Sequence[Coordinates], **properties: Any) -> Feature:  # noqa: ANN401
     """Return a feature; a Polygon is given by its closed edge."""
-    line = [_rounded(place) for place in places]
+    # To 1e-8 degrees and to millimetres; an unknown altitude is left out.
+    flat = [([round(longitude_deg, 8), round(latitude_deg, 8)], up_m) for longitude_deg, latitude_deg, up_m in places]
+    line = [[*place, round(up_m, 3)] if math.isfinite(up_m) else place for place, up_m in flat]
     coordinates = {"LineString": line, "Point": line[0], "Polygon": [line]}[shape]
     geometry = {"type": shape, "coordinates": coordinates}
     return {"type": "Feature", "properties": {"name": name, **properties}, "geometry": geometry}
@@ -240,13 +241,6 @@ def _placemark(feature: Feature) -> str:
 def _xml(text: str) -> str:
     """Escape text from a record; XML allows no control characters."""
     return escape("".join(one for one in text if one.isprintable()))
-
-
-def _rounded(place: Coordinates) -> list[float]:
-    """Round to 1e-8 degrees and to millimetres; an unknown altitude is left out."""
-    longitude_deg, latitude_deg, altitude_m = place
-    flat = [round(longitude_deg, 8), round(latitude_deg, 8)]
-    return [*flat, round(altitude_m, 3)] if math.isfinite(altitude_m) else flat
 
 
 def write_table(path: Path, out: Path) -> int:

@@ -5,13 +5,12 @@ length of every read, on the size of an uncompressed chunk, and on expansion and
 """
 
 import contextlib
-import json
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, TypeVar
+from typing import IO, Any, Final, TypeVar
 
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
@@ -20,7 +19,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from guidance.errors import ConfigError
 from guidance.log.codec import Codec
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
+from guidance.log.entries import CYCLE, EVENT, REPORT, RUN, CycleEntry, EventEntry, Idle, Item
 from guidance.log.writer import PART, part_path
 from guidance.messages import EvaderReport
 
@@ -33,31 +32,12 @@ MAX_EXPANSION: Final = 100
 FREE_BYTES: Final = 2**20
 """A file may expand to 1 MiB plus 100 times the bytes read. Flights compress to a third, at most to a tenth."""
 
-BYTES_PER_MESSAGE: Final = 8
-FREE_MESSAGES: Final = 10_000
-"""A file may hold 10,000 messages plus one per 8 bytes read. Ours take 16 bytes in the index alone."""
+BYTES_PER_RECORD: Final = 8
+FREE_RECORDS: Final = 10_000
+"""Chunks may hold 10,000 messages plus one per 8 bytes read. Ours take 16 bytes in the index alone."""
 
 _DAMAGE: Final = (McapError, ValueError, struct.error, zstandard.ZstdError, EOFError, MemoryError, OverflowError)
 _CONTENT: Final = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError, MemoryError)
-
-RUN: Final = "run"
-"""Name of the metadata record: vehicle file or scenario, versions, start time."""
-
-SCENARIO: Final = "scenario"
-CONFIG: Final = "config"
-"""Keys of the metadata: a mocked flight's scenario and a daemon's vehicle file, as JSON."""
-
-Idle = Callable[[], bool]
-"""Called at the end of a file that is still being written: it waits a little, and returns True to stop reading."""
-
-
-class Item(NamedTuple):
-    """One message of a record: log time, topic, encoding and bytes."""
-
-    now_s: float
-    topic: str
-    encoding: str
-    data: bytes
 
 
 @dataclass(slots=True)
@@ -113,9 +93,8 @@ def record_errors(path: Path) -> Iterator[None]:
     except _CONTENT as error:
         lines = str(error).splitlines()
         reason = f"{type(error).__name__}: {lines[0][:200]}" if lines else type(error).__name__
-        raise ConfigError(
-            f"{path}: cannot be read as a record ({reason}); it is damaged, or written by another program or version"
-        ) from error
+        mend = "it is damaged, or written by another program or version"
+        raise ConfigError(f"{path}: cannot be read as a record ({reason}); {mend}") from error
 
 
 def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> Iterator[Item]:
@@ -186,7 +165,7 @@ def cycles_of(path: Path, survey: Survey | None = None) -> Iterator[CycleEntry]:
     Raises:
         ConfigError: As `scan`, or if a cycle does not match this version.
     """
-    return _entries(CYCLE, CYCLE_TOPIC, path, survey)
+    return _entries(CYCLE, path, survey)
 
 
 def events_of(path: Path, survey: Survey | None = None) -> Iterator[EventEntry]:
@@ -195,7 +174,7 @@ def events_of(path: Path, survey: Survey | None = None) -> Iterator[EventEntry]:
     Raises:
         ConfigError: As `cycles_of`.
     """
-    return _entries(EVENT, EVENT_TOPIC, path, survey)
+    return _entries(EVENT, path, survey)
 
 
 def reports_of(path: Path, survey: Survey | None = None) -> Iterator[EvaderReport]:
@@ -204,7 +183,7 @@ def reports_of(path: Path, survey: Survey | None = None) -> Iterator[EvaderRepor
     Raises:
         ConfigError: As `cycles_of`.
     """
-    return _entries(REPORT, EVADER_TOPIC, path, survey)
+    return _entries(REPORT, path, survey)
 
 
 def entry_of(codec: Codec[T], item: Item, source: Path) -> T:
@@ -225,33 +204,21 @@ def row_of(item: Item, source: Path) -> CycleEntry | EventEntry | None:
     Raises:
         ConfigError: As `entry_of`.
     """
-    if item.topic == CYCLE_TOPIC:
+    if item.topic == CYCLE.topic:
         return entry_of(CYCLE, item, source)
-    return entry_of(EVENT, item, source) if item.topic == EVENT_TOPIC else None
+    return entry_of(EVENT, item, source) if item.topic == EVENT.topic else None
 
 
-def _entries(codec: Codec[T], topic: str, path: Path, survey: Survey | None = None) -> Iterator[T]:
-    return (entry_of(codec, item, path) for item in scan(path, survey) if item.topic == topic)
-
-
-def title_of(metadata: Mapping[str, str]) -> str:
-    """Return the title of a flight."""
-    for kind, key in ((SCENARIO, "title"), (CONFIG, "name")):
-        if kind in metadata:
-            return str(json.loads(metadata[kind]).get(key, ""))
-    return "flight"
+def _entries(codec: Codec[T], path: Path, survey: Survey | None) -> Iterator[T]:
+    return (entry_of(codec, item, path) for item in scan(path, survey) if item.topic == codec.topic)
 
 
 class _LimitedFile:
     """A file with bounded reads that counts its expanded bytes; with `idle`, it waits for more data at the end."""
 
     def __init__(self, path: Path, file: IO[bytes], idle: Idle | None) -> None:
-        self._path = path
-        self._file = file
-        self._idle = idle
-        self._read_bytes = 0
-        self._expanded_bytes = 0
-        self._messages = 0
+        self._path, self._file, self._idle = path, file, idle
+        self._read_bytes = self._expanded_bytes = self._records = 0
 
     def read(self, length: int) -> bytes:
         """Read `length` bytes, fewer only at the end.
@@ -271,7 +238,7 @@ class _LimitedFile:
         """Return the records of a chunk.
 
         Raises:
-            ConfigError: If the file expands too much.
+            ConfigError: If the file expands too much, or holds too many messages.
             ValueError: If the chunk does not have the size that it states.
         """
         size = chunk.uncompressed_size
@@ -282,23 +249,12 @@ class _LimitedFile:
             raise ValueError(f"a chunk of {stated} bytes states {size}")
         self._expanded_bytes += size
         if self._expanded_bytes > FREE_BYTES + MAX_EXPANSION * self._read_bytes:
-            raise ConfigError(
-                f"{self._path}: expands to more than {MAX_EXPANSION} times its size; no flight wrote it, not read"
-            )
-        return breakup_chunk(chunk, validate_crc=True)
-
-    def count(self) -> None:
-        """Count one message.
-
-        Raises:
-            ConfigError: If the file holds too many.
-        """
-        self._messages += 1
-        if self._messages > FREE_MESSAGES + self._read_bytes // BYTES_PER_MESSAGE:
-            raise ConfigError(
-                f"{self._path}: has more than {self._messages - 1} messages in {self._read_bytes} bytes; "
-                "no flight wrote it, not read"
-            )
+            raise ConfigError(f"{self._path}: expands to more than {MAX_EXPANSION} times its size; no flight wrote it")
+        records = breakup_chunk(chunk, validate_crc=True)
+        self._records += len(records)
+        if self._records > FREE_RECORDS + self._read_bytes // BYTES_PER_RECORD:
+            raise ConfigError(f"{self._path}: {self._records} messages in {self._read_bytes} bytes; no flight wrote it")
+        return records
 
 
 def _records(file: _LimitedFile, seen: Survey) -> Iterator[McapRecord]:
@@ -308,10 +264,7 @@ def _records(file: _LimitedFile, seen: Survey) -> Iterator[McapRecord]:
     reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD_BYTES)
     try:
         for record in reader.records:
-            for one in file.inside(record) if isinstance(record, Chunk) else (record,):
-                if isinstance(one, Message):
-                    file.count()
-                yield one
+            yield from file.inside(record) if isinstance(record, Chunk) else (record,)
             finished = finished or isinstance(record, Footer)
     except InvalidMagic:
         if not finished:

@@ -6,22 +6,25 @@ moment, not how the flight would have continued.
 """
 
 import json
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
+
+import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs, Outputs
 from guidance.frames import Vector
 from guidance.log.aggregator import SettingsOf
-from guidance.log.entries import BEGUN, CYCLE, RELOADED, CycleEntry, EventEntry, cycle_entry
-from guidance.log.reader import CONFIG, Survey, metadata_of, row_of, scan
+from guidance.log.entries import BEGINNINGS, CONFIG, CYCLE, RELOADED, CycleEntry, EventEntry, cycle_entry
+from guidance.log.reader import Survey, metadata_of, row_of, scan
 from guidance.messages import PositionTarget
 
 COMPARED: Final = ("setpoint", "state", "requests", "by")
 """Compared parts of each cycle; `by` is absent in older records and then not compared."""
+
+
+Pair = tuple[Vector, Vector]
 
 
 class ReplayedCycle(NamedTuple):
@@ -32,30 +35,17 @@ class ReplayedCycle(NamedTuple):
     differing: tuple[str, ...]
 
 
-@dataclass(slots=True)
-class Difference:
+class Difference(NamedTuple):
     """Difference between recorded and replayed velocities, over the cycles that have both."""
 
-    cycles: int = 0
-    angle_sum_rad: float = 0.0
-    angle_max_rad: float = 0.0
-    speed_sum_m_s: float = 0.0
-    speed_max_m_s: float = 0.0
-
-    def add(self, a: Vector, b: Vector) -> None:
-        """Add one pair of velocities, m/s; NaN (no game in that cycle) is not counted."""
-        speed_m_s, angle_rad = math.dist(a, b), angle_between_rad(a, b)
-        if math.isnan(speed_m_s):
-            return
-        self.cycles += 1
-        self.angle_sum_rad += angle_rad
-        self.angle_max_rad = max(self.angle_max_rad, angle_rad)
-        self.speed_sum_m_s += speed_m_s
-        self.speed_max_m_s = max(self.speed_max_m_s, speed_m_s)
+    cycles: int
+    angle_sum_rad: float
+    angle_max_rad: float
+    speed_sum_m_s: float
+    speed_max_m_s: float
 
 
-@dataclass(slots=True)
-class Comparison:
+class Comparison(NamedTuple):
     """Result of a replay.
 
     Attributes:
@@ -67,25 +57,12 @@ class Comparison:
         commanded: Velocities of the setpoints.
     """
 
-    cycles: int = 0
-    setpoints: int = 0
-    differing: int = 0
-    first: ReplayedCycle | None = None
-    wanted: Difference = field(default_factory=Difference)
-    commanded: Difference = field(default_factory=Difference)
-
-    def add(self, step: ReplayedCycle) -> None:
-        """Add one cycle."""
-        row, outputs = step.row, step.outputs
-        self.cycles += 1
-        self.setpoints += row.setpoint is not None
-        if step.differing:
-            self.differing += 1
-            self.first = self.first or step
-        if row.setpoint is not None and outputs.setpoint is not None:
-            self.commanded.add(row.setpoint.velocity_ned_m_s, outputs.setpoint.velocity_ned_m_s)
-        if row.certificate is not None and outputs.certificate is not None:
-            self.wanted.add(row.certificate.desired_ned_m_s, outputs.certificate.desired_ned_m_s)
+    cycles: int
+    setpoints: int
+    differing: int
+    first: ReplayedCycle | None
+    wanted: Difference
+    commanded: Difference
 
 
 def replay(
@@ -111,7 +88,7 @@ def replay(
         if isinstance(row, EventEntry):
             if row.event == RELOADED and not what_if:
                 settings = settings_of({CONFIG: row.detail})
-            if row.event in {BEGUN, RELOADED}:
+            if row.event in BEGINNINGS:
                 flight = Flight(settings)
         if not isinstance(row, CycleEntry):
             continue
@@ -136,27 +113,39 @@ def compare(path: Path, settings_of: SettingsOf, *, what_if: bool = False) -> tu
     Raises:
         ConfigError: As `replay`.
     """
-    comparison, survey = Comparison(), Survey()
+    survey, cycles, setpoints, differing = Survey(), 0, 0, 0
+    first: ReplayedCycle | None = None
+    wanted, commanded = list[Pair](), list[Pair]()
     for step in replay(path, settings_of, survey, what_if=what_if):
-        comparison.add(step)
-    return comparison, survey
+        row, outputs = step.row, step.outputs
+        cycles += 1
+        setpoints += row.setpoint is not None
+        if step.differing:
+            first, differing = first or step, differing + 1
+        if row.setpoint is not None and outputs.setpoint is not None:
+            commanded.append((row.setpoint.velocity_ned_m_s, outputs.setpoint.velocity_ned_m_s))
+        if row.certificate is not None and outputs.certificate is not None:
+            wanted.append((row.certificate.desired_ned_m_s, outputs.certificate.desired_ned_m_s))
+    apart = difference_of(wanted), difference_of(commanded)
+    return Comparison(cycles, setpoints, differing, first, *apart), survey
 
 
-def angle_between_rad(a: Vector, b: Vector) -> float:
-    """Return the angle between two vectors, radians; zero if one of them is zero."""
-    (ax, ay, az), (bx, by, bz) = a, b
-    across = math.hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
-    return math.atan2(across, ax * bx + ay * by + az * bz)
+def difference_of(pairs: Sequence[Pair]) -> Difference:
+    """Compare pairs of velocities, m/s. A NaN (no game in that cycle) is not counted; a zero vector has no angle."""
+    a, b = np.array([pair for pair in pairs if not np.isnan(pair).any()]).reshape(-1, 2, 3).swapaxes(0, 1)
+    angles_rad = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.vecdot(a, b))
+    speeds_m_s = np.linalg.norm(a - b, axis=-1)
+    sums = (float(one) for each in (angles_rad, speeds_m_s) for one in (each.sum(), each.max(initial=0.0)))
+    return Difference(len(a), *sums)
 
 
 def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
     present = cycle_entry(row.now_s, row.inputs, outputs)
     present = present if row.by is not None else present._replace(by=None)
-    recorded_json, present_json = (
-        CYCLE.encode(one._replace(inputs=Inputs(), certificate=None, alarm=None, timing=None, vehicle=None))
-        for one in (row, present)
-    )
+    same: dict[str, Any] = dict.fromkeys(("certificate", "alarm", "timing", "vehicle"))
+    same["inputs"] = Inputs()
+    recorded_json, present_json = (CYCLE.encode(one._replace(**same)) for one in (row, present))
     if recorded_json == present_json:
         return []
     before, now = json.loads(recorded_json), json.loads(present_json)

@@ -30,9 +30,7 @@ SCENE_EVERY_S: Final = 0.2
 
 GAME_FRAME: Final = "game"
 _CORNERS: Final = 37
-_UNKNOWN: Final = 0
-_DIAGONAL_KNOWN: Final = 2
-_CLOSED_LINE: Final = 1
+_UNKNOWN, _DIAGONAL_KNOWN, _CLOSED_LINE = 0, 2, 1  # of Foxglove's enumerations
 _ZERO: Final[Vector] = (0.0, 0.0, 0.0)
 _UNUSED: Final = ("metadata", "arrows", "cubes", "cylinders", "triangles", "texts", "models")
 """Lists of a scene entity that viewers expect and that stay empty here."""
@@ -48,7 +46,7 @@ class Shape(NamedTuple):
     schema: Schema
 
 
-def circle(centre: Vector, radius_m: float, points: int = 181) -> Array:
+def circle(centre: Vector | Array, radius_m: float, points: int = 181) -> Array:
     """A closed circle (points, 2), seen from above."""
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     return np.stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1)
@@ -79,8 +77,7 @@ def isochron(game: Game, pursuer_m: Vector | Array, evader_m: Vector | Array, po
     """
     headings = np.linspace(0.0, 2.0 * np.pi, points)
     far = 1e6 * np.stack([np.cos(headings), np.sin(headings), np.zeros(points)], axis=-1)
-    P = np.broadcast_to(np.array(pursuer_m), (points, 3)).copy()
-    E = np.broadcast_to(np.array(evader_m), (points, 3)).copy()
+    P, E = (np.tile(place_m, (points, 1)) for place_m in (pursuer_m, evader_m))
     return np.asarray(solve(game, P, E, E + far).meeting_point_m[:, :2])
 
 

@@ -1,7 +1,7 @@
 """Writes the record of a flight: an MCAP file with the raw frames of every link and a JSON row per cycle and event.
 
 A long flight is continued in further files, `NAME.002.mcap` and so on. Each can be read alone, and only by their
-owner. In real time chunks are small and written unbuffered: a killed process loses less than 0.2 s. A record that
+owner. In real time chunks are small and written at once: a killed process loses less than 0.2 s. A record that
 cannot be written never disturbs the flight: recording stops and `failed` says why.
 """
 
@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from mcap.writer import Writer
 from pydantic_core import to_json
@@ -51,27 +51,40 @@ _HASH: Final = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
 _GIT_LIMIT_S: Final = 5.0
 
 
-class Record(Protocol):
-    """A store for the cycles, events and frames of a flight. No method raises or waits."""
+Entry = tuple[float, str, bytes | CycleEntry | EventEntry]
+"""Time, topic (of a frame the Zenoh key), and a raw MAVLink frame, a cycle or an event."""
 
-    @property
-    def failed(self) -> str | None:
-        """Why recording has stopped; None while it works."""
 
-    def frames(self, passed: Sequence[tuple[float, str, bytes]]) -> None:
-        """Keep raw MAVLink frames: time, topic (the Zenoh key) and bytes."""
+class Record:
+    """A store for the cycles, events and frames of a flight, which keeps nothing. No method raises or waits.
+
+    Args:
+        failed: Why nothing is recorded.
+
+    Attributes:
+        failed: Why recording has stopped; None while it works.
+        dropped: Entries dropped because the thread was too slow.
+    """
+
+    def __init__(self, failed: str | None = None) -> None:
+        self.failed, self.dropped = failed, 0
+
+    def frames(self, passed: Sequence[Entry]) -> None:
+        """Keep raw MAVLink frames, or other entries."""
 
     def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle."""
+        """Keep one guidance cycle, the reports that it read, and what viewers draw of it."""
+        self.frames(((entry.now_s, CYCLE_TOPIC, entry),))
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
+        self.frames(((now_s, EVENT_TOPIC, EventEntry(now_s, event, detail)),))
+
+    def close(self) -> None:
+        """Finish; may be called twice."""
 
 
-_Waiting = tuple[float, str, bytes | CycleEntry | EventEntry]
-
-
-class Recorder:
+class Recorder(Record):
     """`Record` that writes MCAP files. Times are those of the injected clock, in nanoseconds.
 
     Entries wait until a chunk is due and are encoded together, which is faster. With a thread, a slow or full disk does
@@ -83,10 +96,6 @@ class Recorder:
         threaded: Whether a thread writes, every `CHUNK_S` of real time; else the loop does, in virtual time.
         rotate_s: Maximum duration of a file.
         rotate_bytes: Maximum size of a file.
-
-    Attributes:
-        failed: Why recording has stopped; None while it works.
-        dropped: Entries dropped because the thread was too slow.
 
     Raises:
         OSError: If the file cannot be opened, before anything flies.
@@ -101,32 +110,20 @@ class Recorder:
         rotate_s: float = ROTATE_S,
         rotate_bytes: int = ROTATE_BYTES,
     ) -> None:
-        self.path = path
-        self.failed: str | None = None
-        self.dropped = 0
-        self._metadata = dict(metadata)
+        super().__init__()
+        self.path, self._metadata = path, dict(metadata)
         self._rotate_s, self._rotate_bytes = rotate_s, rotate_bytes
-        self._scene = Scene()
-        self._part = 1
+        self._scene, self._part = Scene(), 1
         private_folder(path.parent)
         self._file = McapFile(path, self._metadata)
-        self._file_ends_s = math.inf
-        self._chunk_ends_s = -math.inf
-        self._waiting: deque[_Waiting] = deque()
+        self._file_ends_s, self._chunk_ends_s = math.inf, -math.inf
+        self._waiting: deque[Entry] = deque()
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True) if threaded else None
         if self._thread is not None:
             self._thread.start()
 
-    def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle, the reports that it read, and what viewers draw of it."""
-        self.frames(((entry.now_s, CYCLE_TOPIC, entry),))
-
-    def event(self, now_s: float, event: str, detail: str = "") -> None:
-        """Keep one event."""
-        self.frames(((now_s, EVENT_TOPIC, EventEntry(now_s, event, detail)),))
-
-    def frames(self, passed: Sequence[_Waiting]) -> None:
+    def frames(self, passed: Sequence[Entry]) -> None:
         """Keep raw MAVLink frames, or other entries."""
         if not passed or self.failed is not None or self._closed.is_set():
             return
@@ -208,25 +205,10 @@ def started_utc(now_s: float) -> str:
     return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
 
 
-class NullRecorder:
-    """`Record` that has failed from the start."""
-
-    dropped = 0
-
-    def __init__(self, reason: str) -> None:
-        self.failed: str | None = reason
-
-    def frames(self, *_what: object, **_more: object) -> None:
-        """Do nothing."""
-
-    cycle = event = close = frames
-
-
 def versions() -> dict[str, str]:
     """Return the versions of Python, of the packages that determine the recorded data, and the commit if known."""
-    made_at = commit()
     packages = {name: version(name) for name in _RECORDED}
-    return {"python": platform.python_version(), **packages, **({} if made_at is None else {"commit": made_at})}
+    return {"python": platform.python_version(), **packages, **({"commit": found} if (found := commit()) else {})}
 
 
 def commit() -> str | None:
@@ -263,22 +245,20 @@ def commit_of_install() -> str | None:
 
 
 class McapFile:
-    """Writes one MCAP file, unbuffered, as the stream of the `mcap` package's writer.
+    """Writes one MCAP file with the `mcap` package, chunk by chunk.
 
     Raises:
         OSError: Here and from all methods, if the file cannot be written or was deleted.
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
-        self._path = path
-        self._file = private_file(path).open("wb", buffering=0)
+        self._path, self._file = path, private_file(path).open("wb")
         self.size = self.sequence = 0
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        stream: Any = self
-        self._writer = Writer(stream, chunk_size=sys.maxsize, use_summary_offsets=False)
+        self._schemas, self._channels = dict[str, int](), dict[str, int]()
+        self._writer = Writer(self._file, chunk_size=sys.maxsize, use_summary_offsets=False)
         self._writer.start("", "guidance")
         self._writer.add_metadata("run", dict(metadata))
+        self.end_chunk()
 
     def add(self, topic: str, shape: Shape | Codec[Any] | None, now_s: float, data: bytes) -> None:
         """Add a message, JSON if it has a shape, else a MAVLink frame."""
@@ -291,6 +271,7 @@ class McapFile:
         if os.fstat(self._file.fileno()).st_nlink == 0:
             raise FileNotFoundError(f"{self._path} was deleted")
         self._writer.flush()
+        self.size = self._file.tell()
 
     def close(self, *, finish: bool) -> None:
         """Close the file, with its index if `finish`; may be called twice."""
@@ -309,17 +290,3 @@ class McapFile:
         encoding, schema = ("mavlink", 0) if shape is None else ("json", self._schemas[shape.title])
         self._channels[topic] = self._writer.register_channel(topic, encoding, schema)
         return self._channels[topic]
-
-    def write(self, data: bytes) -> None:
-        """Write all bytes; an unbuffered file may accept only some per call."""
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._file.write(rest) or 0 :]
-        self.size += len(data)
-
-    def tell(self) -> int:
-        """Return the number of bytes written."""
-        return self.size
-
-    def flush(self) -> None:
-        """Do nothing: every byte is written at once."""

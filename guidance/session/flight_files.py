@@ -18,9 +18,8 @@ from guidance.errors import ConfigError
 from guidance.files import private_folder, writing
 from guidance.flight import Authority, FlightSettings, Inputs, Outputs
 from guidance.links.wires import CapturedFrame
-from guidance.log.entries import BEGUN, STOPPED, cycle_entry
-from guidance.log.reader import CONFIG, SCENARIO
-from guidance.log.writer import NullRecorder, Record, Recorder, started_utc, versions
+from guidance.log.entries import BEGUN, CONFIG, SCENARIO, STOPPED, cycle_entry
+from guidance.log.writer import Record, Recorder, started_utc, versions
 from guidance.session.log import Logger
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
@@ -90,20 +89,17 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
 
 
 @contextlib.contextmanager
-def daemon_recording(
-    config: Config, metadata: Mapping[str, str], log: Logger
-) -> Iterator[Recorder | NullRecorder | None]:
+def daemon_recording(config: Config, metadata: Mapping[str, str], log: Logger) -> Iterator[Record | None]:
     """Open the daemon's record. Preflight reports an unwritable one; a flight continues without it."""
     if config.record.folder is None:
         yield None
         return
     own, stamp = config.record, time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     path, size = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap", round(own.rotate_mb * 1e6)
-    recorder: Recorder | NullRecorder
     try:
-        recorder = Recorder(path, metadata, threaded=True, rotate_s=own.rotate_s, rotate_bytes=size)
+        recorder: Record = Recorder(path, metadata, threaded=True, rotate_s=own.rotate_s, rotate_bytes=size)
     except OSError as error:
-        recorder = NullRecorder(f"record.folder = {str(own.folder)!r}: cannot be written ({error.strerror})")
+        recorder = Record(f"record.folder = {str(own.folder)!r}: cannot be written ({error.strerror})")
     try:
         yield recorder
     finally:

@@ -53,6 +53,7 @@ _PURSUER = "#c1272d"
 
 _MARGIN_M: Final = 8.0
 
+DPI: Final = 130
 MOST_POINTS: Final = 3000
 """Largest number of points of a curve."""
 
@@ -73,7 +74,7 @@ def save(figure: Figure, path: Path) -> None:
         OutputError: If the file cannot be written.
     """
     with writing(path):
-        figure.savefig(path, dpi=130)
+        figure.savefig(path, dpi=DPI)
 
 
 def save_twice(figure: Figure, stem: Path, *, dpi: float, private: bool = False) -> list[Path]:
@@ -104,17 +105,6 @@ def thinned(values: Array) -> Array:
     """Thin out a long curve evenly, keeping both ends."""
     kept = np.linspace(0, len(values) - 1, min(len(values), MOST_POINTS)).round().astype(int)
     return np.asarray(values[kept])
-
-
-def label_space(axes: Any) -> None:  # noqa: ANN401
-    """Label 3D axes and give them equal scales."""
-    axes.set(xlabel="x east, m", zlabel="z up, m")
-    axes.set_ylabel("y north, m", labelpad=10.0)
-    axes.locator_params(nbins=5)
-    axes.set_zlim(bottom=min(0.0, axes.get_zlim3d()[0]))
-    spans = [high - low for low, high in (axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d())]
-    axes.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
-    axes.view_init(elev=22.0, azim=-60.0)
 
 
 def label_plan(axes: Any, title: str = "from above", *, adjustable: str = "box") -> None:  # noqa: ANN401
@@ -222,8 +212,12 @@ def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int =
         label_plan(axes, "from above, with the fence")
     for axes, dimensions in views:
         draw_fence(axes, chase.fence, chase.fence_height_m, dimensions, whole=axes in whole)
-    space.set_zlim(min(0.0, low[2] + _MARGIN_M), high[2])
-    label_space(space)
+    space.set(xlabel="x east, m", zlabel="z up, m", zlim=(min(0.0, low[2] + _MARGIN_M), high[2]))
+    space.set_ylabel("y north, m", labelpad=10.0)
+    space.locator_params(nbins=5)
+    spans = [high - low for low, high in (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())]
+    space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
+    space.view_init(elev=22.0, azim=-60.0)
     legend_below(figure, *whole or (plan,), columns=columns)
     return figure
 
@@ -367,9 +361,8 @@ def _draw_region(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  
         axes.plot(*region(teams, [i], j).T, **thin, label="first there, before one pursuer")
     if not team:
         return
-    edge = region(teams, [i for i, _ in team.values()], j)
     shade = {"facecolor": to_rgba(colour, 0.14), "edgecolor": colour, "linewidth": 1.6}
-    axes.fill(*edge.T, **shade, label="before both: the intersection")
+    axes.fill(*region(teams, [i for i, _ in team.values()], j).T, **shade, label="before both: the intersection")
     x, y, _ = matching.meeting_point_m[j]
     if goal is not None and "first" in team:
         axes.plot([x, goal[0]], [y, goal[1]], color=colour, linewidth=1.0, alpha=0.6, label="L, guaranteed")

@@ -4,9 +4,8 @@ The pictures show tracks, the game and its guarantee, velocities, ages and laten
 """
 
 import base64
-import contextlib
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import resources
 from io import BytesIO
@@ -37,6 +36,7 @@ _TAIL_S: Final = 2.0
 """Time after the capture that is shown."""
 
 _MOST_EVENTS = 60
+mpl.rcParams["svg.hashsalt"] = "report"  # an SVG is reproducible byte for byte
 _SECTION: Final = re.compile(r'<section id="(\w+)">.*?</section>\n', re.DOTALL)
 Line = tuple[str, Array, Array, Style, str | None]
 """A line over time: label of its axis, times, values, style, name."""
@@ -62,9 +62,8 @@ def draw_flight(record: Path, path: Path, title: str) -> None:
     """
     figure = figures.chase_figure(chase_of(stories.story_of(record)))
     figure.suptitle(title)
-    with contextlib.suppress(OSError):  # `save` says what cannot be written
-        private_file(path)
-    figures.save(figure, path)
+    with writing(path):
+        figure.savefig(private_file(path), dpi=figures.DPI)
 
 
 def chase_of(story: Story) -> Chase:
@@ -206,7 +205,7 @@ def plan(team: TeamStory) -> Figure:
     """Draw all vehicles and evaders from above."""
     figure = figures.figure_of(10.0, 7.5)
     axes: Any = figure.subplots()
-    cycle, flight = team.first.settings.cycle, team.first.flight
+    game, flight = team.first.settings.cycle.game, team.first.flight
     vehicles = {name: story.column("pursuer_m") for name, story in team.flights.items()}
     evaders = {
         name: np.array([place for one in team.flights.values() for _, place in one.evaders.get(name, ())])
@@ -220,10 +219,8 @@ def plan(team: TeamStory) -> Figure:
             axes.plot(*known[:, :2].T, **style, label=kind)
             axes.annotate(name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"])
     for capture in team.captures.values():
-        axes.plot(
-            *circle(capture.place_m, cycle.game.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture"
-        )
-    figures.draw(axes, figures.target_of(cycle.target_game_m, cycle.game.target_extent), 2)
+        axes.plot(*circle(capture.place_m, game.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture")
+    figures.draw(axes, figures.target_of(team.first.settings.cycle.target_game_m, game.target_extent), 2)
     figures.label_plan(axes)
     axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
@@ -257,24 +254,12 @@ def write_animation(story: Story, path: Path) -> None:
     begun_s, ended_s = (now_s[-1] if one is None else one.now_s for one in (story.engaged, story.captured))
     shown = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
     pursuer, evader = (story.column(name)[shown] for name in ("pursuer_m", "evader_m"))
-    figure, draw = _stage(story, pursuer, evader)
-    images = []
-    for number in np.unique(np.linspace(0, len(shown) - 1, FRAMES).round().astype(int)).tolist():
-        draw(number, max(0.0, float(now_s[shown[number]] - begun_s)))
-        figure.canvas.draw()
-        images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
-    times_ms = [FRAME_MS] * (len(images) - 1) + [LAST_FRAME_MS]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=times_ms, loop=0, quality=55, method=4)
-
-
-def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callable[[int, float], None]]:
-    """Return the figure of a moving picture, and a function that draws one moment."""
-    figure = figures.figure_of(8.0, 4.4)
-    figure.set_dpi(90)
-    plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     chase, standoff = chase_of(story), story.settings.cycle.game.standoff
     height = np.column_stack([np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]])
     far_m, high_m = np.maximum(1.0, np.nan_to_num(height).max(axis=0))
+    figure = figures.figure_of(8.0, 4.4)
+    figure.set_dpi(90)
+    plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     still = figures.ISOCHRON, figures.MEETING, TARGET
     figures.draw(plan, (shape for shape in chase.shapes if shape.style in still), 2)
     low, high = chase.box
@@ -289,16 +274,17 @@ def _stage(story: Story, pursuer: Array, evader: Array) -> tuple[Figure, Callabl
     marks = [axes.plot([], [], mark, color=style["color"])[0] for axes, style, mark, _ in players]
     (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
     figures.legend_below(figure, plan, columns=5)
-    title = figure.suptitle("")
-
-    def draw(number: int, since_s: float) -> None:
+    title, images = figure.suptitle(""), []
+    for number in np.unique(np.linspace(0, len(shown) - 1, FRAMES).round().astype(int)).tolist():
         for run, mark, track in zip(runs, marks, (pursuer, evader, height), strict=True):
             run.set_data(*track[: number + 1, :2].T)
             mark.set_data(*track[number : number + 1, :2].T)
-        rim.set_data(*circle(tuple(evader[number]), standoff.radius_m, 49).T)
-        title.set_text(f"{story.title}: {since_s:.1f} s")
-
-    return figure, draw
+        rim.set_data(*circle(evader[number], standoff.radius_m, 49).T)
+        title.set_text(f"{story.title}: {max(0.0, now_s[shown[number]] - begun_s):.1f} s")
+        figure.canvas.draw()
+        images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
+    times_ms = [FRAME_MS] * (len(images) - 1) + [LAST_FRAME_MS]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=times_ms, loop=0, quality=55, method=4)
 
 
 PICTURES: Final = {"tracks": tracks, "game": game, "velocities": velocities, "ages": ages, "events": events}
@@ -334,10 +320,8 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     team = stories.team_story(records)
-    drawn = [("plan", plan(team))]
-    return write_page(
-        folder, list(team.flights.values()), drawn, stories.team_opening(team), stories.team_summary(team)
-    )
+    words, rows = stories.team_opening(team), stories.team_summary(team)
+    return write_page(folder, list(team.flights.values()), [("plan", plan(team))], words, rows)
 
 
 def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Rows) -> list[Path]:
@@ -353,7 +337,10 @@ def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str,
     Raises:
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
-    page, mark = folder / "report.html", "\n".join(map(_mark, flights))
+    page = folder / "report.html"
+    of = [(one.path.name, one.survey) for one in flights]
+    what = [f"{name}, {survey.messages.total()} messages, {survey.duration_s:.3f} s" for name, survey in of]
+    mark = "\n".join(f'<meta name="record" content="{escape(each)}">' for each in what)
     with writing(folder):
         if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
             raise OutputError(f"{page}: is the report of another record; give --out another folder")
@@ -361,27 +348,13 @@ def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str,
         written, images = [page], {}
         for name, figure in drawn:
             written.append(folder / f"{name}.png")
-            figure.savefig(private_file(written[-1]), dpi=130)
+            figure.savefig(private_file(written[-1]), dpi=figures.DPI)
             figure.set_layout_engine(None)  # keep this layout for the SVG
-            images[name] = f"data:image/svg+xml;base64,{base64.b64encode(svg_of(figure)).decode('ascii')}"
+            figure.savefig(drawing := BytesIO(), format="svg", metadata={"Date": None, "Creator": None})
+            images[name] = f"data:image/svg+xml;base64,{base64.b64encode(drawing.getvalue()).decode('ascii')}"
         table = [f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows]
         template = resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8")
         kept = _SECTION.sub(lambda found: found[0] if found[1] in images else "", template)
         texts = {"title": escape(flights[0].title), "opening": escape(words), "rows": "\n".join(table)}
         private_file(page).write_text(Template(kept).substitute(texts, **images, mark=mark), encoding="utf-8")
     return written
-
-
-def _mark(story: Story) -> str:
-    """Return the element of a page that names its record."""
-    survey = story.survey
-    what = f"{story.path.name}, {sum(survey.messages.values())} messages, {survey.duration_s:.3f} s"
-    return f'<meta name="record" content="{escape(what)}">'
-
-
-def svg_of(figure: Figure) -> bytes:
-    """Return a figure as SVG, reproducible byte for byte."""
-    stream = BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "report"}):
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return stream.getvalue()

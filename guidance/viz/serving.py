@@ -33,7 +33,6 @@ MEMORY_LIMIT: Final = "512MB"
 
 START_LIMIT_S: Final = 30.0
 _LIMIT_S: Final = 20.0
-_MAX_HEADER_BYTES: Final = 65_536
 _PIECE_BYTES: Final = 65_536
 _HTTP_2: Final = b"PRI * HTTP/2.0\r\n"
 """First line of native viewers. Browsers use HTTP/2 with TLS only."""
@@ -51,19 +50,12 @@ Address = tuple[str, int]
 
 def policy(recording_port: int) -> str:
     """Return the content security policy: the page's own files and the recording's server."""
-    ours = f"http://{LOOPBACK}:{recording_port}"
-    return "; ".join((
-        "default-src 'none'",
-        "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:",
-        "style-src 'self' 'unsafe-inline'",
-        "img-src 'self' data: blob:",
-        "font-src 'self' data:",
-        "worker-src 'self' blob:",
-        f"connect-src 'self' {ours} data: blob:",
-        "base-uri 'none'",
-        "form-action 'none'",
-        "frame-ancestors 'none'",
-    ))  # fmt: skip
+    return (
+        "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; style-src 'self' "
+        "'unsafe-inline'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; img-src 'self' data: blob:; "
+        "font-src 'self' data:; worker-src 'self' blob:; "
+        f"connect-src 'self' http://{LOOPBACK}:{recording_port} data: blob:"
+    )
 
 
 class _Relay(socketserver.ThreadingTCPServer):
@@ -72,27 +64,22 @@ class _Relay(socketserver.ThreadingTCPServer):
     The first request of a connection decides: browsers never share a connection between host names.
     """
 
-    daemon_threads = True
+    daemon_threads = allow_reuse_address = True
     block_on_close = False
-    allow_reuse_address = True
 
     def __init__(self, option: str, port: int, behind: Address, headers: str = "") -> None:
         try:
             super().__init__((LOOPBACK, port), _Connection)
         except OSError as error:
             raise LinkError(f"{option} {port}: {error.strerror}; choose another, or 0 for a free one") from error
-        self.port = int(self.server_address[1])
+        self.port, self.behind, self.headers = int(self.server_address[1]), behind, headers
         self.hosts = {f"{name}:{self.port}" for name in (LOOPBACK, "localhost")}
-        self.behind = behind
-        self.headers = headers
-        self._thread = threading.Thread(target=self.serve_forever, name=f"port {self.port}", daemon=True)
-        self._thread.start()
+        threading.Thread(target=self.serve_forever, name=f"port {self.port}", daemon=True).start()
 
     def close(self) -> None:
         """Stop the relay."""
         self.shutdown()
         self.server_close()
-        self._thread.join()
 
 
 class _Connection(socketserver.BaseRequestHandler):
@@ -130,7 +117,7 @@ class _Connection(socketserver.BaseRequestHandler):
 def _head_from(source: socket.socket) -> bytes:
     """Receive a request or an answer up to the end of its headers."""
     head = b""
-    while b"\r\n\r\n" not in head and len(head) < _MAX_HEADER_BYTES and (piece := source.recv(_PIECE_BYTES)):
+    while b"\r\n\r\n" not in head and len(head) < _PIECE_BYTES and (piece := source.recv(_PIECE_BYTES)):
         head += piece
     return head
 
@@ -185,13 +172,13 @@ def web_page(port: int, recording_port: int) -> Iterator[str]:
     behind, uri = hidden_address(), recording_uri(recording_port)
     with contextlib.closing(_Relay("--web-port", port, behind, headers)) as front, contextlib.ExitStack() as closing:
         try:
-            _wait_until_served(_start(closing, behind, uri), behind)
+            _serve_page(closing, behind, uri)
         except (OSError, subprocess.SubprocessError) as error:
             raise LinkError(f"the viewer's page could not be served: {error}") from error
         yield f"http://{LOOPBACK}:{front.port}/?url={quote(uri, safe='')}"
 
 
-def _start(closing: contextlib.ExitStack, behind: Address, recording: str) -> "subprocess.Popen[bytes]":
+def _serve_page(closing: contextlib.ExitStack, behind: Address, recording: str) -> None:
     program = str(Path(rerun_cli.__file__).with_name("rerun"))
     # Turn off Rerun's usage reports in a folder of our own, so the user's setting stays unchanged.
     folder = closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
@@ -203,10 +190,6 @@ def _start(closing: contextlib.ExitStack, behind: Address, recording: str) -> "s
     child = subprocess.Popen(words, env=environment, stdin=none, stdout=none, stderr=none)
     closing.callback(child.wait)
     closing.callback(child.kill)
-    return child
-
-
-def _wait_until_served(child: "subprocess.Popen[bytes]", behind: Address) -> None:
     for _ in range(round(START_LIMIT_S / 0.05)):
         with contextlib.suppress(OSError), socket.create_connection(behind, timeout=1.0):
             return

@@ -207,22 +207,24 @@ def summary(story: Story) -> Rows:
 
 
 def _game(story: Story) -> Rows:
-    cycle = story.settings.cycle
-    unit = "m from T" if story.with_target else "s"
+    cycle, unit = story.settings.cycle, "m from T" if story.with_target else "s"
+    standoff = f"{cycle.game.standoff.radius_m:g} m around, {cycle.game.standoff.height_m:g} m above the evader's plane"
+    outcome = "captured" if story.captured else "not captured" if story.engaged else "no game was played"
     rows = [
+        ("outcome", f"{outcome}; ended {story.rows[-1].state}"),
         ("game", "target-attacker-defender" if story.with_target else "pursuit-evasion"),
         ("policy", cycle.strategy.name),
         ("autopilot", story.settings.autopilot.name),
-        (
-            "stand-off",
-            f"{cycle.game.standoff.radius_m:g} m around, {cycle.game.standoff.height_m:g} m above the evader's plane",
-        ),
+        ("stand-off", standoff),
     ]
-    ended = f"ended {story.rows[-1].state}"
     if story.engaged is None:
-        return [*rows, ("outcome", f"no game was played; {ended}")]
+        return rows
     engaged = story.engaged.certificate
-    predicted = _predicted(story, engaged)
+    # The value of the outcome: capture at the tolerance around the disc, without wind.
+    game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
+    places = [np.array(engaged.pursuer_game_m), np.array((*engaged.evader_game_m[:2], 0.0))]
+    target = [] if cycle.target_game_m is None else [np.array(cycle.target_game_m)]
+    predicted = float(solve(game, *places, *target).value)
     rows += [
         ("value predicted at engagement", f"{predicted:.2f} {unit}"),
         ("time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"),
@@ -231,11 +233,10 @@ def _game(story: Story) -> Rows:
     if story.with_target:
         rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
     if story.captured is None:
-        return [*rows, ("outcome", f"not captured; {ended}")]
+        return rows
     flown, lasted_s = _flown(story, story.captured), story.game_lasted_s
     return [
         *rows,
-        ("outcome", f"captured; {ended}"),
         ("flown", f"{flown:.2f} {unit}"),
         ("flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"),
         ("game lasted", f"{lasted_s:.2f} s"),
@@ -247,15 +248,6 @@ def _slowest_m_s(story: Story) -> float:
     """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
     reachable = (one.certificate.reachable_speed_m_s for one in story.game)
     return min((each for each in reachable if not math.isnan(each)), default=math.nan)
-
-
-def _predicted(story: Story, engaged: Certificate) -> float:
-    """Return the predicted value of the outcome: capture at the tolerance around the disc, without wind."""
-    cycle = story.settings.cycle
-    game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
-    places = [np.array(engaged.pursuer_game_m), np.array((*engaged.evader_game_m[:2], 0.0))]
-    target = [] if cycle.target_game_m is None else [np.array(cycle.target_game_m)]
-    return float(solve(game, *places, *target).value)
 
 
 def _flown(story: Story, captured: Played) -> float:
@@ -322,9 +314,8 @@ class TeamStory(NamedTuple):
         by = " and ".join(filter(None, (promise.first, promise.second)))
         kept = promise.verdict(promise.value, achieved, unit, captured=capture is not None)
         why = f" ({promise.cause})" if promise.cause and promise.cause not in kept else ""
-        return (
-            f"{promise.value:.1f} {'m from the target' if unit == 'm' else 's'} promised by {by}; {ended}; {kept}{why}"
-        )
+        given = f"{promise.value:.1f} {'m from the target' if unit == 'm' else 's'} promised by {by}"
+        return f"{given}; {ended}; {kept}{why}"
 
 
 def team_story(records: Mapping[str, Path]) -> TeamStory:
@@ -349,13 +340,9 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
     began_s = max(math.inf if one.engaged is None else one.engaged.now_s for one in flights.values())
     offered = [roles.promises for now_s, roles in told if now_s <= began_s]
     causes = {one.evader: one.cause for _, roles in told for one in roles.promises}
-    return TeamStory(
-        flights,
-        {name: compare(path, recorded_settings)[0] for name, path in records.items()},
-        {one.evader: one.model_copy(update={"cause": causes[one.evader]}) for ones in offered[-1:] for one in ones},
-        captures,
-        began_s,
-    )
+    given = [one.model_copy(update={"cause": causes[one.evader]}) for ones in offered[-1:] for one in ones]
+    replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
+    return TeamStory(flights, replays, {one.evader: one for one in given}, captures, began_s)
 
 
 def _roles(flight: Story) -> list[tuple[float, Role]]:
@@ -388,10 +375,8 @@ def team_summary(team: TeamStory) -> Rows:
     """Return a row for each player."""
     rows = []
     for name, flight in team.flights.items():
-        against = ", then ".join(
-            f"{role.evader} {f'({role.above_m:g} m above) ' if role.above_m else ''}from {now_s:.1f} s"
-            for now_s, role in _roles(flight)
-        )
+        heights = {role: f" ({role.above_m:g} m above)" if role.above_m else "" for _, role in _roles(flight)}
+        against = ", then ".join(f"{role.evader}{heights[role]} from {now_s:.1f} s" for now_s, role in _roles(flight))
         captured = [f"captured {evader}" for evader, one in team.captures.items() if one.vehicle == name]
         replayed = team.replays[name]
         same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"

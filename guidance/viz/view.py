@@ -1,17 +1,17 @@
 """`guidance view`: draws a flight in Rerun, item by item, and serves it on loopback. Needs the extra `viz`.
 
 The game is drawn in space, plots beside it, and events below. `view` shows a `RecordFile` or a
-`guidance.log.broadcast.LiveFlight` at a `Destination`.
+`guidance.log.broadcast.LiveFlight` in a file or on a page.
 """
 
 import contextlib
 import math
 import os
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -24,7 +24,7 @@ from guidance.files import private_file, private_folder, writing
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, metadata_of, scan, title_of
 from guidance.log.broadcast import LiveFlight
-from guidance.log.reader import Idle
+from guidance.log.entries import BEGINNINGS, Idle
 from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted, target_edge
 from guidance.session.flight_files import recorded_settings
 from guidance.viz.serving import recording_server, recording_uri, web_page
@@ -34,26 +34,20 @@ REDRAWN_EVERY_S: Final = 0.1
 NICE: Final = 10
 """Niceness of a live viewer, so that the flight's loop has priority."""
 
-PURSUER: Final = "game/pursuer"
-EVADER: Final = "game/evader"
-DISC: Final = "game/stand_off_disc"
-ISOCHRON: Final = "game/isochron"
-MEETING: Final = "game/meeting_point"
-FENCE: Final = "game/fence"
-GUARANTEE: Final = "plots/guarantee"
-EVENTS: Final = "events"
-TIMELINE: Final = "flight"
-
 Colour = tuple[int, int, int]
 
 COLOURS: Final[Mapping[str, Colour]] = {
-    PURSUER: (214, 69, 58),
-    EVADER: (66, 140, 214),
-    DISC: (76, 175, 80),
-    ISOCHRON: (190, 190, 190),
-    MEETING: (250, 214, 60),
-    FENCE: (240, 150, 40),
+    "game/pursuer": (214, 69, 58),
+    "game/evader": (66, 140, 214),
+    "game/stand_off_disc": (76, 175, 80),
+    "game/isochron": (190, 190, 190),
+    "game/meeting_point": (250, 214, 60),
+    "game/fence": (240, 150, 40),
 }
+PURSUER, EVADER, DISC, ISOCHRON, MEETING, FENCE = COLOURS
+GUARANTEE: Final = "plots/guarantee"
+EVENTS: Final = "events"
+TIMELINE: Final = "flight"
 
 
 class Curve(NamedTuple):
@@ -110,29 +104,19 @@ def path_of(name: str, vehicle: str) -> str:
 
 def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
     """Return the blueprint for these vehicles ("" is one alone); `with_target` selects the guarantee's unit."""
-    until_now = rrb.VisibleTimeRanges(
-        timeline=TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
-    )
-    space = rrb.Spatial3DView(
-        origin="game",
-        name="The game: x east, y north, z up, m",
-        eye_controls=rrb.EyeControls3D(
-            position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
-        ),
-        overrides={path_of(f"{name}/track", vehicle): until_now for name in (PURSUER, EVADER) for vehicle in vehicles},
-    )
+    start, end = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
+    until_now = rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
+    tracks = [path_of(f"{name}/track", vehicle) for name in (PURSUER, EVADER) for vehicle in vehicles]
+    whole: dict[Any, Any] = dict.fromkeys(tracks, until_now)
+    eye = rrb.EyeControls3D(position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0))
+    name = "The game: x east, y north, z up, m"
+    space = rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=whole)
     guarantee = "Guarantee L, m from T" if with_target else "Guarantee V + t, s"
     plots = [rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()]
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(space, rrb.TextLogView(origin=EVENTS, name="Events"), row_shares=[3, 1]),
-            rrb.Vertical(*plots),
-            column_shares=[3, 2],
-        ),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-    )
+    game = rrb.Vertical(space, rrb.TextLogView(origin=EVENTS, name="Events"), row_shares=[3, 1])
+    views = rrb.Horizontal(game, rrb.Vertical(*plots), column_shares=[3, 2])
+    time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
+    return rrb.Blueprint(views, time, rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden"))
 
 
 class Painter:
@@ -146,19 +130,15 @@ class Painter:
 
     def __init__(self, recording: rr.RecordingStream, flight: Aggregator, vehicle: str = "") -> None:
         self._to, self._flight, self._vehicle = recording, flight, vehicle
-        self._state = ""
-        self._drawn_s = -math.inf
-        self.cycles = 0
+        self._state, self._drawn_s, self.cycles = "", -math.inf, 0
         self._begin()
         self._draw_static()
 
     def _begin(self) -> None:
         """Start a flight."""
-        self._flights = self._flight.flights
         self._pending: list[tuple[Cycle, float]] = []  # with the guarantee
-        self._tails: dict[str, Array] = {}
+        self._tails, self._fenced = dict[str, Array](), False
         self._engaged_s: float | None = None
-        self._fenced = False
 
     def take(self, item: Item) -> None:
         """Draw one item. Only cycles and events are drawn.
@@ -168,7 +148,7 @@ class Painter:
         """
         entry = self._flight.take(item)
         if isinstance(entry, EventEntry):
-            if self._flight.flights != self._flights:
+            if entry.event in BEGINNINGS:
                 self.flush()
                 self._begin()
                 for name in (DISC, ISOCHRON, MEETING):
@@ -231,8 +211,7 @@ class Painter:
             names = [" ".join(filter(None, (self._vehicle, name)))]
             self._log(None, path, rr.SeriesLines(names=names, colors=[colour]))
         if target_m is not None:
-            at = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
-            self._log(None, "game/target", at)
+            self._log(None, "game/target", rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)]))
             if len(edge := target_edge(target_m, cycle.game.target_extent)):
                 self._log(None, "game/target/edge", rr.LineStrips3D([lifted(edge, 0.0)]))
 
@@ -272,14 +251,6 @@ def _lines(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3
     return rr.LineStrips3D(curves, colors=[COLOURS[name]], radii=rr.Radius.ui_points(width))
 
 
-class Destination(NamedTuple):
-    """A file, or a page on two loopback ports (0 picks a free one)."""
-
-    save: Path | None = None
-    port: int = 9876
-    web_port: int = 9090
-
-
 class RecordFile(NamedTuple):
     """A record; `live` is one that is still being written."""
 
@@ -300,18 +271,19 @@ class RecordFile(NamedTuple):
         return scan(self.path, idle=idle if self.live else None)
 
 
+Source = RecordFile | LiveFlight
+
+
 def view(
-    sources: Mapping[str, RecordFile | LiveFlight],
-    destination: Destination,
-    say: Callable[[str], None],
-    ended: threading.Event,
+    sources: Mapping[str, Source], save: Path | None, ports: tuple[int, int], say: Callable[[str], None], ended: Event
 ) -> int:
     """Show a flight until `ended` is set, or save it. Return the number of cycles.
 
     Args:
         sources: The flight, or the flights of a team by vehicle; closed at the end. Unreadable items are errors in a
             record; on a bus, where anyone can publish, they are ignored.
-        destination: A file or a page.
+        save: A file; None serves a page.
+        ports: Of the recording and of the page on loopback; 0 picks a free one.
         say: Receives the page's address.
         ended: Ends the viewer.
 
@@ -330,28 +302,29 @@ def view(
         first = next(iter(told.values()))
         recording = rr.RecordingStream(APPLICATION)
         closing.callback(recording.disconnect)
-        if destination.save is None:
-            sink: Any = _served(destination, say, closing)
+        sink: Any
+        if save is None:
+            port, sink = closing.enter_context(recording_server(ports[0]))
+            say(f"look at  {closing.enter_context(web_page(ports[1], port))}")
+            say(f"or with  rerun --connect {recording_uri(port)}")
         else:
-            with writing(destination.save):
-                private_folder(destination.save.parent)
-                sink = rr.FileSink(private_file(destination.save))  # Rerun only logs a failure
+            with writing(save):
+                private_folder(save.parent)
+                sink = rr.FileSink(private_file(save))  # Rerun only logs a failure
         vehicles = tuple(sources) if len(sources) > 1 else ("",)
         with_target = recorded_settings(first).cycle.target_game_m is not None
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
-        painters = [
-            Painter(recording, Aggregator(recorded_settings, metadata, sources[name].name), vehicle)
-            for (name, metadata), vehicle in zip(told.items(), vehicles, strict=True)
-        ]
+        flights = [Aggregator(recorded_settings, metadata, sources[name].name) for name, metadata in told.items()]
+        painters = list(map(partial(Painter, recording), flights, vehicles))
         with ThreadPoolExecutor(len(painters)) as pool:  # a record that still grows keeps its thread
             list(pool.map(partial(_paint, ended), painters, sources.values()))
-        if destination.save is None:
+        if save is None:
             ended.wait()
         return sum(painter.cycles for painter in painters)
 
 
-def _paint(ended: threading.Event, painter: Painter, source: RecordFile | LiveFlight) -> None:
+def _paint(ended: Event, painter: Painter, source: Source) -> None:
     """Draw one flight until it ends, or until the view does."""
 
     def idle() -> bool:
@@ -365,10 +338,3 @@ def _paint(ended: threading.Event, painter: Painter, source: RecordFile | LiveFl
         if ended.is_set() and not source.live:  # a live flight is shown to its end
             break
     painter.flush()
-
-
-def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:
-    port, sink = closing.enter_context(recording_server(place.port))
-    say(f"look at  {closing.enter_context(web_page(place.web_port, port))}")
-    say(f"or with  rerun --connect {recording_uri(port)}")
-    return sink

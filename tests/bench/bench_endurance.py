@@ -44,9 +44,8 @@ from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.log import compare
 from guidance.log.broadcast import FoundFlight
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, CycleEntry, EventEntry
-from guidance.log.reader import CONFIG as CONFIG_KEY
-from guidance.log.reader import Item
+from guidance.log.entries import CONFIG as CONFIG_KEY
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, CycleEntry, EventEntry, Item
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import recorded_settings

@@ -17,7 +17,7 @@ from guidance.flight.table import HANDING_OVER
 from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.log.replay import compare
-from guidance.log.writer import NullRecorder, Recorder
+from guidance.log.writer import Record, Recorder
 from guidance.session.daemon import Equipment
 from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import PERIOD_S, run
@@ -159,16 +159,8 @@ def plan(case: Case) -> FlightPlan:
 class Tape(Recorder):
     """Recorder of a flight; copies of the flight are not recorded."""
 
-    def __deepcopy__(self, _memo: object) -> "NoRecord":
-        return NoRecord()
-
-
-class NoRecord(NullRecorder):
-    """A recorder that discards everything and never fails."""
-
-    def __init__(self) -> None:
-        super().__init__("")
-        self.failed = None
+    def __deepcopy__(self, _memo: object) -> Record:
+        return Record()
 
 
 class Starts:

@@ -14,8 +14,7 @@ from guidance.certificate import Certificate
 from guidance.clock import Timing
 from guidance.log import cycles_of, reports_of, scan
 from guidance.log.codec import Codec, form_of
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, REPORT
-from guidance.log.reader import Item
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, REPORT, Item
 from guidance.log.scene import EVERY_S, FIX, POSE, SCENE, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm

@@ -9,7 +9,7 @@ from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.log import compare, cycles_of, metadata_of, replay, scan, title_of
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT_TOPIC
-from guidance.log.replay import angle_between_rad
+from guidance.log.replay import difference_of
 from guidance.log.writer import Recorder
 from guidance.session.flight_files import changes_of, recorded_settings
 
@@ -115,9 +115,15 @@ def test_a_second_flight_is_replayed_without_the_state_of_the_first(flight, tmp_
 
 
 def test_angles_are_correct_and_zero_for_a_zero_vector():
-    assert angle_between_rad((1.0, 0.0, 0.0), (0.0, 0.0, -2.0)) == pytest.approx(math.pi / 2.0)
-    assert angle_between_rad((1.0, 1.0, 0.0), (-1.0, -1.0, 0.0)) == pytest.approx(math.pi)
-    assert angle_between_rad((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)) == 0.0
+    across, back = ((1.0, 0.0, 0.0), (0.0, 0.0, -2.0)), ((1.0, 1.0, 0.0), (-1.0, -1.0, 0.0))
+    assert difference_of([across]).angle_max_rad == pytest.approx(math.pi / 2.0)
+    assert difference_of([back]).angle_max_rad == pytest.approx(math.pi)
+    assert difference_of([((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))]) == (1, 0.0, 0.0, 1.0, 1.0)
+    unknown = ((math.nan,) * 3, (1.0, 0.0, 0.0))
+    both = difference_of([across, unknown, back])
+    assert (both.cycles, both.angle_sum_rad) == (2, pytest.approx(1.5 * math.pi))
+    assert both.speed_sum_m_s == pytest.approx(math.sqrt(5.0) + math.sqrt(8.0))
+    assert difference_of([]) == (0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_changes_are_read_as_toml_and_wrong_ones_are_refused():

@@ -1,7 +1,5 @@
 """`guidance paper`: every published digit, and the figures."""
 
-from dataclasses import replace
-
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
@@ -48,7 +46,7 @@ def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats
 
 def test_a_digit_that_differs_ends_the_command_with_an_error(computed, monkeypatch):
     pe, tad = computed
-    wrong = pe._replace(cases=(replace(pe.cases[0], published="11.06"), *pe.cases[1:]))
+    wrong = pe._replace(cases=(pe.cases[0]._replace(published="11.06"), *pe.cases[1:]))
     monkeypatch.setattr(guidance.paper, "tables", lambda: (wrong, tad))
     result = CliRunner().invoke(app, ["paper", "--no-figures"])
     assert result.exit_code == 1

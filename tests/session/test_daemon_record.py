@@ -3,7 +3,7 @@
 import errno
 import json
 from functools import partial
-from io import FileIO
+from io import BufferedWriter, FileIO
 from types import SimpleNamespace
 
 import pytest
@@ -84,7 +84,7 @@ def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
         return Recorder(tmp_path / "daemon.mcap", metadata, threaded=request.param == "in the background")
 
     def disk(path):
-        return FullDisk(path, "wb")
+        return BufferedWriter(FullDisk(path, "wb"))
 
     return make
 

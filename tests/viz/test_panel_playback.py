@@ -13,7 +13,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from guidance.clock import MonotonicClock
 from guidance.errors import OutputError
 from guidance.log import cycles_of
-from guidance.log.reader import Item
+from guidance.log.entries import Item
 from guidance.session.control_bus import free_endpoint
 from guidance.session.flight_files import RECORD
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded

@@ -15,8 +15,7 @@ from guidance.flight import State
 from guidance.game import Ball, Game, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.broadcast import FoundFlight
-from guidance.log.entries import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, FLIGHT_OVER, RELOADED
-from guidance.log.reader import Item
+from guidance.log.entries import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, FLIGHT_OVER, RELOADED, Item
 from guidance.log.scene import isochron_at
 from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings

@@ -25,7 +25,7 @@ from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.log.scene import isochron_at
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import Config
-from guidance.viz.view import CURVES, DRAWN_EVERY_S, Destination, Painter, RecordFile, view
+from guidance.viz.view import CURVES, DRAWN_EVERY_S, Painter, RecordFile, view
 
 
 class Seeing:
@@ -161,7 +161,7 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
             return False
 
     monkeypatch.setattr("os.nice", lambda _: None)
-    count = view({"": RecordFile(growing, live=True)}, Destination(tmp_path / "g.rrd"), print, Ended())
+    count = view({"": RecordFile(growing, live=True)}, tmp_path / "g.rrd", (0, 0), print, Ended())
     followed = Seeing(tmp_path / "g.rrd")
     assert count == sum(item.topic == CYCLE_TOPIC for item in scan(record))
     for entity in ("/game/pursuer", "/game/evader"):

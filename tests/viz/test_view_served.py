@@ -19,8 +19,7 @@ from guidance.cli.viewers import CommandBeside, command
 from guidance.errors import ConfigError, LinkError
 from guidance.log import cycles_of, metadata_of
 from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
-from guidance.log.entries import CYCLE
-from guidance.log.reader import Item
+from guidance.log.entries import CYCLE, Item
 from guidance.session.control_bus import free_endpoint, host_session, join_session
 from guidance.viz.serving import _Relay, hidden_address, recording_server
 

@@ -67,14 +67,11 @@ class Access:
     """
 
     def __init__(self, port: int, remote: RemoteAccess | None) -> None:
-        self.token = secrets.token_urlsafe(24)
-        self.path = f"/{secrets.token_urlsafe(18)}/"
-        self.cookie = f"guidance-panel-{port}"
-        self.session = secrets.token_urlsafe(24)
+        self.token, self.session = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+        self.path, self.cookie = f"/{secrets.token_urlsafe(18)}/", f"guidance-panel-{port}"
         self.tls = None if remote is None else remote.tls
         self._password = "" if remote is None else remote.password
-        self.scheme = "http" if remote is None else "https"
-        self.needs_password = remote is not None
+        self.needs_password, self.scheme = remote is not None, "http" if remote is None else "https"
         self._hosts = frozenset(f"{name}:{port}" for name in _LOOPBACK_NAMES)
 
     def use_token(self, token: str) -> bool:
@@ -144,7 +141,7 @@ def remote_access(
         password_file: The password is its first line.
 
     Raises:
-        ConfigError: If a file is missing or cannot be used.
+        ConfigError: If a file is missing or cannot be used, others may read the password, or it is too short.
     """
     if certificate is None and key is None and password_file is None and is_loopback(host):
         return None
@@ -159,25 +156,13 @@ def remote_access(
     try:
         context.load_cert_chain(certificate, key)
     except (OSError, ssl.SSLError) as error:
-        raise ConfigError(
-            f"--certificate {certificate}, --key {key}: cannot be used ({error}); give PEM files"
-        ) from error
-    return RemoteAccess(context, read_password(password_file))
-
-
-def read_password(path: Path) -> str:
-    """Read the first line of a file that only its owner can read.
-
-    Raises:
-        ConfigError: If the file cannot be read, others may read it, or the password is too short.
-    """
-    password = text_of(path, f"--password-file {path}", secret=True).partition("\n")[0].strip()
+        said = f"--certificate {certificate}, --key {key}"
+        raise ConfigError(f"{said}: cannot be used ({error}); give PEM files") from error
+    password = text_of(password_file, f"--password-file {password_file}", secret=True).partition("\n")[0].strip()
     if len(password) < MIN_PASSWORD_LENGTH:
-        raise ConfigError(
-            f"--password-file {path}: its first line has {len(password)} characters; give at least "
-            f"{MIN_PASSWORD_LENGTH}"
-        )
-    return password
+        said = f"its first line has {len(password)} characters; give at least {MIN_PASSWORD_LENGTH}"
+        raise ConfigError(f"--password-file {password_file}: {said}")
+    return RemoteAccess(context, password)
 
 
 def map_of(tiles: str) -> tuple[str, str]:
@@ -209,9 +194,8 @@ def listen(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as error:
-        raise LinkError(
-            f"--host {host} --port {port}: {error.strerror}; choose another, or port 0 for a free one"
-        ) from error
+        reason = f"{error.strerror}; choose another, or port 0 for a free one"
+        raise LinkError(f"--host {host} --port {port}: {reason}") from error
 
 
 class Listener:
@@ -267,8 +251,7 @@ class Listener:
         self._strangers_s[handler] = self._clock.now_s() + LOGIN_DEADLINE_S
 
     async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
-        loop = asyncio.get_running_loop()
-        limit_s = None if self._tls is None else LOGIN_DEADLINE_S
+        loop, limit_s = asyncio.get_running_loop(), None if self._tls is None else LOGIN_DEADLINE_S
         try:
             await loop.connect_accepted_socket(lambda: handler, accepted, ssl=self._tls, ssl_handshake_timeout=limit_s)
         except OSError:  # no TLS, or the peer has gone

@@ -80,8 +80,7 @@ class DaemonBus:
         self._token_file, self._clock, self._credentials = token_file, clock, credentials
         self._news: deque[News] = deque(maxlen=MAX_QUEUED_NEWS)
         self._session: zenoh.Session | None = None
-        self._known: set[str] = set()
-        self._operator_seen_s: dict[str, float] = {}
+        self._known, self._operator_seen_s = set[str](), dict[str, float]()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"bus {endpoint}")
         self._thread.start()
@@ -96,8 +95,7 @@ class DaemonBus:
         Raises:
             LinkError: If no answer arrives in time.
         """
-        session = self._session
-        if session is None:
+        if (session := self._session) is None:
             raise LinkError(f"no daemon at {self.endpoint}: {self.reason}")
         try:
             if team:
@@ -106,9 +104,8 @@ class DaemonBus:
         except (zenoh.ZError, ValueError) as error:
             raise LinkError(f"{name} at {self.endpoint}: the order was not sent ({error})") from error
         if not answered:
-            raise LinkError(
-                f"{name} at {self.endpoint}: no answer within {ORDER_LIMIT_S:g} s; repeat it, or take over by radio"
-            )
+            mend = "repeat it, or take over by radio"
+            raise LinkError(f"{name} at {self.endpoint}: no answer within {ORDER_LIMIT_S:g} s; {mend}")
         return answered
 
     def note_operator(self, name: str) -> None:
@@ -179,36 +176,38 @@ class DaemonView:
         self._heard_s = now_s
         self._fold: SnapshotFold | None = None
         self._over: Plain | None = None
-        self._told: Plain = {"status": {}}
-        self._sent: Plain = {}  # nothing: the next message is whole
-        self._unsent_events = 0
+        self.told: Plain = {"status": {}}
+        self._sent, self._unsent_events = dict[str, Any](), 0  # nothing was sent: the next message is whole
         self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
         self._rows: deque[Sequence[float | None]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
 
     def take(self, news: News) -> None:
         """Take the metadata of a flight, a status, a cycle or an event; ignore unreadable ones."""
         if isinstance(news.what, Mapping):
-            self._told = {"status": news.what, "operator": of_operator(news.what)}
+            self.told = {"status": news.what, "operator": of_operator(news.what)}
             self._heard_s = news.at_s if self._fold is None else self._heard_s
             return
         with contextlib.suppress(*_BAD_DATA):  # another version: show its status at least
-            if isinstance(news.what, FoundFlight):
-                self._reset(news.what)
+            if isinstance(news.what, FoundFlight):  # start again with its metadata
+                self._fold, self._over, self._sent = None, None, {}
+                self._rows.clear()
+                self._fold = SnapshotFold(news.what.metadata, self.key)
+                if news.what.last_cycle is not None:
+                    self._fold.take(news.what.last_cycle)
             elif self._fold is not None:
                 self._add(news.what, news.at_s, self._fold)
-
-    def _reset(self, found: FoundFlight) -> None:
-        """Start again with the metadata of a flight."""
-        self._fold, self._over, self._sent = None, None, {}
-        self._rows.clear()
-        self._fold = SnapshotFold(found.metadata, self.key)
-        if found.last_cycle is not None:
-            self._fold.take(found.last_cycle)
 
     def _add(self, item: Item, at_s: float, fold: SnapshotFold) -> None:
         entry = fold.take(item)
         if isinstance(entry, EventEntry):
-            self._add_event(entry)
+            if entry.event == FLIGHT_OVER:
+                over = json.loads(entry.detail)
+                self._over = {name: str(over.get(name, "")) for name in ("ended", "record", "replay")}
+                entry = entry._replace(detail=self._over["ended"])
+            elif entry.event == BEGUN:
+                self._over = None
+            self._events.append(event_row(entry))
+            self._unsent_events += 1
         elif entry is not None:
             self._heard_s = at_s
             last_s = self._rows[-1][0] if self._rows else None
@@ -217,24 +216,9 @@ class DaemonView:
             if last_s is None or not 0.0 <= entry.now_s - last_s < HISTORY_INTERVAL_S:
                 self._rows.append(history_row(fold.snapshot()))
 
-    def _add_event(self, event: EventEntry) -> None:
-        if event.event == FLIGHT_OVER:
-            over = json.loads(event.detail)
-            self._over = {name: str(over.get(name, "")) for name in ("ended", "record", "replay")}
-            event = event._replace(detail=self._over["ended"])
-        elif event.event == BEGUN:
-            self._over = None
-        self._events.append(event_row(event))
-        self._unsent_events += 1
-
-    @property
-    def team(self) -> str:
-        """Name of the vehicle's team; empty without one."""
-        return str(self._told["status"].get("team", ""))
-
     def _parts(self) -> Plain:
         """Return the parts of a message that are replaced when they change."""
-        return self._told | ({} if self._fold is None else {"scene": self._fold.scene, "snapshot": self._fold.last})
+        return self.told | ({} if self._fold is None else {"scene": self._fold.scene, "snapshot": self._fold.last})
 
     def message(self, now_s: float, *, whole: bool) -> Plain:
         """Return the parts that changed since the last message of changes, or everything (`whole`)."""
@@ -289,15 +273,13 @@ class Hub:
         Raises:
             LinkError: If the daemon is unknown or does not answer.
         """
-        view = self._views.get(key)
-        if view is None:
+        if (view := self._views.get(key)) is None:
             raise LinkError(f"no daemon {key!r} is known")
-        return view.bus.order(view.name, order, by, view.team if team else "")
+        return view.bus.order(view.name, order, by, str(view.told["status"].get("team", "")) if team else "")
 
     def note_operator(self, key: str) -> None:
         """Send signs of life to a daemon for a short time; unknown keys are ignored."""
-        view = self._views.get(key)
-        if view is not None:
+        if (view := self._views.get(key)) is not None:
             view.bus.note_operator(view.name)
 
     def close(self) -> None:

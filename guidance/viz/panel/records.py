@@ -78,11 +78,8 @@ class RecordFolder:
         unread = {paths[name]: key for name, key in keys.items() if key not in self._outcomes}
         if unread and (self._reading is None or self._reading.done()):
             self._reading = asyncio.create_task(self._read(unread))
-        unknown: Mapping[str, Any] = {"reading": True}
-        return [
-            {"record": name, "megabytes": round(key[2] / 1e6, 2), **self._outcomes.get(key, unknown)}
-            for name, key in keys.items()
-        ]
+        told = {name: self._outcomes.get(key, {"reading": True}) for name, key in keys.items()}
+        return [{"record": name, "megabytes": round(key[2] / 1e6, 2), **told[name]} for name, key in keys.items()]
 
     async def _read(self, unread: Mapping[Path, Key]) -> None:
         """Read the outcomes in one child, which prints each as a line."""

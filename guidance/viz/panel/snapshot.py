@@ -13,6 +13,7 @@ import sys
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from functools import reduce
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,8 +29,8 @@ from guidance.frames import ned_from_game
 from guidance.game import Winner
 from guidance.log import Aggregator, CycleEntry, EventEntry, Item, metadata_of, record_errors, scan
 from guidance.log.codec import plain
-from guidance.log.entries import CYCLE_TOPIC, EVENT, EVENT_TOPIC
-from guidance.log.reader import Survey, entry_of, survey_of, title_of
+from guidance.log.entries import BEGINNINGS, CYCLE_TOPIC, EVENT, EVENT_TOPIC, title_of
+from guidance.log.reader import Survey, entry_of, survey_of
 from guidance.log.scene import fence_edges, isochron_at, target_edge
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.monitor import Violation
@@ -75,6 +76,7 @@ _STATES: Final[Mapping[State, Level]] = {
 
 _REACH: Final[Mapping[str, Level]] = {"yes": Level.OK, "uncertain": Level.CAUTION}
 
+_OF_THE_GAME: Final = ("value", "time_needed_s", "vehicle_margin_s", "reachable_speed_m_s", "assured_distance_m")
 _VELOCITIES: Final = ("flown", "commanded", "desired")
 HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
     "now_s": ("now_s",),
@@ -84,7 +86,7 @@ HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
     "height_gap_m": ("height_gap_m",),
     "value": ("game", "value"),
     "time_needed_s": ("game", "time_needed_s"),
-    "assured_m": ("game", "assured_m"),
+    "assured_m": ("game", "assured_distance_m"),
     **{f"{name}_m_s": ("speed_m_s", name) for name in _VELOCITIES},
     **{f"{name}_age_s": ("age_s", name) for name in ("position", "evader")},
 }
@@ -98,23 +100,16 @@ def event_row(event: EventEntry) -> Plain:
 
 def history_row(snapshot: Plain | None) -> list[float | None]:
     """Return a snapshot as a row of the charts."""
-    row = []
-    for path in HISTORY.values():
-        part: Any = snapshot
-        for step in path:
-            part = None if part is None else part[step]
-        row.append(None if part is None else round(part, 2))
-    return row
+    parts: list[Any] = [reduce(lambda part, step: part and part[step], path, snapshot) for path in HISTORY.values()]
+    return [None if part is None else round(part, 2) for part in parts]
 
 
 def level_of(value: float, caution: float, warning: float) -> Level:
     """Severity by two limits: of an age above them, of a share such as the battery's (`warning` is the lower) below."""
-    sign = math.copysign(1.0, warning - caution)
     if math.isnan(value):
         return Level.UNKNOWN
-    return (
-        Level.WARNING if sign * value > sign * warning else Level.CAUTION if sign * value > sign * caution else Level.OK
-    )
+    exceeded = [value > limit if warning > caution else value < limit for limit in (caution, warning)]
+    return (Level.OK, Level.CAUTION, Level.WARNING)[sum(exceeded)]
 
 
 def of_operator(status: Mapping[str, Any]) -> Plain | None:
@@ -139,7 +134,7 @@ def of_snapshot(snapshot: Plain, settings: FlightSettings) -> dict[str, Level]:
         "gps": Level.UNKNOWN if gps is None else Level.OK if gps["fix"] >= _FIX_3D else Level.WARNING,
         "stream": Level.WARNING if state in SETPOINT_STATES and not snapshot["streaming"] else Level.OK,
         "reach": Level.UNKNOWN if game is None else _REACH.get(game["reach"], Level.WARNING),
-        "limits": Level.CAUTION if game is not None and game["limits"] else Level.OK,
+        "limits": Level.CAUTION if game is not None and game["active_limits"] else Level.OK,
     }
 
 
@@ -159,15 +154,12 @@ class SnapshotFold:
         self._begin()
 
     def _begin(self) -> None:
-        self._flights = self._flight.flights
         self.last: CycleEntry | None = None
-        self._source = ""
         self._shown: Plain | None = None
         self._alarm: Plain | None = None
         self._isochron: tuple[float, list[Any]] = (-math.inf, [])
         self._armed_s = self._round_trip_s = math.nan
-        self._positions_s: deque[float] = deque()
-        self._most_positions = 0
+        self._source, self._positions_s, self._most_positions = "", deque[float](), 0
         self._set_scene()
 
     def take(self, item: Item) -> EventEntry | CycleEntry | None:
@@ -177,10 +169,10 @@ class SnapshotFold:
             ConfigError: If it cannot be decoded.
         """
         entry = self._flight.take(item)
-        if self._flight.flights != self._flights:
-            self._begin()
         if isinstance(entry, CycleEntry):
             self._add_cycle(entry)
+        elif entry is not None and entry.event in BEGINNINGS:
+            self._begin()
         return entry
 
     def _add_cycle(self, row: CycleEntry) -> None:
@@ -202,6 +194,7 @@ class SnapshotFold:
         cycle, envelope, place = self._flight.settings.cycle, self._flight.envelope, self._flight.vehicle.last(Home)
         target, standoff, self._home_m = cycle.target_game_m, cycle.game.standoff, self._flight.home_m
         edges = [] if self._home_m is None else fence_edges(envelope, self._home_m)
+        outline = [] if target is None else np.round(target_edge(target, cycle.game.target_extent), 1).tolist()
         self.scene: Plain = {
             "unit": "s" if target is None else "m",
             "home_m": rounded(self._home_m),
@@ -210,9 +203,7 @@ class SnapshotFold:
             "floor_m": envelope.floor_m,
             "ceiling_m": envelope.ceiling_m,
             "target_m": rounded(target),
-            "target_edge_m": []
-            if target is None
-            else np.round(target_edge(target, cycle.game.target_extent), 1).tolist(),
+            "target_edge_m": outline,
             "standoff_m": {"radius": standoff.radius_m, "height": standoff.height_m},
         }
 
@@ -222,15 +213,19 @@ class SnapshotFold:
         if row is None or self._shown is not None:
             return self._shown
         certificate, alarm, vehicle = row.certificate, self._alarm, self._flight.vehicle
+        pursuer, evader = map(ned_from_game, (cycle.pursuer_m, cycle.evader_m))
+        gaps = gaps_to_disc(pursuer, evader, self._flight.settings.cycle.game.standoff)
+        before = math.isnan(cycle.gap_m)  # the disc exists also before and after the game
         snapshot: Plain = {
             **self._vehicle(),
-            **self._gaps(),
             "now_s": round(row.now_s, 3),
             "state": str(row.state),
             "state_words": state_words(row.state, airborne=vehicle.armed and not vehicle.on_ground),
             "streaming": row.setpoint is not None,
             "against": self._flight.playing or "",
             "source": self._source,
+            "gap_m": gaps.ground_m if before else cycle.gap_m,
+            "height_gap_m": gaps.height_m if before else cycle.height_gap_m,
             "pursuer_m": rounded(cycle.pursuer_m),
             "evader_m": rounded(cycle.evader_m),
             "speed_m_s": {name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in _VELOCITIES},
@@ -264,15 +259,6 @@ class SnapshotFold:
             "yaw_rad": math.nan if vehicle.last(Attitude) is None else round(vehicle.yaw_rad, 3),
         }
 
-    def _gaps(self) -> Plain:
-        """Distances to the disc, also before and after the game; NaN if a position is unknown."""
-        cycle = self._flight.cycle
-        if not math.isnan(cycle.gap_m):
-            return {"gap_m": cycle.gap_m, "height_gap_m": cycle.height_gap_m}
-        pursuer, evader = map(ned_from_game, (cycle.pursuer_m, cycle.evader_m))
-        gaps = gaps_to_disc(pursuer, evader, self._flight.settings.cycle.game.standoff)
-        return {"gap_m": gaps.ground_m, "height_gap_m": gaps.height_m}
-
     def _curve(self, certificate: Certificate, now_s: float) -> list[Any]:
         # Computed seldom, because it solves a batch of games.
         if not 0.0 <= now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:
@@ -284,17 +270,9 @@ class SnapshotFold:
 
 def game_of(certificate: Certificate) -> Plain:
     """Return what the page shows of a game."""
-    return {
-        "value": certificate.value,
-        "time_needed_s": certificate.time_needed_s,
-        "margin_s": certificate.vehicle_margin_s,
-        "reachable_m_s": certificate.reachable_speed_m_s,
-        "assured_m": certificate.assured_distance_m,
-        "reach": reach_of(certificate),
-        "limits": list(certificate.active_limits),
-        "meeting_m": None if certificate.no_game else rounded(certificate.meeting_point_game_m),
-        "isochron_m": None,
-    }
+    meeting_m = None if certificate.no_game else rounded(certificate.meeting_point_game_m)
+    game = {name: getattr(certificate, name) for name in (*_OF_THE_GAME, "active_limits")}
+    return game | {"reach": reach_of(certificate), "meeting_m": meeting_m, "isochron_m": None}
 
 
 def reach_of(certificate: Certificate) -> str:

@@ -37,7 +37,7 @@ function lines({ snapshot: seen, scene, status, operator }) {
     ["source", null, seen.source || "–"],
     ["stream", levels.stream, seen.streaming ? TEXTS.streaming : TEXTS.silent],
   );
-  if (game) rows.push(["limits", levels.limits, game.limits.length ? game.limits.join(", ") : TEXTS.none]);
+  if (game) rows.push(["limits", levels.limits, game.active_limits.length ? game.active_limits.join(", ") : TEXTS.none]);
   if (alarm) rows.unshift(["alarm", "warning", `${alarm.what} (${alarm.amount.toFixed(1)})`]);
   if (operator) rows.push(["operator", operator.level, TEXTS.operatorSeen(operator.silence_s, operator.limit_s)]);
   if (status.recording) rows.push(["recording", recorded(status.recording), status.recording]);
@@ -45,8 +45,8 @@ function lines({ snapshot: seen, scene, status, operator }) {
 }
 
 function played(game, levels, scene) {
-  const rows = [["reach", levels.reach, TEXTS.reach(game.reach, game.time_needed_s)], ["reaches", null, number(game.reachable_m_s, 1, "m/s")]];
-  if (scene?.unit === "m") rows.push(["assured", null, number(game.assured_m, 1, "m")], ["margin", null, number(game.margin_s, 1, "s")]);
+  const rows = [["reach", levels.reach, TEXTS.reach(game.reach, game.time_needed_s)], ["reaches", null, number(game.reachable_speed_m_s, 1, "m/s")]];
+  if (scene?.unit === "m") rows.push(["assured", null, number(game.assured_distance_m, 1, "m")], ["margin", null, number(game.vehicle_margin_s, 1, "s")]);
   return rows;
 }
 
