@@ -19,7 +19,7 @@ Seed = Annotated[int | None, typer.Option(min=0, help="Seed; default: the scenar
 Url = Annotated[str | None, typer.Option(help="URL of an autopilot that runs already.", metavar="URL")]
 Expected = Annotated[str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT.")]
 Link = Annotated[str, typer.Option(help="Client in real time: mavsdk or pymavlink.")]
-Port = Annotated[int, typer.Option(help="Port of the mock's Zenoh session, or its first UDP port; 0 is any.")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Zenoh port of the mock, or its first UDP port; 0 is any.")]
 FlightFolder = Annotated[Path | None, typer.Option(help="Its new folder.", show_default="flights/SCENARIO-NUMBER")]
 Name = Annotated[str | None, typer.Option(help="The vehicle's name; not needed if there is only one.")]
 TokenFile = Annotated[Path | None, typer.Option(help="The control.token_file; not needed for your own daemon.")]

@@ -132,7 +132,7 @@ def test_a_port_in_use_is_one_message_and_nothing_is_left_running(tmp_path):
     [
         (["fly", "nonsense"], "no scenario 'nonsense'"),
         (["fly", "--link", "carrier-pigeon"], "allowed are mavsdk, pymavlink"),
-        (["fly", "--port", "70000"], "--port 70000"),
+        (["fly", "--port", "70000"], "65535"),
     ],
 )
 def test_bad_arguments_end_with_one_clear_message(arguments, words, tmp_path, monkeypatch):
