@@ -266,15 +266,10 @@ def _guard(
     braking_s = braking_s if missing_m > 0.0 else 0.0
     levelling_s = 0.0
     if up:
-        levelling_s = _levelling_s(here, vehicle)
+        # Braking to the height of the disc costs time, until the vehicle is within tolerance.
+        excess_m_s = max(0.0, abs(up) - math.sqrt(2.0 * envelope.vertical_braking_m_s2 * vehicle.tolerance_m))
+        levelling_s = excess_m_s**2 / (2.0 * envelope.vertical_braking_m_s2 * abs(up))
         levelling_s += (1.0 - vehicle.acceleration.descent_share) * abs(P[2] - E[2] - game.standoff.height_m) / abs(up)
     margin_s = solve_state(shown, late, E, T, evader_velocity_m_s=players.evader_m_s).margin_s
     needed_s = flies_on_s + max(braking_s, levelling_s) + UNSURE_S + UNSURE * here.meeting_time_s
     return guarding_m_s, min(margin_s, here.margin_s) - needed_s
-
-
-def _levelling_s(here: StateSolution, vehicle: Vehicle) -> float:
-    """Return the time lost by braking to the height of the disc, until the vehicle is within tolerance, s."""
-    speed_m_s, braking_m_s2 = abs(here.pursuer_velocity_m_s[2]), vehicle.envelope.vertical_braking_m_s2
-    excess_m_s = speed_m_s - math.sqrt(2.0 * braking_m_s2 * vehicle.tolerance_m)
-    return excess_m_s**2 / (2.0 * braking_m_s2 * speed_m_s) if excess_m_s > 0.0 else 0.0

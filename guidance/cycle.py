@@ -120,9 +120,8 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
-        return output._replace(
-            certificate=without_game(players)._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s)
-        )
+        refused = without_game(players)._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s)
+        return output._replace(certificate=refused)
     vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s, settings.tolerance_m)
     solution, waiting, certificate = certify(game, players, vehicle, memory.optimal_game_m_s)
     optimal = solution.pursuer_velocity_m_s

@@ -121,15 +121,11 @@ def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real
         return (run * gap + xp.sqrt(hand * (z * z) + cross * cross)) / hand  # V, eq. (19), of both speeds
     above = (abs(z) - capture) / u
     half, cross = run * gap - u * capture, u * gap - run * capture
-    t = _positive_root(xp, hand, half, xp.sqrt(hand * (z * z) + cross * cross), gap * gap + z * z - capture * capture)
-    return xp.maximum(xp.select(gap + run * above > 0, t, above), 0.0)
-
-
-def _positive_root(xp: Library, hand: Real, half: Real, delta: Real, beyond: Real) -> Real:
-    """Solve hand·t² − 2 half·t − beyond = 0, `delta` being √(half² + hand·beyond), by the form that does not cancel."""
+    delta, beyond = xp.sqrt(hand * (z * z) + cross * cross), gap * gap + z * z - capture * capture
+    # The positive root of hand·t² − 2 half·t − beyond = 0, by the form that does not cancel.
     kept = half >= 0
-    other = xp.select(kept, 1.0, delta - half)
-    return xp.select(kept, (half + delta) / hand, beyond / other)
+    t = xp.select(kept, (half + delta) / hand, beyond / xp.select(kept, 1.0, delta - half))
+    return xp.maximum(xp.select(gap + run * above > 0, t, above), 0.0)
 
 
 def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:

@@ -21,7 +21,6 @@ from guidance.game.records import is_finite
 from guidance.game.rows import for_rows, leading_shape, most_squares, refused_rows, simplified, squares
 from guidance.game.tad import defence
 
-NAN = float("nan")
 NAMES = ("pursuer", "evader", "target", "evader_velocity_m_s")
 
 ROWS = 12288
@@ -252,7 +251,7 @@ def _put_together(
 ) -> Solution:
     """Build an answer from its components, with NaN in rows without an answer."""
     sound = fault == 0
-    spoil = xp.select(sound, 0.0, NAN)
+    spoil = xp.select(sound, 0.0, math.nan)
     winner = xp.select(sound, play.winner, int(Winner.UNDECIDED))
     reason = xp.select(sound, _doubted(xp, game, play), fault)
     if xp is not NUMPY:

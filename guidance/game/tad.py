@@ -145,20 +145,15 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     if paper is not None and circle is True:
         return Contest(goal, arrival, guard, margin, short, paper.edge)
     wanted = margin > 0 if paper is None else (margin > 0) & ~circle
-    edge = closest_point(xp, game, state, centre, _ahead(xp, game, centre, goal), wanted)
+    near = goal
+    if not game.target_extent.is_point:  # where it can meet the point of its target that is nearest now
+        near = _arrive(xp, game, from_set(centre, nearest(xp, game.target_extent, (-centre[0], -centre[1]))[0]))[1]
+    edge = closest_point(xp, game, state, centre, near, wanted)
     found = Contest(goal, arrival, guard, margin, short, edge)
     if paper is None:
         return found
     both: Contest = xp.select_all(circle, paper, found)
     return found._replace(edge=both.edge) if flat else both
-
-
-def _ahead(xp: Library, game: Game, centre: Plane, goal: Plane) -> Plane:
-    """Return the vector from E to where it can meet the point of its target that is nearest now."""
-    if game.target_extent.is_point:
-        return goal
-    near, _ = nearest(xp, game.target_extent, (-centre[0], -centre[1]))
-    return _arrive(xp, game, from_set(centre, near))[1]
 
 
 def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane, z: Real) -> Contest:
