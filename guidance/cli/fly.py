@@ -19,7 +19,7 @@ from rich.text import Text
 
 from guidance.cli import INTERRUPTED, arguments
 from guidance.cli.arguments import may_fly, refuse
-from guidance.cli.scenario import tell_players
+from guidance.cli.players import tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require
@@ -72,7 +72,7 @@ def fly(
 
     With `--vehicle URL` nothing is started: the autopilot there, PX4 or ArduCopter, is **armed**, climbs, flies to the
     start, plays, returns and lands. The scenario is laid about its home, and its evader is simulated here and reports
-    over UDP as a real one would. Preflight has to pass (`guidance check --vehicle URL --apply`). Ctrl-C lands it; the
+    in MAVLink as a real one would. Preflight has to pass (`guidance check --vehicle URL --apply`). Ctrl-C lands it; the
     pilot's mode switch takes it at any moment. The command asks before it
     flies a vehicle that is not on loopback.
 

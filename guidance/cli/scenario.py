@@ -13,23 +13,23 @@ from rich.text import Text
 
 from guidance.cli import arguments
 from guidance.cli.arguments import CommandGroup, agree, may_fly, refuse
+from guidance.cli.players import as_text, tell_players
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.files import private_file, writing
-from guidance.screen import Cell, console, pairs, sheet
+from guidance.screen import console, pairs, sheet
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play
 from guidance.sim.outcome import outcome_json, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
-from guidance.sim.teams import TeamOutcome, TeamScenario, opening_of, play_teams, summary_of
+from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
 
 if TYPE_CHECKING:
     from guidance.session.fly import Way
-    from guidance.session.result import MissionResult
 
 scenario = typer.Typer(
     cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
@@ -45,10 +45,6 @@ _REPORTED: Final = "reported"
 """Evader policy in the row of a run `--as vehicle`, where the evader is only reported."""
 
 _STANDARD_OUTPUT: Final = Path("-")
-
-_ROLES: Final = ("first", "second")
-_NUMBERS: Final = ("game_time_s", "predicted", "achieved", "regret")
-_FLOWN: Final = ("ended", "alarms", "limits")
 
 
 @scenario.command()
@@ -159,10 +155,10 @@ def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Con
     else:
         row = rows[0]._asdict()
         units = {name: _unit(name) for name in row} | {"regret": "s" if scenario.game == "pe" else "m"}
-        there.print(pairs((name, _shown(row[name], units[name])) for name in row if name != "scenario"))
+        there.print(pairs((name, as_text(row[name], units[name])) for name in row if name != "scenario"))
         verdicts = scenario.expect.of(row)
     cells = [
-        (one.column, one.expected, _shown(one.value), Text("holds", "green") if one.held else Text("FAILS", "red"))
+        (one.column, one.expected, as_text(one.value), Text("holds", "green") if one.held else Text("FAILS", "red"))
         for one in verdicts
     ]
     if cells:
@@ -170,61 +166,11 @@ def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Con
     return verdicts
 
 
-def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "MissionResult | None" = None) -> None:
-    """Print a line for each vehicle and each evader, and the row of the team.
-
-    Args:
-        rows: One for each evader; none if no game began.
-        console: Where to.
-        result: Of a flight; None in mathematics.
-    """
-    vehicles = [f"uav{number + 1}" for number in range(rows[0].pursuers)] if result is None else list(result.vehicles)
-    evaders = [f"rover{row.evader + 1}" for row in rows]
-    cells = list[Sequence[Cell]]()
-    for number, name in enumerate(vehicles):
-        roles = [f"{evaders[row.evader]}, {role}" for role in _ROLES for row in rows if getattr(row, role) == number]
-        captured = [evaders[row.evader] for row in rows if row.captor == number]
-        one = None if result is None else result.vehicles[name]
-        flown = [] if one is None else [str(one.ended), str(len(one.alarms)), ", ".join(one.limits) or "-"]
-        cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flown])
-    headings = ("vehicle", "assigned", "captured", *(() if result is None else _FLOWN))
-    console.print(sheet(headings, cells, left=range(len(headings))))
-    if not rows:
-        return
-    names = dict(enumerate(vehicles)) | {-1: "-"}
-    cells = []
-    for row, evader in zip(rows, evaders, strict=True):
-        who = (names[number] for number in (row.first, row.second, row.captor))
-        promise = [] if result is None else [_promise(result, row, evader)]
-        cells.append([evader, row.end, *who, *(_shown(getattr(row, name)) for name in _NUMBERS), *promise])
-    headings = ("evader", "end", *_ROLES, "captor", *_NUMBERS, *(() if result is None else ("promise",)))
-    left = [place for place, heading in enumerate(headings) if heading not in _NUMBERS]
-    console.print(sheet(headings, cells, left=left))
-    summary = summary_of(rows)
-    console.print(sheet(("team", *summary), [(rows[0].game, *map(_shown, summary.values()))]))
-
-
-def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
-    """Say whether the last promise about an evader was kept."""
-    roles = [one.board.roles for one in result.members.values() if one.board.roles is not None]
-    promises = [promise for each in roles for promise in each.promises if promise.evader == evader]
-    unit, captured = "s" if row.game == "pe" else "m", row.end == "captured"
-    return promises[0].verdict(row.predicted, row.achieved, unit, captured=captured) if promises else "-"
-
-
 def _unit(column: str) -> str:
     """Return the unit that ends the name of a column, or that its name implies."""
     if column.endswith("_m_s"):
         return "m/s"
     return {"s": "s", "m": "m"}.get(column.rpartition("_")[2], "")
-
-
-def _shown(value: Any, unit: str = "") -> str:  # noqa: ANN401 - any column
-    if isinstance(value, tuple):
-        return ", ".join(value) or "none"
-    if isinstance(value, float):
-        return "-" if value != value else f"{round(value, 3) + 0.0:.3f} {unit}".rstrip()  # noqa: PLR0124 - NaN
-    return str(value) or "-"
 
 
 @scenario.command(name="list")

@@ -246,7 +246,7 @@ def _beyond(allowed_m: float, *limiters: Limiter) -> "Condition":
     """Return whether a wall of these kinds has been crossed by more than the allowed distance."""
 
     def crossed(now: Moment) -> bool:
-        view = now.heard.view(now.now_s)
+        view = now.heard.seen or now.heard.view(now.now_s)
         walls = () if view is None else view.walls
         return any(-(wall.gap_m + wall.margin_m) > allowed_m for wall in walls if wall.limiter in limiters)
 

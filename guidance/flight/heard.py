@@ -15,7 +15,7 @@ from guidance.control.braking_law import Separation, Situation, measure_walls
 from guidance.cycle import CycleInputs
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.frames import Amsl, LocalFrame, Vector, difference
+from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference
 from guidance.game import StandOff
 from guidance.messages import Heartbeat, LocalPosition, MateState, Message, PositionTarget, Role, Setpoint
 from guidance.vehicle import VehicleState, observe
@@ -83,6 +83,7 @@ class Heard:
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
         self._home_in: tuple[Vector, LocalFrame] | None = None
+        self._game_frame: GameFrame | None = None
         self._jumps = (NOWHERE, NOWHERE)
         self.vehicle = VehicleState()
         self.tracking = Tracking(settings)
@@ -178,8 +179,10 @@ class Heard:
             self._home_in = home_ned_m, frame
             envelope = replace(self.cycle.envelope, home_ned_m=home_ned_m)
             self.cycle = replace(self.cycle, envelope=self._settings.limits.about_home(envelope, home_ned_m, frame))
-        if tracking.game_frame is not None and self._settings.start_game_m is not None:
-            self.start_ned_m = tracking.game_frame.position_to_ned(self._settings.start_game_m)
+        if tracking.game_frame is not self._game_frame and self._settings.start_game_m is not None:
+            self._game_frame = tracking.game_frame
+            if tracking.game_frame is not None:
+                self.start_ned_m = tracking.game_frame.position_to_ned(self._settings.start_game_m)
         if (local := self.vehicle.last(LocalPosition)) is not None:
             here, back = local.position_ned_m, held_back_ned_m
             self.position_ned_m = here if back == NOWHERE else difference(here, back)

@@ -250,7 +250,7 @@ class Flight:
         leaving = state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed
         due = state in SETPOINT_STATES or leaving or (inviting and now_s - self._stage.since_s > INVITE_AFTER_S)
         setpoint, self._playing.alarm = None, None
-        seen = heard.view(now_s) if due else None
+        seen = (heard.seen or heard.view(now_s)) if due else None
         if seen is not None and heard.vehicle.age_s(LocalPosition, now_s) <= TELEMETRY_LIMIT_S:
             needed = math.nan if self.settings.reserve is None else self.battery_needed
             setpoint = self._playing.setpoint(seen, heard.cycle, state, now_s, battery_needed=needed)

@@ -162,6 +162,15 @@ class Floats(Library):
         """Choose one of two numbers."""
         return yes if condition else no
 
+    def select2(self, condition: Truth, yes: Plane, no: Plane) -> Plane:
+        """Choose one of two plane vectors."""
+        return yes if condition else no
+
+    def unit2(self, v: Plane, length: Real) -> Plane:
+        """Return the direction of a plane vector of known length; the x axis if the length is zero."""
+        inverse = 1.0 / (length if length > 0 else 1.0)
+        return v[0] * inverse if length > 0 else 1.0, v[1] * inverse
+
     def sign(self, value: float) -> int:
         """Return 1, 0 or −1."""
         return (value > 0) - (value < 0)

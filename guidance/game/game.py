@@ -183,8 +183,9 @@ class Game(Numbers):
         Raises:
             ConfigError: a number is not finite or out of range, or the evader is too fast.
         """
-        require("evader_speed_m_s", evader_speed_m_s)
-        require("information_age_s", information_age_s, zero_allowed=True)
+        if not (0.0 < evader_speed_m_s < math.inf and 0.0 <= information_age_s < math.inf):
+            require("evader_speed_m_s", evader_speed_m_s)
+            require("information_age_s", information_age_s, zero_allowed=True)
         pursuer = self.pursuer
         if horizontal_m_s not in (None, pursuer.horizontal_m_s):
             name = "speed_m_s" if isinstance(pursuer, Ball) else "horizontal_m_s"
