@@ -91,7 +91,10 @@ class LocalFrame:
     """A local NED frame about a given origin (GPS_GLOBAL_ORIGIN).
 
     `home` is needed for `Relative` altitudes, and `undulation_m` (ellipsoid minus mean sea level at this place) for
-    `Ellipsoid` ones. The origin is a place on Earth and no pole: whoever makes a frame has checked that.
+    `Ellipsoid` ones.
+
+    Raises:
+        ConfigError: If the origin is not a place on Earth, or a pole.
     """
 
     latitude_deg: float
@@ -100,6 +103,15 @@ class LocalFrame:
     home: Amsl | None = None
     undulation_m: float | None = None
     projection: Projection = WGS84
+
+    def __post_init__(self) -> None:
+        if not abs(self.latitude_deg) < 90.0:  # at a pole north has no direction
+            raise ConfigError(f"latitude_deg = {self.latitude_deg}: allowed is between -90 and 90, both excluded")
+        if not abs(self.longitude_deg) <= 180.0:
+            raise ConfigError(f"longitude_deg = {self.longitude_deg}: allowed is -180 to 180")
+        for name, value in (("altitude", self.altitude), ("home", self.home)):
+            if value is not None and not (isinstance(value, Amsl) and math.isfinite(value.metres)):
+                raise ConfigError(f"{name} = {value}: allowed is a finite altitude above mean sea level (Amsl)")
 
     def amsl(self, altitude: Altitude) -> Amsl:
         """Turn any altitude into one above mean sea level.

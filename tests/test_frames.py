@@ -112,6 +112,23 @@ def test_a_datum_that_cannot_be_converted_is_refused_by_name(altitude, word):
         LocalFrame(47.0, 8.0, Amsl(400.0)).amsl(altitude)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ((90.0, 8.0, Amsl(0.0)), "latitude_deg"),
+        ((math.nan, 8.0, Amsl(0.0)), "latitude_deg"),
+        ((47.0, 181.0, Amsl(0.0)), "longitude_deg"),
+        ((47.0, math.nan, Amsl(0.0)), "longitude_deg"),
+        ((47.0, 8.0, Amsl(math.inf)), "altitude"),
+        ((47.0, 8.0, Relative(0.0)), "altitude"),
+        ((47.0, 8.0, Amsl(0.0), Ellipsoid(3.0)), "home"),
+    ],
+)
+def test_an_origin_that_is_no_place_is_refused_by_name(arguments, word):
+    with pytest.raises(ConfigError, match=word):
+        LocalFrame(*arguments)
+
+
 def test_the_game_s_axes_are_east_north_up_above_the_plane():
     game = GameFrame((100.0, 200.0, -5.0))  # the evader's plane is 5 m above the origin
     assert game.position_from_ned((103.0, 207.0, -20.0)) == (7.0, 3.0, 15.0)

@@ -151,6 +151,8 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
             panel.plot(centres, middle, **style)
             panel.fill_between(centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
         panel.set(xlabel=key_label(key.column), ylabel=name.format(report["unit"]), title=f"evader: {evader}")
+        if measure == "capture":
+            panel.set_ylim(-0.03, 1.03)
         if [*key.centres] == [*range(len(key.labels))]:
             panel.set_xticks(key.centres, key.labels)
     _legend(figure, axes)
