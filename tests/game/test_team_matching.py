@@ -312,6 +312,15 @@ def test_no_rows_are_matched_in_no_rows_and_no_players_are_no_game():
             match_teams(PAPER, P, E, T)
 
 
+def test_a_pair_that_does_not_play_needs_no_numbers_where_evaders_differ_in_speed():
+    slow, fast = Game(Ball(4.0), 1.0), Game(Ball(4.0), 2.0)
+    P, E = np.array([[6.0, 4.0, 5.0], [6.0, -5.0, 3.0]]), np.array([[9.0, 0.0, 0.0], [-20.0, 3.0, 0.0]])
+    every, one = (match_teams([[slow, fast], [slow, other]], P, E) for other in (fast, None))
+    assert every.first.tolist() == one.first.tolist() == [1, 0]
+    assert match_teams([[None, fast], [slow, None]], P, E).first.tolist() == [1, 0]
+    np.testing.assert_array_equal(every.value, one.value)
+
+
 def test_who_is_not_stopped_runs_to_its_target_and_stays_there():
     E = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 0.0], [3.0, -4.0, 0.0]])
     found = match_teams(PAPER, np.array([[90.0, 0.0, 0.0]]), E, T)

@@ -55,7 +55,9 @@ def joined(games: Games, shape: str) -> TeamGame:
             "game: the games of a team must have the same speed set (Ball or Cylinder), target_velocity_m_s, "
             "target_extent and evader_space, and single numbers"
         )
-    each = [parameters(game or first) for game in table.flat]
+    rows = table.reshape(len(table), -1)
+    alike = [next(filter(None, column), first) for column in rows.T]
+    each = [parameters(game or other) for row in rows for game, other in zip(row, alike, strict=True)]
     number = {name: np.array([one[name] for one in each]).reshape(table.shape) for name in each[0]}
     standoff = StandOff(number.pop("radius_m"), number.pop("height_m"))
     wind = number.pop("wind_x_m_s"), number.pop("wind_y_m_s")
