@@ -93,6 +93,7 @@ def report(
     folder: Annotated[Path, typer.Argument(help="The folder of a sweep; it may be incomplete.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the report.", show_default="FOLDER/report")] = None,
     worst: Annotated[int, typer.Option(min=0, help="Worst games of each pair of policies, as scenario files.")] = 3,
+    as_json: Json = False,
 ) -> None:
     """Report captures and regret for each pair of policies and each swept value.
 
@@ -105,8 +106,8 @@ def report(
     require("guidance sweep report", "sim", "plot")
     from guidance.sweeps.report import write_report  # noqa: PLC0415 - matplotlib takes a second
 
-    for path in write_report(folder, folder / "report" if out is None else out, worst=worst):
-        typer.echo(str(path))
+    for path in write_report(folder, folder / "report" if out is None else out, worst=worst, as_json=as_json):
+        typer.echo(str(path), err=as_json)
 
 
 def compare(

@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 import re
+import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -39,13 +40,14 @@ _EITHER: Final = {
 """Columns of which a game of two players fills one."""
 
 
-def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
+def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
     """Print a sweep's tables, write its report, and return the files.
 
     Args:
         path: Folder of the sweep.
         out: Folder of the report.
         worst: Number of scenario files for each pair of policies, of the games with the worst results.
+        as_json: Print the JSON instead of the tables.
 
     Raises:
         ConfigError: If the folder is not that of a sweep, or empty.
@@ -59,11 +61,15 @@ def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
         private_folder(out)
         cases = list(_written_worst(folder, table, out, worst))
         report = summed_up(plan, table, keys, cases)
-        write_whole(out / "report.json", json.dumps(report, indent=1).encode() + b"\n")
+        text = json.dumps(report, indent=1) + "\n"
+        write_whole(out / "report.json", text.encode())
         regret, pair = table["regret"].to_numpy(), table[PAIR].to_numpy()
         regrets = [regret[np.isfinite(regret) & (pair == number)] for number in range(len(plan.pairs))]
         pictures = draw_all(report, keys, regrets, out)
-    _show(console(), report, keys)
+    if as_json:
+        sys.stdout.write(text)
+    else:
+        _show(console(), report, keys)
     return [out / "report.json", *pictures, *(out / case["file"] for case in cases)]
 
 
