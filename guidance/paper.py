@@ -67,6 +67,18 @@ class Case(NamedTuple):
     path: tuple[Sample, ...]
 
     @property
+    def plain(self) -> dict[str, Any]:
+        """The numbers without the path, for JSON."""
+        return {
+            "pursuer": self.pursuer_policy,
+            "evader": self.evader_policy,
+            "published": float(self.published),
+            "stepped": float(self.stepped),
+            "exact": float(self.exact),
+            "matches": self.matches,
+        }
+
+    @property
     def matches(self) -> bool:
         """True if every published digit is reproduced."""
         return self.stepped == self.published

@@ -14,6 +14,7 @@ from guidance.errors import ConfigError, FlightError
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before arming or setting.")]
+AllRows = Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")]
 Scenario = Annotated[str, typer.Argument(help="A scenario file, or a name of `guidance scenario list`.")]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed; default: the scenario's.")]
 Url = Annotated[str | None, typer.Option(help="URL of an autopilot that runs already.", metavar="URL")]

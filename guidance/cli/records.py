@@ -41,8 +41,8 @@ def info(file: File, as_json: Json = False) -> None:
         return
     there = console()
     there.print(Text(printable(f"{title}: {survey.duration_s:.2f} s")))
-    kib = {topic: f"{survey.data_bytes[topic] / 1024:.1f}" for topic in topics}
-    channels = [(str(survey.messages[topic]), kib[topic], Text(printable(topic))) for topic in topics]
+    sizes = [(str(survey.messages[topic]), f"{survey.data_bytes[topic] / 1024:.1f}") for topic in topics]
+    channels = [(*size, Text(printable(topic))) for size, topic in zip(sizes, topics, strict=True)]
     there.print(sheet(("messages", "KiB", "channel"), channels, left=(2,)))
     for source, count in reports.items():
         there.print(Text(f"{count} reports of the evader by {printable(source)}"))

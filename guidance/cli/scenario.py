@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -41,6 +41,13 @@ _WIDE: Final = 120
 """Columns from which on the list shows the expectations."""
 
 _WAYS: Final = ("maths", "fast", "live", "vehicle")
+_BELONGING: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
+    ("vehicle",): ("--config", "--vehicle", "--engage", "--yes"),
+    ("live",): ("--link", "--over", "--port"),
+    ("fast", "live", "vehicle"): ("--out",),
+}
+"""Options of `guidance scenario run`, by the ways to which they belong."""
+
 _REPORTED: Final = "reported"
 """Evader policy in the row of a run `--as vehicle`, where the evader is only reported."""
 
@@ -56,7 +63,9 @@ def run(
     vehicle: Annotated[list[str] | None, typer.Option(help="URLs of a team. THEY ARE ARMED.", metavar="URL")] = None,
     engage: Annotated[bool, typer.Option("--engage", help="THE VEHICLE IS ARMED, takes off, engages at once.")] = False,
     yes: arguments.Yes = False,
+    link: arguments.Link = "mavsdk",
     over: Annotated[str, typer.Option(help="With --as live: zenoh or udp.")] = "zenoh",
+    port: arguments.Port = 0,
     out: arguments.FlightFolder = None,
     seed: arguments.Seed = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="File for the outcome row; - is the output.")] = None,
@@ -84,7 +93,7 @@ def run(
         from guidance.session.fly import Asked, ByFile, MockOptions  # noqa: PLC0415 - slow imports
         from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
-        mock = MockOptions(fast=way == "fast", over=over)
+        mock = MockOptions(fast=way == "fast", link=link, port=port, over=over)
         how: Way = Asked(tuple(vehicle)) if vehicle else mock
         if config is not None:
             how = ByFile(load_vehicle(find(config, "vehicles")), engage)
@@ -108,12 +117,9 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
         raise ConfigError(f"--as {way}: allowed are {', '.join(_WAYS)}")
     if way == "vehicle" and not known:
         raise ConfigError("--config: missing; --as vehicle needs a vehicle file, and a team --vehicle URL for each")
-    if way != "vehicle":
-        refuse(ctx, f"--as {way}", "with --as vehicle", "--config", "--vehicle", "--engage", "--yes")
-    if way != "live":
-        refuse(ctx, f"--as {way}", "with --as live", "--over")
-    if way == "maths":
-        refuse(ctx, "--as maths", "with --as fast or live or vehicle", "--out")
+    for ways, options in _BELONGING.items():
+        if way not in ways:
+            refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
     if not armed:
         refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
 

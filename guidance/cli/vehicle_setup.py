@@ -70,6 +70,7 @@ def init(
 
 def doctor(
     config: Annotated[str | None, typer.Argument(help="A vehicle file; default: the usual ports and folders.")] = None,
+    all_rows: arguments.AllRows = False,
     as_json: arguments.Json = False,
 ) -> None:
     """Check this computer: clocks, timing, real-time scheduling, ports, serial rights, folders, disk and extras.
@@ -83,7 +84,7 @@ def doctor(
     from guidance.session.host import examine  # noqa: PLC0415 - slow import
 
     rows = examine(None if config is None else load_vehicle(find(config, "vehicles")))
-    raise typer.Exit(_show(rows, as_json=as_json))
+    raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
 
 
 def check(
@@ -95,6 +96,7 @@ def check(
     apply: Annotated[bool, typer.Option("--apply", help="Set refused parameters, and check again.")] = False,
     advised: Annotated[bool, typer.Option("--advised", help="With --apply: also those with a warning.")] = False,
     yes: arguments.Yes = False,
+    all_rows: arguments.AllRows = False,
     as_json: arguments.Json = False,
 ) -> None:
     """Check the autopilot's parameters, frames and stream rates. Sets nothing without `--apply`.
@@ -118,7 +120,7 @@ def check(
         rows = _judged(checkup)
         if apply and _apply(checkup, advised=advised, yes=yes, quiet=as_json):
             rows = _judged(checkup)
-    raise typer.Exit(_show(rows, as_json=as_json))
+    raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
 
 
 @contextlib.contextmanager
@@ -162,17 +164,17 @@ def _apply(checkup: Checkup, *, advised: bool, yes: bool, quiet: bool) -> bool:
     return bool(wanted)
 
 
-def _show(rows: Sequence[Finding], *, as_json: bool) -> int:
-    """Print refusals, then warnings, then the number of passed rows; return the exit code."""
+def _show(rows: Sequence[Finding], *, as_json: bool, all_rows: bool) -> int:
+    """Print refusals, then warnings, then the passed rows or only their number; return the exit code."""
     refused = [row.name for row in rows if row.verdict == "refuse"]
     if as_json:
         typer.echo(json.dumps([row._asdict() for row in rows], indent=2))
     else:
-        there = console()
-        shown = [row for verdict in ("refuse", "warn") for row in rows if row.verdict == verdict]
+        there, order = console(), list(_STYLE)[: 3 if all_rows else 2]
+        shown = [row for verdict in order for row in rows if row.verdict == verdict]
         _print_table(there, ((row.verdict, row.name, _explained(row)) for row in shown))
         if len(shown) < len(rows):
-            there.print(f"{len(rows) - len(shown)} more rows pass; --json shows them", soft_wrap=True)
+            there.print(f"{len(rows) - len(shown)} more rows pass; --all shows them", soft_wrap=True)
         words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
         there.print(words, style=_STYLE["refuse" if refused else "pass"])
     return FlightError.exit_code if refused else 0
