@@ -235,7 +235,7 @@ def keys(
 
     They are valid for a year. Run it again to add names to the same authority. NAME.toml holds the settings of a
     party: pass it as `--zenoh keys/NAME.toml` to `guidance ctl`, `guidance view` and `sitl-mock run`, or copy it to the
-    section `[zenoh]` of a vehicle file. Only you can read the keys. Keep ca.key off the computers that fly: it can sign
+    section `zenoh` of a vehicle file. Only you can read the keys. Keep ca.key off the computers that fly: it can sign
     any certificate.
 
     - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
