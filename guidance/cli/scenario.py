@@ -73,7 +73,7 @@ def run(
     """Run one scenario and show the outcome beside the game's value.
 
     The columns are the same for mathematics, mock and vehicle, so `guidance compare` can compare them. A scenario is
-    also a test: if an expectation in its section `expect` fails, the exit code is 1. `--as vehicle` needs `--config`, or
+    also a test: if an expectation of section `expect` fails, the exit code is 1. `--as vehicle` needs `--config`, or
     for a team `--vehicle` with the URL of each autopilot.
 
     - `guidance scenario run pe`: the paper's game between point masses
