@@ -134,7 +134,7 @@ class Coordinator:
         places_m, evaders_m = np.array([place for place, _ in states]), np.array([one.position_m for one in seen])
         try:
             return match_teams(game, places_m, evaders_m, scene.target_m, previous=previous, hysteresis=HYSTERESIS)
-        except ConfigError:  # a state without an answer: the roles stay as they are
+        except ConfigError:  # a state without an answer: no roles are sent, and every vehicle keeps its evader
             self._board.counts["unmatched"] += 1
             return None
 
