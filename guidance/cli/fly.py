@@ -354,15 +354,18 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
         row = json.dumps(outcome_json(outcome), indent=2) + "\n"
         private_file(folder / OUTCOME).write_text(row, encoding="utf-8")
     title = f"{outcome.scenario}: {ending_words(outcome)}, {score(outcome)}"
-    try:
-        require(PICTURE, "plot")
+    advice = how_to_add("plot")
+    if advice is None:
         from guidance.viz.report import draw_flight  # noqa: PLC0415 - matplotlib takes a second
 
-        draw_flight(folder / RECORD, folder / PICTURE, title)
-    except (ConfigError, OutputError) as error:
-        there.print(Text(f"picture  {error}", "yellow"), soft_wrap=True)
-    else:
+        try:
+            draw_flight(folder / RECORD, folder / PICTURE, title)
+        except (ConfigError, OutputError) as error:
+            advice = str(error)
+    if advice is None:
         there.print(f"picture  {folder / PICTURE}", soft_wrap=True)
+    else:
+        there.print(Text(f"picture  {advice}", "yellow"), soft_wrap=True)
 
 
 def score(outcome: Outcome) -> str:
