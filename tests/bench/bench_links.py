@@ -4,7 +4,7 @@
 
 A vehicle in its own process sends what a PX4 sends on its onboard link (LOCAL_POSITION_NED at 50 Hz among 300 other
 messages a second) and takes the time from each LOCAL_POSITION_NED to the first setpoint that comes back. The
-other end runs in a process of its own as well: our link, polled every 0.2 ms, sends one setpoint for each position;
+other end runs in a process of its own as well: our link, polled every 0.05 ms, sends one setpoint for each position;
 the script does only that with MAVSDK's Telemetry and Offboard plugins. Rounds are interleaved, and
 the ratio is to the script on the same wire in the same round.
 """
@@ -26,7 +26,7 @@ SETPOINT = 84
 WIRES = ("udp", "zenoh")
 ENDS = ("script", "mavsdk", "pymavlink")
 NAMESPACE = "uav1"
-POLL_S = 2e-4
+POLL_S = 5e-5
 SETTLING_S = 2  # for imports and discovery, not measured
 
 
