@@ -1,4 +1,4 @@
-"""Configuration files: reads TOML into checked models. Errors give the line, the key, the value and what is allowed."""
+"""Configuration files: reads TOML into checked models. Errors give line, key, value and the allowed values."""
 
 import difflib
 import re
@@ -126,7 +126,7 @@ def load(model: type[Model], path: Path) -> Model:
 
     Raises:
         ConfigError: If the file cannot be read, is not TOML, or a key is unknown, missing or out of range. The message
-            has one line for each fault, with the key, the value and what is allowed.
+            has one line for each fault, with the key, the value and the allowed values.
     """
     text, document = read(path)
     return parse(model, document, source=str(path), text=text)
@@ -187,7 +187,7 @@ def _line(text: str, fault: ErrorDetails) -> str:
 
 
 def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
-    """Describe one of pydantic's errors in a line: the key, its value and what is allowed."""
+    """Describe one of pydantic's errors in a line: the key, its value and the allowed values."""
     location = [str(part) for part in fault["loc"]]
     key = ".".join(location)
     if fault["type"] == "extra_forbidden":

@@ -67,11 +67,11 @@ def aged(words: str, age_s: float, stalled_s: float) -> str:
 
 
 def live(target: Console, draw: Callable[[], str], *, every_s: float = 0.25) -> AbstractContextManager[object]:
-    """Draw a line again and again, below what is printed; show none if the console cannot redraw it.
+    """Redraw a line repeatedly, below the printed lines; show none if the console cannot redraw it.
 
     Args:
         target: The console.
-        draw: Returns the line. It runs on another thread, so that a blocked terminal stops nobody else.
+        draw: Returns the line. It runs on another thread, so that a blocked terminal stops only that thread.
         every_s: Period.
     """
 

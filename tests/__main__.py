@@ -29,7 +29,7 @@ class Step:
     Attributes:
         what: Description for `--help`.
         command: Command to run.
-        marked: Only test files with this mark are collected; collecting all of them costs each worker some seconds.
+        marked: Only test files with this mark are collected; collecting all costs each worker some seconds.
         environment: Additional environment variables.
         arguments: Example arguments, if the step accepts arguments when it is run alone.
         nice: Its priority beside other steps, which must keep real time: 19 is the lowest.
@@ -59,7 +59,7 @@ STEPS = {
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
         nice=2,
     ),
-    # Some of them wait for sockets and processes, but each has seconds.
+    # Some wait for sockets and processes, but each has seconds.
     "tests": Step("the quick tests", (*PYTEST, "-n", "2", "--dist", "worksteal", "-m", QUICK), nice=5),
     "flights": Step(
         "whole flights in virtual time, and other long computations",

@@ -82,7 +82,7 @@ class Asking:
         """Request the hold until a HEARTBEAT shows another mode than the guided one.
 
         Args:
-            flown: Whether the vehicle follows our setpoints; if not, nothing is requested.
+            flown: Whether the vehicle follows our setpoints; if not, there are no requests.
             at_once: Whether the first request goes immediately; if not, when a HEARTBEAT shows that the vehicle still
                 waits for setpoints in the guided mode.
         """

@@ -51,7 +51,7 @@ class StreamWire(QueuedWire):
         self._reader = Reader(self._read_once, name=name)
 
     def take_up(self, peer: Connection | None) -> None:
-        """Close the connection and talk to a new peer, beginning with a whole frame; None for nobody."""
+        """Close the connection and talk to a new peer, beginning with a whole frame; with None to no peer."""
         with self._lock:
             ended, self._peer, self._rest = self._peer, peer, b""
         if ended is not None:
@@ -70,7 +70,7 @@ class StreamWire(QueuedWire):
                     raise ConnectionResetError("the other side closed")
                 self._arrivals.put((self._clock(), data))
         except (TimeoutError, BlockingIOError):
-            pass  # nobody has called, nothing was sent
+            pass  # no peer has connected yet, or no data has arrived
         except (OSError, termios.error) as error:
             self.take_up(None)
             raise ConnectionError("the connection is gone") from error

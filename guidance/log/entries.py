@@ -1,4 +1,4 @@
-"""What is in a record: its metadata, raw messages, and as entries cycles, events and evader reports."""
+"""Content of a record: metadata, raw messages, and as entries cycles, events and evader reports."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +24,7 @@ RELOADED: Final = "configuration read again"
 """Event of a configuration reload; the detail is the new configuration as JSON."""
 
 BEGINNINGS: Final = (BEGUN, RELOADED)
-"""After these events nothing is known of the flight before."""
+"""Events that discard the state of the flight before."""
 
 FLIGHT_OVER: Final = "flight over"
 """Last event of a broadcast. Its detail is JSON: how it `ended`, the `record` and its name in the records' `replay`."""
@@ -36,7 +36,7 @@ TEAM_NEWS: Final = "team"
 """Event of what a vehicle noticed about its mates, such as a position that jumped."""
 
 ASSIGNED: Final = "team assignment"
-"""Event of an assignment that differs from the last one, or in which the vehicle engages; the detail is its JSON."""
+"""Event of a changed assignment, and of the one that is valid when the vehicle engages; the detail is its JSON."""
 
 STOPPED: Final = "recording has stopped; the flight goes on"
 """Event of a failed record; it goes to the log, the metrics and the bus."""

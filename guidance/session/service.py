@@ -35,7 +35,7 @@ _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metric
 
 @contextmanager
 def opened_equipment(mailbox: Mailbox, config: Config) -> Iterator[Equipment]:
-    """Open the log that a vehicle file asks for, and signs of life to systemd."""
+    """Open the log according to a vehicle file, and signs of life to systemd."""
     with (
         closing(Log(config.log.format, config.log.level)) as log,
         closing(Notifier(os.environ, os.getpid())) as notifier,

@@ -126,7 +126,7 @@ class Promise(BaseModel):
         return "at risk" if self.first is None or self.cause else "kept"
 
     def words(self, unit: str) -> str:
-        """Say what is promised and how it stands: "24.1 m promised, at risk"; without a unit "24.1 promised"."""
+        """Return the promise and its state: "24.1 m promised, at risk"; without a unit "24.1 promised"."""
         if self.value is None:
             return f"promise lost: {self.cause}"
         risk = "" if self.standing == "kept" else f", at risk{self.cause and f' ({self.cause})'}"
@@ -136,7 +136,7 @@ class Promise(BaseModel):
         """Say in the end whether it was kept: by a capture with a loss of a tenth at most.
 
         Args:
-            value: What was promised at engagement.
+            value: The promise at engagement.
             achieved: Distance of the captured evader from its target (TAD), or time of capture (PE).
             unit: "m" in TAD, "s" in PE.
             captured: Whether the evader was captured.

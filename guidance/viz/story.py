@@ -47,7 +47,7 @@ class Story(NamedTuple):
         survey: Of the record.
         settings: At the start.
         flight: What was known after the last cycle: home, limits.
-        events: All of them.
+        events: All events.
         rows: One of each cycle, as recorded.
         cycles: The numbers of each.
         game: Those of the game.
@@ -140,7 +140,7 @@ def _who(story: Story) -> str:
 
 
 def _promise(story: Story) -> str:
-    """Say what the vehicle promised at engagement."""
+    """Return the vehicle's promise at engagement."""
     if story.engaged is None:
         return ""
     engaged, standoff = story.engaged.certificate, story.settings.cycle.game.standoff
@@ -300,7 +300,7 @@ class TeamStory(NamedTuple):
         return sorted({name for flight in self.flights.values() for name in flight.evaders})
 
     def verdict(self, evader: str) -> str:
-        """Say what was promised about an evader, what came of it, and why."""
+        """Return the promise about an evader, its outcome and the reason."""
         promise, capture, cycle = self.promised.get(evader), self.captures.get(evader), self.first.settings.cycle
         achieved, ended, unit = math.nan, "not captured", "s" if cycle.target_game_m is None else "m"
         if capture is not None:
@@ -351,7 +351,7 @@ def _roles(flight: Story) -> list[tuple[float, Role]]:
 
 
 def team_opening(team: TeamStory) -> str:
-    """Return the first paragraph: who flew, what was promised and kept, the least distance, alarms and replay."""
+    """Return the first paragraph: vehicles, promises and how many were kept, the least distance, alarms and replay."""
     flights, wanted = team.flights.values(), team.first.settings.team or TeamSection()
     given = [name for name, one in team.promised.items() if one.value is not None]
     kept = sum("; kept" in team.verdict(name) for name in given)

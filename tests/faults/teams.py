@@ -132,7 +132,7 @@ class Deaf(EvaderSource):
 
 
 class Bent:
-    """A transport that changes what its vehicle says about itself from a fault on."""
+    """A transport that changes its vehicle's reports about itself after a fault begins."""
 
     def __init__(self, transport: Any) -> None:
         self._transport = transport
@@ -224,7 +224,7 @@ class Sortie:
         self.mission.before(now_s)
 
     def _disturb(self, now_s: float) -> None:
-        """Let the faults act that are due, from the next cycle on."""
+        """Start the faults that are due; they act in the next cycle."""
         for due in [one for one in self.later if one[0] <= now_s]:
             self.later.remove(due)
             due[1]()
@@ -249,7 +249,7 @@ class Sortie:
             case "clock":
                 self.bent[vehicle].change = lambda said: said.update(sent_s=said["sent_s"] + 5.0)
             case "misreport":
-                self.unseen |= {vehicle} if self.network.cut else set()  # motion may explain a jump that nobody saw
+                self.unseen |= {vehicle} if self.network.cut else set()  # motion may explain a jump that was not seen
                 off_deg = 20.0 / 111_195.0
                 self.bent[vehicle].change = lambda said: said.update(latitude_deg=said["latitude_deg"] + off_deg)
             case "forged":
@@ -414,7 +414,7 @@ def fly(seed: int, number: int) -> TeamRow:
 
 
 def fly_all(seed: int, numbers: Sequence[int], pool: Any, say: Callable[[str], None]) -> int:
-    """Fly, say what was violated; return 0 if everything held."""
+    """Fly, print the violations; return 0 if there are none."""
     rows, began_s = [], time.monotonic()
     for row in pool.map(fly, [seed] * len(numbers), numbers):
         rows.append(row)
