@@ -11,9 +11,9 @@ Preflight:
 """
 
 from importlib.metadata import entry_points
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, Field
 
 from guidance.autopilots.arducopter import ARDUCOPTER, ROVER
 from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Handling, Mode
@@ -23,7 +23,7 @@ from guidance.errors import ConfigError
 
 ENTRY_POINTS = "pursuit_guidance.autopilots"
 
-AUTOPILOTS: dict[str, Autopilot] = {}
+AUTOPILOTS: dict[str, Autopilot] = {PX4.name: PX4, ARDUCOPTER.name: ARDUCOPTER}
 """The autopilots that can be flown, by name. Add one with `register`."""
 
 
@@ -66,17 +66,10 @@ def _registered(name: str) -> str:
         raise ValueError(f"must be one of {', '.join(AUTOPILOTS)}") from None
 
 
-class _Names:
-    @staticmethod
-    def __get_pydantic_json_schema__(_: Any, __: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's protocol
-        return {"type": "string", "enum": list(AUTOPILOTS)}
+_NAMES = Field(json_schema_extra=lambda schema: schema.update(enum=list(AUTOPILOTS)))
 
-
-AutopilotName = Annotated[str, AfterValidator(_registered), _Names()]
+AutopilotName = Annotated[str, AfterValidator(_registered), _NAMES]
 """Type of a key that names an autopilot."""
-
-for _one in (PX4, ARDUCOPTER):
-    register(_one)
 
 __all__ = [
     "ARDUCOPTER",

@@ -81,7 +81,7 @@ def _fence_type(value: float, wants: Wants, parameters: Parameters) -> Judgement
 def _fence_radius(value: float, wants: Wants, parameters: Parameters) -> Judgement:
     if not round(parameters.get("FENCE_TYPE", _CIRCLE)) & _CIRCLE:
         return Judgement(Verdict.PASS, "any: FENCE_TYPE is without the circle")
-    return rules.fence_size(value, wants.limits.reach_m, wants)
+    return rules.fence_size("reach_m")(value, wants, parameters)
 
 
 def _not_enforced(quantity: str) -> rules.Judge:
@@ -118,9 +118,7 @@ RULES: Final = (
     Rule("FENCE_ACTION", _FENCE_ACTION, named(_FENCE_ACTIONS)),
     Rule("FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
     Rule("FENCE_RADIUS", _fence_radius, "{:g} m".format),
-    Rule(
-        "FENCE_ALT_MAX", lambda value, wants, _: rules.fence_size(value, wants.limits.ceiling_m, wants), "{:g} m".format
-    ),
+    Rule("FENCE_ALT_MAX", rules.fence_size("ceiling_m"), "{:g} m".format),
     Rule("RTL_ALT", rules.return_height("FENCE_ALT_MAX", "RTL", _CENTI), "{:g} cm".format, needed=False),
     Rule("FS_THR_ENABLE", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS), needed=False),
     Rule("FS_EKF_ACTION", _ESTIMATOR, named(_ESTIMATOR_ACTIONS), needed=False),

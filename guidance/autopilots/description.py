@@ -11,15 +11,9 @@ from guidance.control import Acceleration, Dynamics, Following, Speeds
 from guidance.frames import Projection
 from guidance.messages import Command
 
-MAV_CMD_NAV_LAND = 21
-MAV_CMD_NAV_TAKEOFF = 22
-MAV_CMD_DO_SET_MODE = 176
-MAV_CMD_DO_REPOSITION = 192
-MAV_CMD_COMPONENT_ARM_DISARM = 400
-MAV_CMD_SET_MESSAGE_INTERVAL = 511
-MAV_CMD_REQUEST_MESSAGE = 512
-MAV_FRAME_GLOBAL = 0
-MAV_FRAME_GLOBAL_RELATIVE_ALT = 3
+MAV_CMD_NAV_LAND, MAV_CMD_NAV_TAKEOFF, MAV_CMD_DO_SET_MODE, MAV_CMD_DO_REPOSITION = 21, 22, 176, 192
+MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_SET_MESSAGE_INTERVAL, MAV_CMD_REQUEST_MESSAGE = 400, 511, 512
+MAV_FRAME_GLOBAL, MAV_FRAME_GLOBAL_RELATIVE_ALT = 0, 3
 
 MULTICOPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPEs of vehicles that hover and move in any direction."""
@@ -83,48 +77,43 @@ class AutopilotProfile:
         """DO_SET_MODE with the custom flag (base mode 1)."""
         number = self.custom_modes[mode]
         main, sub = (number >> 16 & 0xFF, number >> 24) if number > 0xFFFF else (number, 0)
-        return self._command(MAV_CMD_DO_SET_MODE, 1, main, sub)
+        return _command(self.unused, MAV_CMD_DO_SET_MODE, 1, main, sub)
 
     def arm(self) -> Command:
         """COMPONENT_ARM_DISARM, never forced."""
-        return self._command(MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
+        return _command(self.unused, MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
 
     def disarm(self) -> Command:
         """COMPONENT_ARM_DISARM, never forced, so the autopilot refuses it in the air."""
-        return self._command(MAV_CMD_COMPONENT_ARM_DISARM, 0, 0)
+        return _command(self.unused, MAV_CMD_COMPONENT_ARM_DISARM, 0, 0)
 
     def takeoff(self, *, height_m: float, home_amsl_m: float) -> Command:
         """NAV_TAKEOFF to a height above home. PX4 expects it above mean sea level, ArduCopter above home."""
         altitude = height_m if self.takeoff_frame == MAV_FRAME_GLOBAL_RELATIVE_ALT else height_m + home_amsl_m
-        return self._command(MAV_CMD_NAV_TAKEOFF, *[self.unused] * 6, altitude)
+        return _command(self.unused, MAV_CMD_NAV_TAKEOFF, *[self.unused] * 6, altitude)
 
     def land(self) -> Command:
         """NAV_LAND here."""
-        return self._command(MAV_CMD_NAV_LAND)
+        return _command(self.unused, MAV_CMD_NAV_LAND)
 
     def reposition(self, *, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Command:
         """DO_REPOSITION at the autopilot's own speed, with a change to the mode that flies it (Hold, GUIDED)."""
-        return Command(
-            MAV_CMD_DO_REPOSITION,
-            (-1.0, 1.0, 0.0, math.nan, latitude_deg, longitude_deg, altitude_amsl_m),
-            frame=MAV_FRAME_GLOBAL,
-        )
+        params = (-1.0, 1.0, 0.0, math.nan, latitude_deg, longitude_deg, altitude_amsl_m)
+        return Command(MAV_CMD_DO_REPOSITION, params, frame=MAV_FRAME_GLOBAL)
 
     def stream_requests(self) -> tuple[Command, ...]:
         """SET_MESSAGE_INTERVAL for every stream in `streams_hz`."""
-        return tuple(
-            Command(MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0))
-            for message_id, rate_hz in self.streams_hz.items()
-        )
+        return tuple(_command(0.0, MAV_CMD_SET_MESSAGE_INTERVAL, one, 1e6 / hz) for one, hz in self.streams_hz.items())
 
     def request_message(self, message_id: int) -> Command:
         """REQUEST_MESSAGE, once."""
-        return Command(MAV_CMD_REQUEST_MESSAGE, (float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        return _command(0.0, MAV_CMD_REQUEST_MESSAGE, message_id)
 
-    def _command(self, number: int, *params: float) -> Command:
-        given = tuple(float(value) for value in params)
-        p1, p2, p3, p4, p5, p6, p7 = given + (self.unused,) * (7 - len(given))
-        return Command(number, (p1, p2, p3, p4, p5, p6, p7))
+
+def _command(unused: float, number: int, *params: float) -> Command:
+    """Return a command whose other parameters are `unused`."""
+    p1, p2, p3, p4, p5, p6, p7 = (*map(float, params), *[unused] * (7 - len(params)))
+    return Command(number, (p1, p2, p3, p4, p5, p6, p7))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

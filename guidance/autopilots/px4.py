@@ -107,11 +107,7 @@ def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judge
     if value == 0.0 and uploaded == 1.0:
         return Judgement(Verdict.PASS, "0, since the uploaded fence stands behind ours")
     read = "no inclusion fence is uploaded" if uploaded == 0.0 else "whether a fence is uploaded is not known"
-    return rules.fence_size(value, wants.limits.reach_m, wants, f"0 disables it, and {read}")
-
-
-def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return rules.fence_size(value, wants.limits.ceiling_m, wants, "0 disables it, and an uploaded fence has no height")
+    return rules.fence_size("reach_m", f"0 disables it, and {read}")(value, wants, parameters)
 
 
 def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:
@@ -127,6 +123,7 @@ def _at_least(value: float, wanted_m_s: float) -> Judgement:
     return passes(enough, f"at least {wanted_m_s:g} m/s", wanted_m_s, "or play with less: PX4 cuts setpoints to it")
 
 
+_FENCE_HEIGHT: Final = rules.fence_size("ceiling_m", "0 disables it, and an uploaded fence has no height")
 _RADIO_EXCEPTIONS: Final = rules.mask(
     "without Offboard, where a pilot has a radio",
     "radio loss is ignored in OFFBOARD: nothing happens when the pilot's link is lost",
@@ -150,7 +147,7 @@ RULES: Final = (
     Rule("COM_LOW_BAT_ACT", _BATTERY, named(_BATTERY_ACTIONS), needed=False),
     Rule("GF_ACTION", _fence_action, named(_FENCE_ACTIONS)),
     Rule("GF_MAX_HOR_DIST", _fence_distance, "{:g} m".format),
-    Rule("GF_MAX_VER_DIST", _fence_height, "{:g} m".format),
+    Rule("GF_MAX_VER_DIST", _FENCE_HEIGHT, "{:g} m".format),
     Rule("RTL_RETURN_ALT", rules.return_height("GF_MAX_VER_DIST", "Return"), "{:g} m".format, needed=False),
     Rule("MPC_XY_VEL_MAX", _speed, _M_S),
     Rule("MPC_Z_VEL_MAX_UP", lambda value, wants, _: _at_least(value, wants.game_speeds.climb_m_s), _M_S),

@@ -190,11 +190,20 @@ def fence_verdict(wants: Wants) -> Verdict:
     return Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
 
 
-def fence_size(size_m: float, least_m: float, wants: Wants, off: str = "") -> Judgement:
-    """Judge the radius or height of the autopilot's fence; `off` is the consequence of zero."""
-    why = off if off and size_m == 0.0 else "it would act inside ours"
-    wanted = f"at least {least_m:g} m, ours"
-    return passes(size_m >= least_m, wanted, math.ceil(least_m + 5.0), why, otherwise=fence_verdict(wants))
+def fence_size(ours: str, off: str = "") -> Judge:
+    """Judge the radius or height of the autopilot's fence.
+
+    Args:
+        ours: Name of the same size in `Limits`.
+        off: The consequence of zero.
+    """
+
+    def judged(size_m: float, wants: Wants, _: Parameters) -> Judgement:
+        least_m, why = getattr(wants.limits, ours), off if off and size_m == 0.0 else "it would act inside ours"
+        wanted, set_to = f"at least {least_m:g} m, ours", math.ceil(least_m + 5.0)
+        return passes(size_m >= least_m, wanted, set_to, why, otherwise=fence_verdict(wants))
+
+    return judged
 
 
 def named(names: Mapping[int, str]) -> Callable[[float], str]:

@@ -2,7 +2,7 @@
 
 `PreflightMemory` requests parameters (`parameter_names`) and collects `Facts`. `rows` judges them against the wants of
 a flight; each row is a `guidance.autopilots.Finding`. `changes` are the parameters to set so that no row is refused.
-Before every engagement some parameters are read and judged again (`engage_names`, `engage_rows`).
+Before every engagement the needed parameters are read and judged again (`engage_rows`).
 """
 
 import math
@@ -16,11 +16,12 @@ import numpy as np
 from guidance import messages
 from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_of, description
 from guidance.autopilots.rules import UPLOADED, Judgement, row_of
+from guidance.control.polygon import Polygon
 from guidance.frames import Amsl, LocalFrame, Projection
-from guidance.messages import EvaderReport, Heartbeat, Home, Message, Parameter, ParameterRequest, ParameterSet, Request
+from guidance.messages import EvaderReport, Heartbeat, Message, Parameter, ParameterRequest, ParameterSet, Request
 from guidance.preflight import fence
 from guidance.preflight.fence import Reading, Uploaded
-from guidance.vehicle import VehicleState, local_frame
+from guidance.vehicle import VehicleState
 
 ASK_AGAIN_S: Final = 5.0
 """Period of new requests. The link itself repeats each request four times within two seconds."""
@@ -54,18 +55,16 @@ class PreflightMemory:
     """Collects the facts of one vehicle."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        self._names = tuple(names)
+        self._names = dict.fromkeys(names)
         self._parameters: dict[str, Parameter] = {}
         self._arrivals: dict[type[Message], deque[float]] = {}
-        self._asked_s: float | None = None
+        self._asked_s = -math.inf
         self._evader_amsl_m: float | None = None
-        self._heard = False
         self._fence = Reading()
 
     def observe(self, messages: Iterable[Message], reports: Iterable[EvaderReport]) -> None:
         """Handle the messages of one cycle. Autopilots announce changed parameters, so the facts stay current."""
         for message in messages:
-            self._heard |= isinstance(message, Heartbeat)
             self._arrivals.setdefault(type(message), deque(maxlen=512)).append(message.received_s)
             self._fence.observe(message)
             if isinstance(message, Parameter) and message.name in self._names:
@@ -75,11 +74,11 @@ class PreflightMemory:
 
     def requests(self, now_s: float) -> tuple[Request, ...]:
         """Request missing parameters every `ASK_AGAIN_S`, then the uploaded fence."""
-        if not self._heard:
+        if Heartbeat not in self._arrivals:
             return ()
         if self.complete:
             return self._fence.requests(now_s)
-        if self._asked_s is not None and now_s - self._asked_s < ASK_AGAIN_S:
+        if now_s - self._asked_s < ASK_AGAIN_S:
             return ()
         self._asked_s = now_s
         return tuple(ParameterRequest(name) for name in self._names if name not in self._parameters)
@@ -88,17 +87,17 @@ class PreflightMemory:
         """Forget these parameters and request them again."""
         for name in names:
             self._parameters.pop(name, None)
-        self._asked_s = None
+        self._asked_s = -math.inf
 
     @property
     def complete(self) -> bool:
         """Whether every parameter was read. The uploaded fence is optional."""
-        return self._parameters.keys() >= set(self._names)
+        return self._parameters.keys() == self._names.keys()
 
     @property
     def read(self) -> tuple[int, int]:
         """Number of parameters read, and of parameters requested."""
-        return len(self._parameters), len(set(self._names))
+        return len(self._parameters), len(self._names)
 
     def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
         """Return the facts at `now_s`."""
@@ -126,9 +125,9 @@ class ParameterChange(NamedTuple):
     request: ParameterSet
 
 
-def parameter_names(autopilot: Autopilot) -> tuple[str, ...]:
-    """Return the names of the judged parameters."""
-    return tuple(rule.name for rule in autopilot.rules)
+def parameter_names(autopilot: Autopilot, *, only_needed: bool = False) -> tuple[str, ...]:
+    """Return the names of the judged parameters. Those that are needed are read again before every engagement."""
+    return tuple(rule.name for rule in autopilot.rules if rule.needed or not only_needed)
 
 
 def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
@@ -136,28 +135,26 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
     other = another_autopilot(facts, autopilot)
     if other is not None:
         return (other,)
-    parameters, home, frame = _judged(facts), facts.vehicle.last(Home), _frame(facts, autopilot)
-    wants = fence.about_home(wants, home, frame)
+    parameters, wants = _judged(facts), fence.about_home(wants, facts.vehicle, autopilot.projection)
     return (
         *(row_of(rule, parameters, wants) for rule in autopilot.rules),
-        fence.uploaded_row(facts.uploaded, wants, home, frame, autopilot, parameters),
-        *fence.home_row(wants),
+        fence.uploaded_row(facts.uploaded, wants, facts.vehicle, autopilot, parameters),
         *_position_rows(facts, autopilot.projection, wants),
         *_stream_rows(facts, autopilot),
     )
 
 
-def _frame(facts: Facts, autopilot: Autopilot) -> LocalFrame | None:
-    return local_frame(facts.vehicle, autopilot.projection)
-
-
 def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Finding]:
-    """Judge battery, origin, home, position and height datum.
+    """Judge home in our fence, battery, origin, home, position and height datum.
 
     An old estimator origin or a wrong height datum has flown vehicles into the ground. Comparing two messages about
     the same place reveals both.
     """
-    vehicle = facts.vehicle
+    vehicle, corners = facts.vehicle, wants.limits.fence_polygon_ne_m
+    if corners is not None:
+        inside = Polygon(corners).contains((0.0, 0.0))
+        found = "inside" if inside else "outside"
+        yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
     if wants.battery_needed is not None:
         yield _battery(vehicle.last(messages.SystemStatus), wants.battery_needed)
     origin, home = vehicle.last(messages.Origin), vehicle.last(messages.Home)
@@ -172,8 +169,7 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home_amsl_m))
     away_m, limit_m = math.hypot(*home_ned_m[:2]), wants.preflight.origin_distance_limit_m
     yield _within("frame origin", away_m, limit_m, "m from home", "restart the autopilot here: its origin is old")
-    apart_m = math.dist(home_ned_m, home.position_ned_m)
-    advice = "home was set in another frame: set it again"
+    apart_m, advice = math.dist(home_ned_m, home.position_ned_m), "home was set in another frame: set it again"
     yield _within("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
     place, local = vehicle.last(messages.GlobalPosition), vehicle.last(messages.LocalPosition)
     if place is None or local is None:
@@ -230,14 +226,9 @@ def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
         yield Finding.of(rate_hz >= least_hz, name, f"{rate_hz:.1f} Hz", wanted, advice, otherwise)
 
 
-def engage_names(autopilot: Autopilot) -> tuple[str, ...]:
-    """Return the names of the needed parameters, which are read again before every engagement."""
-    return tuple(rule.name for rule in autopilot.rules if rule.needed)
-
-
 def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
     """Judge the needed parameters; an unknown one has not been answered."""
-    wants, parameters = fence.about_home(wants, facts.vehicle.last(Home), _frame(facts, autopilot)), _judged(facts)
+    parameters, wants = _judged(facts), fence.about_home(wants, facts.vehicle, autopilot.projection)
     return tuple(
         row if row.name in parameters else row._replace(value="not answered", advice="check the link")
         for row in (row_of(rule, parameters, wants) for rule in autopilot.rules if rule.needed)
@@ -268,12 +259,9 @@ def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool =
         wants: What the configuration demands.
         advised: Whether to change parameters with a warning, too.
     """
-    before, wants = _judged(facts), fence.about_home(wants, facts.vehicle.last(Home), _frame(facts, autopilot))
-    after, wrong, fit = (
-        dict(before),
-        dict[str, Judgement](),
-        {Verdict.PASS} if advised else {Verdict.PASS, Verdict.WARN},
-    )
+    before, wants = _judged(facts), fence.about_home(wants, facts.vehicle, autopilot.projection)
+    after, wrong = dict(before), dict[str, Judgement]()
+    fit = {Verdict.PASS} if advised else {Verdict.PASS, Verdict.WARN}
     rules = [rule for rule in autopilot.rules if rule.name in before]
     for _ in range(_MOST_ROUNDS):
         found = {rule.name: rule.judge(after[rule.name], wants, after) for rule in rules}

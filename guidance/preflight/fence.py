@@ -5,15 +5,16 @@ MAV_MISSION_TYPE_FENCE) and MAV_CMD_NAV_FENCE_*.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Autopilot, Finding, Verdict, Wants
 from guidance.autopilots.rules import Parameters, fence_verdict
-from guidance.control.polygon import Polygon, corners_about_home
+from guidance.control.polygon import Point, Polygon, corners_about_home
 from guidance.errors import ConfigError
-from guidance.frames import LocalFrame
+from guidance.frames import LocalFrame, Projection
 from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Home, Message
+from guidance.vehicle import VehicleState, local_frame
 
 MOST_ITEMS: Final = 1000
 READ_AGAIN_S: Final = 15.0
@@ -24,7 +25,6 @@ _POLYGONS: Final[Mapping[int, bool]] = {5001: True, 5002: False}
 _CIRCLES: Final[Mapping[int, bool]] = {5003: True, 5004: False}
 """MAV_CMD_NAV_FENCE_*: True for an inclusion area, False for an exclusion area."""
 
-Point = tuple[float, float]
 _NAME: Final = "uploaded fence"
 _ROUND: Final = 72
 _PER_EDGE: Final = 8
@@ -34,7 +34,7 @@ class Area(NamedTuple):
     """A polygon by its corners, or a circle by its centre (degrees) and radius (m; zero for a polygon)."""
 
     inclusion: bool
-    corners_deg: tuple[tuple[float, float], ...]
+    corners_deg: tuple[Point, ...]
     radius_m: float = 0.0
 
     @property
@@ -92,9 +92,8 @@ class Reading:
         if self._count is not None and len(self._items) == self._count:
             self.found, self._over = Uploaded(areas_of([self._items[n] for n in range(self._count)])), True
             return (FenceReceived(),)
-        wanted = FenceRequest()
-        if self._count is not None:
-            wanted = FenceRequest(next(number for number in range(self._count) if number not in self._items))
+        missing = (number for number in range(self._count or 0) if number not in self._items)
+        wanted = FenceRequest(next(missing, None))
         if wanted == self._asked and now_s - self._asked_s < _ASK_AGAIN_S:
             return ()
         if wanted.sequence is None:
@@ -106,7 +105,7 @@ class Reading:
 def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
     """Assemble areas from mission items. Each polygon item gives its number of corners."""
     found: list[Area] = []
-    corners: list[tuple[float, float]] = []
+    corners: list[Point] = []
     for item in items:
         place = (item.latitude_deg, item.longitude_deg)
         if item.command in _CIRCLES:
@@ -119,9 +118,9 @@ def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
     return tuple(found)
 
 
-def about_home(wants: Wants, home: Home | None, frame: LocalFrame | None) -> Wants:
+def about_home(wants: Wants, vehicle: VehicleState, projection: Projection) -> Wants:
     """Replace a fence in degrees by the same one in metres about home, once home is known."""
-    corners_deg = wants.limits.fence_polygon_deg
+    corners_deg, home, frame = wants.limits.fence_polygon_deg, vehicle.last(Home), local_frame(vehicle, projection)
     if corners_deg is None or home is None or frame is None:
         return wants
     corners = corners_about_home(corners_deg, home.position_ned_m, frame)
@@ -129,29 +128,15 @@ def about_home(wants: Wants, home: Home | None, frame: LocalFrame | None) -> Wan
     return wants._replace(limits=limits)
 
 
-def home_row(wants: Wants) -> Iterator[Finding]:
-    """Refuse a fence that does not contain home."""
-    if (corners := wants.limits.fence_polygon_ne_m) is not None:
-        inside = Polygon(corners).contains((0.0, 0.0))
-        found = "inside" if inside else "outside"
-        yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
-
-
 def uploaded_row(
-    uploaded: Uploaded,
-    wants: Wants,
-    home: Home | None,
-    frame: LocalFrame | None,
-    autopilot: Autopilot,
-    parameters: Parameters,
+    uploaded: Uploaded, wants: Wants, vehicle: VehicleState, autopilot: Autopilot, parameters: Parameters
 ) -> Finding:
     """Judge the uploaded fence. If it does not enclose ours, the autopilot would act inside ours.
 
     Args:
         uploaded: What was read.
         wants: With our fence in metres about home.
-        home: As the vehicle has it.
-        frame: The vehicle's local frame.
+        vehicle: Where home is.
         autopilot: Whether it heeds an uploaded fence, and how several areas count.
         parameters: Its parameters.
     """
@@ -161,6 +146,7 @@ def uploaded_row(
     in_use = autopilot.uploaded_fence_counts(parameters)
     if not uploaded.areas or not in_use:
         return row._replace(verdict=Verdict.PASS, value=row.value if in_use else f"{row.value}, not in use")
+    home, frame = vehicle.last(Home), local_frame(vehicle, autopilot.projection)
     if home is None or frame is None:
         return row._replace(advice="home is not known yet")
     try:

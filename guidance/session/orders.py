@@ -15,7 +15,7 @@ from typing import Any, Final
 from guidance.autopilots import Finding, Mode, Wants
 from guidance.clock import Clock
 from guidance.flight import FINAL, Authority, EngageOn, Event, Flight, State
-from guidance.preflight import PreflightMemory, engage_names, engage_rows, refusals
+from guidance.preflight import PreflightMemory, engage_rows, parameter_names, refusals
 from guidance.session.control_socket import ALIVE, STATUS, WORDS
 
 MOST_ORDERS: Final = 64
@@ -167,7 +167,7 @@ class Engaging:
 
     def __init__(self, flight: Flight, survey: PreflightMemory, wants: Wants | None) -> None:
         self._flight, self._survey, self._wants = flight, survey, wants
-        self._names = engage_names(flight.settings.autopilot)
+        self._names = parameter_names(flight.settings.autopilot, only_needed=True)
         self._waiting, self._for_a_pilot = list[Question](), False
         self.asked_s: float | None = None
         self._to_pilot: tuple[str, ...] | None = None

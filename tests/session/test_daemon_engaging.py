@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import AUTOPILOTS
 from guidance.flight import Authority, State
-from guidance.preflight import engage_names
+from guidance.preflight import parameter_names
 from guidance.session.orders import READ_WITHIN_S
 
 SET_UP = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}
@@ -49,7 +49,7 @@ def test_a_failing_check_refuses_by_name_until_it_passes_without_a_long_wait(bas
     assert one.order("engage")["accepted"]
     assert one.now_s - asked_s < 0.1
     assert one.order("status")["preflight_refused"] == []
-    assert read_since(one, asked_s) == set(engage_names(AUTOPILOTS[autopilot]))
+    assert read_since(one, asked_s) == set(parameter_names(AUTOPILOTS[autopilot], only_needed=True))
     assert {name for name, _ in CHANGED[autopilot]} < read_since(one, asked_s)
     one.until(State.ENGAGED)
     flown_s = one.now_s
