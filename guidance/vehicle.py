@@ -8,7 +8,7 @@ state, a frozen record with the age of every message.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from guidance import messages
 from guidance.frames import Amsl, LocalFrame, Projection, Vector, total
@@ -41,6 +41,16 @@ _LATEST_S: Final = 2.0**32 / 1e3  # time_boot_ms has 32 bits
 Kind = TypeVar("Kind", bound=Message)
 
 
+class Latest(Protocol):
+    """The latest message of every kind, by its type."""
+
+    def get(self, kind: type[Kind], /) -> Kind | None:
+        """Return the latest message of a kind; None before the first one."""
+
+    def copy(self) -> dict[type, Any]:
+        """Return them all."""
+
+
 class VehicleState(NamedTuple):
     """Last known state of a vehicle.
 
@@ -55,7 +65,7 @@ class VehicleState(NamedTuple):
         acceleration_ned_m_s2: Acceleration, smoothed over about 0.1 s.
     """
 
-    latest: Mapping[type, Message] = MappingProxyType({})
+    latest: Latest = MappingProxyType[type, Any]({})
     home_taken: bool = False
     resets: int = 0
     reset_s: float = -math.inf
@@ -63,10 +73,6 @@ class VehicleState(NamedTuple):
     jumped_boot_s: float = -math.inf
     reboots: int = 0
     acceleration_ned_m_s2: Vector = (0.0, 0.0, 0.0)
-
-    def last(self, kind: type[Kind]) -> Kind | None:
-        """Return the latest message of a kind, None before the first one."""
-        return self.latest.get(kind)  # type: ignore[return-value]  # a message stands under its own type
 
     def age_s(self, kind: type[Kind], now_s: float) -> float:
         """Seconds since a message of this kind arrived; infinite if none ever did."""
@@ -77,19 +83,19 @@ class VehicleState(NamedTuple):
     def armed(self) -> bool:
         """Whether the last HEARTBEAT says armed; False before the first one."""
         beat = self.latest.get(Heartbeat)
-        return isinstance(beat, Heartbeat) and beat.armed
+        return beat is not None and beat.armed
 
     @property
     def yaw_rad(self) -> float:
         """Heading in the last ATTITUDE, from north; zero before the first one."""
         attitude = self.latest.get(messages.Attitude)
-        return attitude.yaw_rad if isinstance(attitude, messages.Attitude) else 0.0
+        return 0.0 if attitude is None else attitude.yaw_rad
 
     @property
     def on_ground(self) -> bool:
         """Whether the last EXTENDED_SYS_STATE says on ground; False before the first one."""
         landed = self.latest.get(messages.LandedState)
-        return isinstance(landed, messages.LandedState) and landed.landed_state == LANDED_ON_GROUND
+        return landed is not None and landed.landed_state == LANDED_ON_GROUND
 
 
 def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
@@ -101,7 +107,7 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
     """
     if not arrived:
         return state
-    latest = dict(state.latest)  # states that the caller holds do not change
+    latest = state.latest.copy()  # states that the caller holds do not change
     seen = VehicleState(latest, *state[1:])
     for message in arrived:
         change = _CHANGES.get(type(message))
@@ -112,7 +118,7 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
 
 
 def _changed_by_odometry(now: Odometry, state: VehicleState) -> VehicleState:
-    held = state.last(Odometry)
+    held = state.latest.get(Odometry)
     if held is None or held.reset_counter == now.reset_counter:
         return state
     return state._replace(resets=state.resets + 1, reset_s=now.received_s)
@@ -120,9 +126,9 @@ def _changed_by_odometry(now: Odometry, state: VehicleState) -> VehicleState:
 
 def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> VehicleState:
     """Take the known home of a vehicle that has just armed there, or that was armed before we connected."""
-    home, local, taken = state.last(Home), state.last(LocalPosition), now.armed and state.home_taken
+    home, local, taken = state.latest.get(Home), state.latest.get(LocalPosition), now.armed and state.home_taken
     if now.armed and not taken and home is not None:
-        connected_in_flight = Heartbeat not in state.latest  # the first home is the best one
+        connected_in_flight = state.latest.get(Heartbeat) is None  # the first home is the best one
         near = local is not None and math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
         taken = connected_in_flight or (near and not state.armed)
     return state if taken == state.home_taken else state._replace(home_taken=taken)
@@ -130,7 +136,7 @@ def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> VehicleState:
 
 def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleState | None:
     """A position shows a jump or a reboot; it is ignored if it is not new."""
-    held = state.last(LocalPosition)
+    held = state.latest.get(LocalPosition)
     if held is None:
         return state
     step_s = now.time_boot_s - held.time_boot_s
@@ -170,7 +176,7 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
     The origin is GPS_GLOBAL_ORIGIN, or else computed from home. An origin far from home (two vehicles with one system
     id, for example) is not accepted: None.
     """
-    home, origin = state.last(Home), state.last(Origin)
+    home, origin = state.latest.get(Home), state.latest.get(Origin)
     if home is None:
         return None
     home_amsl = Amsl(home.altitude_amsl_m)

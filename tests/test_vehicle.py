@@ -17,7 +17,7 @@ def test_nothing_heard_has_infinite_age_and_is_neither_armed_nor_on_the_ground()
     assert not state.armed
     assert not state.on_ground
     assert state.yaw_rad == 0.0
-    assert state.last(LocalPosition) is None
+    assert state.latest.get(LocalPosition) is None
 
 
 def test_the_latest_message_of_each_kind_is_kept_with_its_age():
@@ -30,14 +30,14 @@ def test_the_latest_message_of_each_kind_is_kept_with_its_age():
 
 def test_repeated_and_older_local_positions_are_passed_over():
     state = observe(VehicleState(), [local(1.0, 1.0), local(1.1, 1.0, (9.0, 9.0, 9.0)), local(1.2, 0.9)])
-    assert state.last(LocalPosition) == local(1.0, 1.0)
+    assert state.latest.get(LocalPosition) == local(1.0, 1.0)
     assert state.reboots == 0
 
 
 def test_a_clock_that_starts_again_is_a_reboot():
     state = observe(VehicleState(), [local(10.0, 100.0), local(10.1, 0.5)])
     assert state.reboots == 1
-    assert state.last(LocalPosition) == local(10.1, 0.5)
+    assert state.latest.get(LocalPosition) == local(10.1, 0.5)
 
 
 def test_a_changed_reset_counter_is_a_jump_and_the_first_one_is_not():
@@ -53,7 +53,7 @@ def test_an_acknowledgement_is_not_a_state():
 def test_the_fold_leaves_the_old_state_as_it_was():
     before = observe(VehicleState(), [Odometry(1.0, 7)])
     observe(before, [Odometry(1.1, 8)])
-    assert before.last(Odometry) == Odometry(1.0, 7)
+    assert before.latest.get(Odometry) == Odometry(1.0, 7)
 
 
 def test_the_local_frame_is_the_estimators_origin_not_home():

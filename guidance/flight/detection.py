@@ -5,9 +5,8 @@ game, and the progress of the phase.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Final, NamedTuple
 
 from guidance.autopilots import AutopilotProfile, Finding, Mode, Verdict
@@ -16,7 +15,6 @@ from guidance.control import Limiter
 from guidance.flight.heard import HOLD_S, Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, Event, State
-from guidance.flight.tracking import Tracking
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
 
@@ -64,7 +62,7 @@ def checks(
         now_s: The present, on the clock that stamped the messages.
         battery_minimum: Least battery remaining, 0 to 1; unknown (NaN) passes, since not every vehicle measures it.
     """
-    heartbeat = vehicle.last(Heartbeat)
+    heartbeat = vehicle.latest.get(Heartbeat)
     found = "not heard" if heartbeat is None else f"MAV_AUTOPILOT {heartbeat.autopilot}, want {profile.autopilot_id}"
     rows = [_check("autopilot", heartbeat is not None and heartbeat.autopilot == profile.autopilot_id, found)]
     for kind, limit_s in _LARGEST_AGE_S.items():
@@ -72,18 +70,6 @@ def checks(
         found = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
         rows.append(_check(kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
     return (*rows, *_status(vehicle, profile, battery_minimum))
-
-
-def evader_refusal(tracking: Tracking, settings: FlightSettings, now_s: float) -> str:
-    """Return why this evader may not be engaged now; empty if it may."""
-    silence_s, limit_s = tracking.silence_s(now_s), settings.cycle.evader_timeout_s
-    if silence_s > limit_s:
-        heard = "was never heard" if math.isinf(silence_s) else f"was last heard {silence_s:.1f} s ago"
-        return f"the evader {heard}; at most {limit_s:g} s is allowed"
-    rival = tracking.rival(now_s)
-    if rival and settings.hold_on_rival:
-        return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
-    return ""
 
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
@@ -98,13 +84,13 @@ def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
 
 
 def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: float) -> tuple[Finding, Finding]:
-    status = vehicle.last(SystemStatus)
+    status = vehicle.latest.get(SystemStatus)
     if status is None:
         return _check("prearm", False, "not heard"), _check("battery", False, "not heard")
     reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
     healthy = bool(status.sensors_health & _PREARM_CHECK)
     found = "healthy" if healthy else "the autopilot's own checks fail"
-    beat = vehicle.last(Heartbeat)
+    beat = vehicle.latest.get(Heartbeat)
     guided = beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
     if reported and not healthy and guided and profile.stream_before_guided:
         # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
@@ -165,12 +151,11 @@ class Moment(NamedTuple):
     stage: Stage
     certificate: Certificate | None
     refusals: Sequence[str]
-    battery_needed: float
 
     @property
     def heard_since_entry(self) -> bool:
         """True if a HEARTBEAT arrived after the state was entered."""
-        heartbeat = self.heard.vehicle.last(Heartbeat)
+        heartbeat = self.heard.vehicle.latest.get(Heartbeat)
         return heartbeat is not None and heartbeat.received_s > self.stage.since_s
 
     @property
@@ -181,7 +166,53 @@ class Moment(NamedTuple):
 
 def events(now: Moment) -> Iterator[Event]:
     """Yield the events of this cycle, the most severe first; only those that are in the table for this state."""
-    return (event for event, happens in _CONDITIONS_IN[now.stage.state] if happens(now))
+    state = now.stage.state
+    return (event for event, happens in _conditions(now) if happens and (state, event) in TRANSITIONS)
+
+
+def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
+    """Yield every event and whether its condition holds, the most severe first. Each is computed in its turn."""
+    settings, heard, stage, certificate = now.settings, now.heard, now.stage, now.certificate
+    vehicle, tracking, playing = heard.vehicle, heard.tracking, stage.state in SETPOINT_STATES
+    # Who commands the vehicle, and whether it is in contact.
+    yield Event.PILOT, _external_mode_change(now)
+    yield Event.REBOOTED, vehicle.reboots != stage.reboots_seen
+    yield Event.TELEMETRY_LOST, _telemetry_lost(now)
+    beat = vehicle.latest.get(Heartbeat)
+    yield Event.DISARMED, beat is not None and not beat.armed and beat.received_s > stage.since_s
+    yield Event.LOOP_STOPPED, heard.dt_s >= settings.autopilot.setpoint_timeout_s
+    yield Event.FOREIGN, heard.foreign
+    # Its position.
+    view = (heard.seen or heard.view(now.now_s)) if playing else None
+    for event, (limiters, allowed_m) in _BREACHES.items():
+        walls = () if view is None else [wall for wall in view.walls if wall.limiter in limiters]
+        yield event, any(-(wall.gap_m + wall.margin_m) > allowed_m for wall in walls)
+    # Rival sources, the operator and the battery.
+    yield Event.RIVAL, playing and settings.hold_on_rival and tracking.rival(now.now_s) != ""
+    silent_s, allowed_s = now.now_s - stage.operator_s, settings.operator_timeout_s or math.inf
+    yield Event.OPERATOR_LOST, silent_s > allowed_s
+    yield Event.OPERATOR_GONE, silent_s > allowed_s + settings.operator_return_s
+    yield Event.BATTERY_LOW, not stage.battery_was_low and is_low(heard)
+    # The inputs of the game.
+    yield Event.ESTIMATOR_RESET, vehicle.resets != stage.resets_seen
+    yield Event.LOOP_LATE, heard.dt_s > LATE_LOOP_S
+    yield Event.EVADER_LOST, playing and tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s
+    # The team.
+    yield Event.MATE_SILENT, playing and bool(heard.mates and heard.silent_mate(now.now_s))
+    yield Event.ASSIGNED, heard.switched
+    # The game.
+    if certificate is not None:
+        yield Event.NO_GAME, certificate.no_game
+        yield Event.ESCAPED, certificate.evader_arrived
+        yield Event.CAPTURED, certificate.captured
+    yield Event.DONE, settings.after_capture is AfterCapture.RETURN
+    yield Event.STRAYED, certificate is not None and certificate.strayed
+    # The end of the phase, and its time limit.
+    if stage.state in _PROGRESS:
+        progress, reached = _PROGRESS[stage.state]
+        yield progress, reached(now)
+    yield Event.TIMED_OUT, now.now_s - stage.since_s > settings.limits_s.get(stage.state, math.inf)
+    yield Event.CHASE_TIMED_OUT, now.now_s - stage.chase_began_s > (settings.longest_chase_s or math.inf)
 
 
 def detail_of(event: Event, now: Moment) -> str:
@@ -208,9 +239,14 @@ def detail_of(event: Event, now: Moment) -> str:
 
 def fit(now: Moment) -> bool:
     """Whether every readiness check passes and preflight refuses nothing."""
-    settings = now.settings
-    rows = checks(now.heard.vehicle, settings.autopilot, now.now_s, battery_minimum=now.battery_needed)
+    rows = checks(now.heard.vehicle, now.settings.autopilot, now.now_s, battery_minimum=now.heard.battery_needed)
     return not now.refusals and all(row.verdict is Verdict.PASS for row in rows)
+
+
+def is_low(heard: Heard) -> bool:
+    """Return whether the battery's charge is below the needed share; an unknown charge is not low."""
+    status = heard.vehicle.latest.get(SystemStatus)
+    return status is not None and status.battery_remaining < heard.battery_needed
 
 
 def _external_mode_change(now: Moment) -> bool:
@@ -229,48 +265,17 @@ def _waits_for_pilot(now: Moment) -> bool:
 
 
 def _telemetry_lost(now: Moment) -> bool:
-    vehicle = now.heard.vehicle
+    latest = now.heard.vehicle.latest
     if now.stage.state in HANDING_OVER and now.in_state_s < TELEMETRY_LIMIT_S:
         return False  # ordered without contact: send the request first
-    if vehicle.age_s(Heartbeat, now.now_s) > HEARTBEAT_LIMIT_S:
+    beat, local = latest.get(Heartbeat), latest.get(LocalPosition)
+    if beat is None or now.now_s - beat.received_s > HEARTBEAT_LIMIT_S:
         return True
     # Before the checks pass, the streams have just been requested.
     flying = now.stage.state not in {State.CHECKING, State.READY}
-    local = vehicle.last(LocalPosition)
     if local is None:  # found armed and handed over: only its modes matter
         return flying and now.stage.state not in HANDING_OVER
     return flying and now.now_s - local.received_s > TELEMETRY_LIMIT_S
-
-
-def _beyond(allowed_m: float, *limiters: Limiter) -> "Condition":
-    """Return whether a wall of these kinds has been crossed by more than the allowed distance."""
-
-    def crossed(now: Moment) -> bool:
-        view = now.heard.seen or now.heard.view(now.now_s)
-        walls = () if view is None else view.walls
-        return any(-(wall.gap_m + wall.margin_m) > allowed_m for wall in walls if wall.limiter in limiters)
-
-    return crossed
-
-
-def _certified(fact: str) -> "Condition":
-    """Return whether the certificate of this state says something of the game."""
-    return lambda now: getattr(now.certificate, fact, False)
-
-
-def _operator_silent(now: Moment, longer_s: float = 0.0) -> bool:
-    timeout_s = now.settings.operator_timeout_s
-    return timeout_s is not None and now.now_s - now.stage.operator_s > timeout_s + longer_s
-
-
-def is_low(vehicle: VehicleState, needed: float) -> bool:
-    """Return whether the battery's charge is below the needed share; an unknown charge is not low."""
-    status = vehicle.last(SystemStatus)
-    return status is not None and status.battery_remaining < needed
-
-
-def _evader_lost(now: Moment) -> bool:
-    return now.heard.tracking.silence_s(now.now_s) > now.settings.cycle.evader_timeout_s
 
 
 def _invited(now: Moment) -> bool:
@@ -279,12 +284,8 @@ def _invited(now: Moment) -> bool:
     return chosen and _waits_for_pilot(now) and not now.refusals
 
 
-def _chase_too_long(now: Moment) -> bool:
-    return now.now_s - now.stage.chase_began_s > (now.settings.longest_chase_s or math.inf)
-
-
 def _at_height(now: Moment) -> bool:
-    local, home_ned_m = now.heard.vehicle.last(LocalPosition), now.heard.tracking.home_ned_m
+    local, home_ned_m = now.heard.vehicle.latest.get(LocalPosition), now.heard.tracking.home_ned_m
     if local is None or home_ned_m is None:
         return False
     height_m = home_ned_m[2] - local.position_ned_m[2]
@@ -292,7 +293,7 @@ def _at_height(now: Moment) -> bool:
 
 
 def _at_start(now: Moment) -> bool:
-    start_ned_m, local = now.heard.start_ned_m, now.heard.vehicle.last(LocalPosition)
+    start_ned_m, local = now.heard.start_ned_m, now.heard.vehicle.latest.get(LocalPosition)
     if start_ned_m is None or local is None:
         return start_ned_m is None
     near = math.dist(local.position_ned_m, start_ned_m) < _AT_START_M
@@ -303,60 +304,33 @@ def _clear(now: Moment) -> bool:
     settings = now.settings
     waited = now.in_state_s >= settings.settle_s
     settled = now.now_s - now.heard.vehicle.reset_s >= settings.settle_s
-    missing = _evader_lost(now) or _telemetry_lost(now) or now.heard.silent_mate(now.now_s)
+    silent = now.heard.tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s
+    missing = silent or _telemetry_lost(now) or now.heard.silent_mate(now.now_s)
     return waited and settled and not missing
 
 
-Condition = Callable[[Moment], bool]
-
-_CONDITIONS: Final[tuple[tuple[Event, Condition], ...]] = (
-    # Who commands the vehicle, and whether it is in contact.
-    (Event.PILOT, _external_mode_change),
-    (Event.REBOOTED, lambda now: now.heard.vehicle.reboots != now.stage.reboots_seen),
-    (Event.TELEMETRY_LOST, _telemetry_lost),
-    (Event.DISARMED, lambda now: not now.heard.vehicle.armed and now.heard_since_entry),
-    (Event.LOOP_STOPPED, lambda now: now.heard.dt_s >= now.settings.autopilot.setpoint_timeout_s),
-    (Event.FOREIGN, attrgetter("heard.foreign")),
-    # Its position.
-    (Event.FENCE, _beyond(0.0, Limiter.FENCE_RADIUS, Limiter.FENCE_POLYGON)),
-    (Event.FLOOR, _beyond(BREACH_M, Limiter.FLOOR)),
-    (Event.CEILING, _beyond(BREACH_M, Limiter.CEILING)),
-    (Event.STAND_OFF, _beyond(BREACH_M, Limiter.STAND_OFF)),
-    # Rival sources, the operator and the battery.
-    (Event.RIVAL, lambda now: now.settings.hold_on_rival and now.heard.tracking.rival(now.now_s) != ""),
-    (Event.OPERATOR_LOST, _operator_silent),
-    (Event.OPERATOR_GONE, lambda now: _operator_silent(now, now.settings.operator_return_s)),
-    (Event.BATTERY_LOW, lambda now: not now.stage.battery_was_low and is_low(now.heard.vehicle, now.battery_needed)),
-    # The inputs of the game.
-    (Event.ESTIMATOR_RESET, lambda now: now.heard.vehicle.resets != now.stage.resets_seen),
-    (Event.LOOP_LATE, lambda now: now.heard.dt_s > LATE_LOOP_S),
-    (Event.EVADER_LOST, _evader_lost),
-    # The team.
-    (Event.MATE_SILENT, lambda now: bool(now.heard.mates and now.heard.silent_mate(now.now_s))),
-    (Event.ASSIGNED, attrgetter("heard.switched")),
-    # The game.
-    (Event.NO_GAME, _certified("no_game")),
-    (Event.ESCAPED, _certified("evader_arrived")),
-    (Event.CAPTURED, _certified("captured")),
-    (Event.INVITED, _invited),
-    (Event.DONE, lambda now: now.settings.after_capture is AfterCapture.RETURN),
-    (Event.STRAYED, _certified("strayed")),
-    # The end of the phase, and its time limit.
-    (Event.HEARD, lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S),
-    (Event.FIT, fit),
-    (Event.UNFIT, lambda now: not fit(now)),
-    # One HEARTBEAT must show both, so that the climb is not taken for a pilot's mode change.
-    (Event.ARMED, lambda now: now.heard.vehicle.armed and now.heard.mode in OUR_MODES[State.CLIMBING]),
-    (Event.AT_HEIGHT, _at_height),
-    (Event.AT_START, _at_start),
-    (Event.GUIDED, lambda now: now.heard_since_entry and now.heard.mode is Mode.GUIDED),
-    (Event.CLEAR, _clear),
-    (Event.CONTACT, lambda now: now.in_state_s >= now.settings.settle_s and not _telemetry_lost(now) and fit(now)),
-    (Event.TIMED_OUT, lambda now: now.in_state_s > now.settings.limits_s.get(now.stage.state, math.inf)),
-    (Event.CHASE_TIMED_OUT, _chase_too_long),
-)
-"""The condition of every detected event, the most severe event first."""
-
-_CONDITIONS_IN: Final[Mapping[State, Sequence[tuple[Event, Condition]]]] = {
-    state: [one for one in _CONDITIONS if (state, one[0]) in TRANSITIONS] for state in State
+_BREACHES: Final[Mapping[Event, tuple[Collection[Limiter], float]]] = {
+    Event.FENCE: ({Limiter.FENCE_RADIUS, Limiter.FENCE_POLYGON}, 0.0),
+    Event.FLOOR: ({Limiter.FLOOR}, BREACH_M),
+    Event.CEILING: ({Limiter.CEILING}, BREACH_M),
+    Event.STAND_OFF: ({Limiter.STAND_OFF}, BREACH_M),
 }
+"""Walls that a vehicle may not cross by more than some distance, m."""
+
+_PROGRESS: Final[Mapping[State, tuple[Event, Callable[[Moment], bool]]]] = {
+    State.CONNECTING: (Event.HEARD, lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S),
+    State.CHECKING: (Event.FIT, fit),
+    State.READY: (Event.UNFIT, lambda now: not fit(now)),
+    # One HEARTBEAT must show both, so that the climb is not taken for a pilot's mode change.
+    State.ARMING: (Event.ARMED, lambda now: now.heard.vehicle.armed and now.heard.mode in OUR_MODES[State.CLIMBING]),
+    State.CLIMBING: (Event.AT_HEIGHT, _at_height),
+    State.POSITIONING: (Event.AT_START, _at_start),
+    State.STANDING_BY: (Event.INVITED, _invited),
+    State.ENTERING: (Event.GUIDED, lambda now: now.heard_since_entry and now.heard.mode is Mode.GUIDED),
+    State.PAUSED: (Event.CLEAR, _clear),
+    State.OUT_OF_CONTACT: (
+        Event.CONTACT,
+        lambda now: now.in_state_s >= now.settings.settle_s and not _telemetry_lost(now) and fit(now),
+    ),
+}
+"""The event that ends a phase, and its condition."""

@@ -77,6 +77,8 @@ class Heard:
         role: In the team; None without one.
         mates: Last state of every other vehicle of the team, by name.
         aircraft: In a team, the last state of other aircraft, by name.
+        battery_needed: Share of the charge below which it returns: on the ground for the whole fence, in flight from
+            here.
         switched: Whether this cycle began to play against another evader.
     """
 
@@ -102,6 +104,9 @@ class Heard:
         self.aircraft: dict[str, MateState] = {}
         self.role: Role | None = None
         self.switched = False
+        self.battery_needed = settings.battery_minimum
+        if settings.reserve is not None:
+            self.battery_needed = settings.reserve.needed(settings.farthest_m, settings.takeoff_height_m)
 
     def vehicle_says(self, messages: Sequence[Message]) -> None:
         """Update only the vehicle."""
@@ -132,6 +137,9 @@ class Heard:
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
         self.foreign = strange and self.echo.foreign
         self._place()
+        reserve, here, home = self._settings.reserve, self.position_ned_m, self.tracking.home_ned_m
+        if in_flight and reserve is not None and here is not None and home is not None:
+            self.battery_needed = reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
         if self._settings.team is not None:
             for message in inputs.messages:
                 if isinstance(message, messages.Aircraft):
@@ -183,16 +191,16 @@ class Heard:
             self._game_frame = tracking.game_frame
             if tracking.game_frame is not None:
                 self.start_ned_m = tracking.game_frame.position_to_ned(self._settings.start_game_m)
-        if (local := self.vehicle.last(LocalPosition)) is not None:
+        if (local := self.vehicle.latest.get(LocalPosition)) is not None:
             here, back = local.position_ned_m, held_back_ned_m
             self.position_ned_m = here if back == NOWHERE else difference(here, back)
 
     def view(self, now_s: float) -> CycleInputs | None:
         """Return the inputs of the guidance in this cycle, computed once; None before the first position."""
-        vehicle, local = self.vehicle, self.vehicle.last(LocalPosition)
+        vehicle, local = self.vehicle, self.vehicle.latest.get(LocalPosition)
         if self.seen is None and local is not None and self.position_ned_m is not None:
             evader = self.tracking.evader(now_s)
-            estimator = vehicle.last(messages.EstimatorStatus)
+            estimator = vehicle.latest.get(messages.EstimatorStatus)
             flown, yaw_rad, gained = local.velocity_ned_m_s, vehicle.yaw_rad, vehicle.acceleration_ned_m_s2
             its: tuple[Vector | None, Vector | None] = (None, None) if evader is None else evader[:2]
             height_sd_m = 0.0 if estimator is None else estimator.height_sd_m
@@ -244,23 +252,19 @@ class Echo:
 
     def __init__(self) -> None:
         self._sent: deque[tuple[float, Vector]] = deque(maxlen=256)
-        self._strange_s: deque[float] = deque(maxlen=STRANGE_REPORTS)
+        self.strange_s: deque[float] = deque(maxlen=STRANGE_REPORTS)
+        """Times of the recent foreign reports."""
         self._begun_s = math.inf
 
     @property
     def foreign(self) -> bool:
         """Whether the autopilot reports foreign setpoints."""
-        return len(self._strange_s) == STRANGE_REPORTS
-
-    @property
-    def suspicious(self) -> bool:
-        """Whether there is a recent foreign report."""
-        return bool(self._strange_s)
+        return len(self.strange_s) == STRANGE_REPORTS
 
     def silent(self) -> None:
         """Forget everything, because we send no setpoints."""
         self._sent.clear()
-        self._strange_s.clear()
+        self.strange_s.clear()
         self._begun_s = math.inf
 
     def sent(self, now_s: float, setpoint: Setpoint) -> None:
@@ -274,14 +278,14 @@ class Echo:
             if not isinstance(message, PositionTarget):
                 continue
             if not guided:
-                self._strange_s.clear()
+                self.strange_s.clear()
                 continue
             now_s = message.received_s
-            while self._strange_s and now_s - self._strange_s[0] > WINDOW_S + _ROUNDING_S:
-                self._strange_s.popleft()
-            counted = self._strange_s and now_s - self._strange_s[-1] < APART_S - _ROUNDING_S
+            while self.strange_s and now_s - self.strange_s[0] > WINDOW_S + _ROUNDING_S:
+                self.strange_s.popleft()
+            counted = self.strange_s and now_s - self.strange_s[-1] < APART_S - _ROUNDING_S
             if not counted and now_s - self._begun_s > REMEMBERED_S and not self._is_ours(message):
-                self._strange_s.append(now_s)
+                self.strange_s.append(now_s)
 
     def _is_ours(self, message: PositionTarget) -> bool:
         reported = message.velocity_ned_m_s

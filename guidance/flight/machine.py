@@ -9,7 +9,7 @@ import math
 import traceback
 from collections.abc import Iterator, Sequence
 
-from guidance.autopilots import Finding, Mode
+from guidance.autopilots import Finding, Mode, Verdict
 from guidance.flight import detection, table
 from guidance.flight.detection import TELEMETRY_LIMIT_S, Moment, Stage
 from guidance.flight.heard import Heard
@@ -85,33 +85,31 @@ class Flight:
         mode = self.heard.mode
         return "unknown" if mode is None else self.settings.autopilot.mode_title(mode)
 
-    @property
-    def battery_needed(self) -> float:
-        """Share of the charge below which it returns: on the ground for the whole fence, in flight from here."""
-        if self.settings.reserve is None:
-            return self.settings.battery_minimum
-        here, home = self.heard.position_ned_m, self.heard.tracking.home_ned_m
-        if self.state in BEFORE_FLIGHT or here is None or home is None:
-            return self.settings.reserve.needed(self.settings.farthest_m, self.settings.takeoff_height_m)
-        return self.settings.reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
-
     def operator_silence_s(self, now_s: float) -> float:
         """Seconds since the operator's last order or sign of life; 0 before the first one."""
         return max(0.0, now_s - self._stage.operator_s)
 
     def checks(self, now_s: float) -> tuple[Finding, ...]:
         """Return the readiness checks."""
-        return detection.checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.battery_needed)
+        needed = self.heard.battery_needed
+        return detection.checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=needed)
 
     def evader_refusal(self, now_s: float) -> str:
         """Return why this evader may not be engaged now; empty if it may."""
-        return detection.evader_refusal(self.tracking, self.settings, now_s)
+        silence_s, limit_s = self.tracking.silence_s(now_s), self.settings.cycle.evader_timeout_s
+        if silence_s > limit_s:
+            heard = "was never heard" if math.isinf(silence_s) else f"was last heard {silence_s:.1f} s ago"
+            return f"the evader {heard}; at most {limit_s:g} s is allowed"
+        rival = self.tracking.rival(now_s)
+        if rival and self.settings.hold_on_rival:
+            return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
+        return ""
 
     def follows(self, order: Event, now_s: float, refusals: Sequence[str] = ()) -> bool:
         """Return whether an order would change the state now."""
         if self.fault is not None:
             return False
-        event = self._meant(order, self._moment(now_s, refusals))
+        event = self._meant(order, now_s, refusals)
         return event is not None and table.next_state(self.state, event) is not self.state
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
@@ -158,8 +156,8 @@ class Flight:
         return outputs._replace(happenings=(*outputs.happenings, self.cause), fault=self.fault, cause=self.cause)
 
     def _hand_over(self, now_s: float, inputs: Inputs) -> Outputs:
-        state = self._stage.state
-        unheeded = tuple(Happening(now_s, order, state, state, by) for by, order in _orders(inputs))
+        state, given = self._stage.state, ((Authority.OPERATOR, inputs.orders), (Authority.MISSION, inputs.mission))
+        unheeded = tuple(Happening(now_s, order, state, state, by) for by, orders in given for order in orders)
         requests = self._asking.hold_requests(now_s, inputs.messages)
         return Outputs(state, None, requests, unheeded, None, cause=self.cause)
 
@@ -183,21 +181,23 @@ class Flight:
                 stage.mode_left = stage.mode_left if mode is stage.mode_left else None
 
     def _follow(self, now_s: float, inputs: Inputs) -> Iterator[Happening]:
-        for by, order in _orders(inputs):
-            event = None
-            if by is Authority.OPERATOR or not self.ordered_by_operator:
-                event = self._meant(order, self._moment(now_s, inputs.refusals))
-            refused = Happening(now_s, order, self._stage.state, self._stage.state, by)
-            yield refused if event is None else self._change(now_s, event, by)
-        now = self._moment(now_s, inputs.refusals)
-        before, self._rival = self._rival, self.tracking.rival(now_s)
-        if self._rival and not before and not self.settings.hold_on_rival:
-            yield Happening(now_s, Event.RIVAL, self._stage.state, self._stage.state)
+        stage, refusals = self._stage, inputs.refusals
+        for by, orders in ((Authority.OPERATOR, inputs.orders), (Authority.MISSION, inputs.mission)):
+            for order in orders:
+                stands = by is Authority.MISSION and self.ordered_by_operator
+                event = None if stands else self._meant(order, now_s, refusals)
+                refused = Happening(now_s, order, stage.state, stage.state, by)
+                yield refused if event is None else self._change(now_s, event, by)
+        if not self.settings.hold_on_rival:
+            before, self._rival = self._rival, self.tracking.rival(now_s)
+            if self._rival and not before:
+                yield Happening(now_s, Event.RIVAL, stage.state, stage.state)
+        now = Moment(now_s, self.settings, self.heard, stage, self._playing.certificate, refusals)
         for event in detection.events(now):
             yield self._change(now_s, event, detail=detection.detail_of(event, now))
             return  # only the most severe event; the next cycle judges the new state
 
-    def _meant(self, order: Event, now: Moment) -> Event | None:
+    def _meant(self, order: Event, now_s: float, refusals: Sequence[str]) -> Event | None:
         """Return the event of an order in the present situation, None if it must not be followed."""
         vehicle = self.heard.vehicle
         if order is Event.START and vehicle.armed and not vehicle.on_ground:
@@ -205,8 +205,8 @@ class Flight:
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
             return Event.ALOFT if piloted or self.heard.mode in OUR_MODES[State.STANDING_BY] else None
         if order is Event.ENGAGE:
-            barred = self.leaving_mode or now.refusals or self.evader_refusal(now.now_s)
-            if barred or not (self.checked or detection.fit(now)):
+            barred = self.leaving_mode or refusals or self.evader_refusal(now_s)
+            if barred or not (self.checked or all(one.verdict is Verdict.PASS for one in self.checks(now_s))):
                 return None
         if self._stage.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order, order)
@@ -219,8 +219,7 @@ class Flight:
         if after is not before or ordered:
             self.cause = happening
             # A hold ordered while the battery is already low stands.
-            low = detection.is_low(self.heard.vehicle, self.battery_needed)
-            stage.battery_was_low = low and ordered and after is State.HOLDING
+            stage.battery_was_low = ordered and after is State.HOLDING and detection.is_low(self.heard)
         if after is not before:
             stage.state, stage.since_s, stage.other_mode_seen = after, now_s, False
             stage.resets_seen, stage.reboots_seen = self.heard.vehicle.resets, self.heard.vehicle.reboots
@@ -236,10 +235,6 @@ class Flight:
                 self._asking.hand_over()
         return happening
 
-    def _moment(self, now_s: float, refusals: Sequence[str]) -> Moment:
-        certificate, needed = self._playing.certificate, self.battery_needed
-        return Moment(now_s, self.settings, self.heard, self._stage, certificate, refusals, needed)
-
     def _setpoint(self, now_s: float) -> Setpoint | None:
         """Return a setpoint: to command, to hover until the guided mode is left, or to invite a pilot.
 
@@ -250,18 +245,11 @@ class Flight:
         leaving = state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed
         due = state in SETPOINT_STATES or leaving or (inviting and now_s - self._stage.since_s > INVITE_AFTER_S)
         setpoint, self._playing.alarm = None, None
-        seen = (heard.seen or heard.view(now_s)) if due else None
-        if seen is not None and heard.vehicle.age_s(LocalPosition, now_s) <= TELEMETRY_LIMIT_S:
-            needed = math.nan if self.settings.reserve is None else self.battery_needed
-            setpoint = self._playing.setpoint(seen, heard.cycle, state, now_s, battery_needed=needed)
+        seen, local = (heard.seen or heard.view(now_s)) if due else None, heard.vehicle.latest.get(LocalPosition)
+        if seen is not None and local is not None and now_s - local.received_s <= TELEMETRY_LIMIT_S:
+            setpoint = self._playing.setpoint(seen, heard, state, now_s)
         if setpoint is None or inviting:
             heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode
         else:
             heard.echo.sent(now_s, setpoint)
         return setpoint
-
-
-def _orders(inputs: Inputs) -> list[tuple[Authority, Event]]:
-    """Return all orders of a cycle, people's first."""
-    given = (Authority.OPERATOR, inputs.orders), (Authority.MISSION, inputs.mission)
-    return [(by, order) for by, orders in given for order in orders]

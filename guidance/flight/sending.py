@@ -1,11 +1,12 @@
 """What a flight sends in a cycle: the setpoint of its state, and requests until their effect is seen."""
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from guidance.autopilots import Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
-from guidance.cycle import CycleInputs, CycleMemory, CycleSettings, hover, play
+from guidance.cycle import CycleInputs, CycleMemory, hover, play
 from guidance.flight.detection import Stage
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
@@ -51,7 +52,7 @@ _MODE_OF_STATE = {
 
 def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[Request, ...]:
     """Return the requests of a state; none if their effect is already there."""
-    autopilot, home, frame = settings.autopilot, heard.vehicle.last(Home), heard.tracking.local_frame
+    autopilot, home, frame = settings.autopilot, heard.vehicle.latest.get(Home), heard.tracking.local_frame
     match state:
         case State.CHECKING:
             asked = (autopilot.request_message(one) for one in (HOME_POSITION, GPS_GLOBAL_ORIGIN))
@@ -100,7 +101,7 @@ class Asking:
         if stage.state not in FINAL and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats)):
             self._asked_s = now_s
             asked = requests_in(stage.state, self._settings, heard)
-        uncertain = stage.state is State.ENTERING or (stage.state in SETPOINT_STATES and heard.echo.suspicious)
+        uncertain = stage.state is State.ENTERING or (stage.state in SETPOINT_STATES and heard.echo.strange_s)
         if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
             self._beat_asked_s = now_s
             asked = (*asked, self._settings.autopilot.request_message(HEARTBEAT))
@@ -178,17 +179,14 @@ class Playing:
         height = None if height is None else height._replace(down_m=height.down_m + down_m)
         self._memory = memory._replace(follow=memory.follow._replace(drift=drift), place=place, height=height)
 
-    def setpoint(
-        self, inputs: CycleInputs, cycle: CycleSettings, state: State, now_s: float, *, battery_needed: float
-    ) -> Setpoint:
+    def setpoint(self, inputs: CycleInputs, heard: Heard, state: State, now_s: float) -> Setpoint:
         """Make this cycle's setpoint.
 
         Args:
             inputs: Of the guidance in this cycle.
-            cycle: Settings of the guidance cycle.
+            heard: Everything received so far.
             state: State of the flight.
             now_s: Time.
-            battery_needed: Share of the charge needed to fly home from here; NaN if it is not computed.
         """
         settings = self._settings
         if state is State.STANDING_BY:
@@ -196,10 +194,11 @@ class Playing:
             self._memory = CycleMemory(limits=self._memory.limits)
         shadowing = state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
         played = play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
-        output = played(inputs, cycle, self._memory)
+        output = played(inputs, heard.cycle, self._memory)
         self._memory = output.memory
         if output.certificate is not None:
-            self.certificate = output.certificate._replace(battery_needed=battery_needed)
+            needed = math.nan if settings.reserve is None else heard.battery_needed
+            self.certificate = output.certificate._replace(battery_needed=needed)
             if state is State.ENGAGED:
                 aimed, speed_m_s = settings.cycle.target_game_m is not None, settings.cycle.ground_speed_m_s
                 slack_s, certificate = settings.guarantee_slack_s, self.certificate

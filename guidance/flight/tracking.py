@@ -68,7 +68,7 @@ class Tracking:
             return
         if frame is not self.local_frame and frame != self.local_frame:
             self._move_into(frame)
-        home = vehicle.last(Home)
+        home = vehicle.latest.get(Home)
         if home is not None and home != self._home:
             self._home, self.home_ned_m = home, home.position_ned_m
             if not all(map(math.isfinite, home.position_ned_m)):
@@ -103,7 +103,7 @@ class Tracking:
 
     def _judged(self, held: LocalFrame, told: LocalFrame, vehicle: VehicleState) -> LocalFrame:
         """Choose between the old origin, the reported one, and the one that explains the jump."""
-        place, local = vehicle.last(GlobalPosition), vehicle.last(LocalPosition)
+        place, local = vehicle.latest.get(GlobalPosition), vehicle.latest.get(LocalPosition)
         if place is None or local is None or local.received_s - place.received_s > _JUDGE_AGE_S:
             self.held_back_ned_m = NOWHERE
             return told

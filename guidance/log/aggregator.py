@@ -107,7 +107,7 @@ class Aggregator:
             self._add(report)
         frame = self._tracking.game_frame
         self._place_home()
-        local, setpoint, certificate = self.vehicle.last(LocalPosition), row.setpoint, row.certificate
+        local, setpoint, certificate = self.vehicle.latest.get(LocalPosition), row.setpoint, row.certificate
         trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
         cycle = Cycle(row.now_s, evader_m=self._evader_m, evader_age_s=row.now_s - self._report_s)
         cycle = cycle._replace(round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan))

@@ -152,7 +152,7 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
         tracks["pursuer"] += [one for one in inputs.messages if isinstance(one, GlobalPosition)]
         vehicle = observe(vehicle, inputs.messages)
         if vehicle.armed or home is None:  # home in flight; on the ground it drifts
-            home = vehicle.last(Home)
+            home = vehicle.latest.get(Home)
         for report in inputs.reports:
             tracks.setdefault(f"evader ({report.source})", []).append(report)
         if row.state != state and tracks["pursuer"]:

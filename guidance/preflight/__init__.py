@@ -156,8 +156,8 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
         found = "inside" if inside else "outside"
         yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
     if wants.battery_needed is not None:
-        yield _battery(vehicle.last(messages.SystemStatus), wants.battery_needed)
-    origin, home = vehicle.last(messages.Origin), vehicle.last(messages.Home)
+        yield _battery(vehicle.latest.get(messages.SystemStatus), wants.battery_needed)
+    origin, home = vehicle.latest.get(messages.Origin), vehicle.latest.get(messages.Home)
     if origin is None or home is None:
         names = ("GPS_GLOBAL_ORIGIN", origin), ("HOME_POSITION", home)
         missing = " and ".join(name for name, message in names if message is None)
@@ -171,7 +171,7 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     yield _within("frame origin", away_m, limit_m, "m from home", "restart the autopilot here: its origin is old")
     apart_m, advice = math.dist(home_ned_m, home.position_ned_m), "home was set in another frame: set it again"
     yield _within("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
-    place, local = vehicle.last(messages.GlobalPosition), vehicle.last(messages.LocalPosition)
+    place, local = vehicle.latest.get(messages.GlobalPosition), vehicle.latest.get(messages.LocalPosition)
     if place is None or local is None:
         yield Finding("position", "unknown", "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard", Verdict.REFUSE)
         return
@@ -237,7 +237,7 @@ def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Findi
 
 def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
     """Return the row that refuses an autopilot other than the configured one, or None."""
-    heartbeat = facts.vehicle.last(Heartbeat)
+    heartbeat = facts.vehicle.latest.get(Heartbeat)
     if heartbeat is None or heartbeat.autopilot == autopilot.autopilot_id:
         return None
     found = next((one.name for one in autopilots_of(heartbeat.autopilot)), None)

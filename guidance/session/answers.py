@@ -163,7 +163,7 @@ def status(
         "heartbeat_age_s": vehicle.age_s(Heartbeat, now_s),
         "position_age_s": vehicle.age_s(LocalPosition, now_s),
         "evader_silence_s": flight.tracking.silence_s(now_s),
-        "battery_needed": flight.battery_needed,
+        "battery_needed": flight.heard.battery_needed,
         "operator_silence_s": flight.operator_silence_s(now_s),
         "operator_timeout_s": settings.operator_timeout_s,
         "evader_second_source": flight.tracking.rival(now_s),
@@ -194,7 +194,7 @@ def _unit(flight: Flight) -> str:
 
 def _flown(vehicle: VehicleState) -> dict[str, Any]:
     """Position and velocity (NED, m and m/s), height above home (m) and battery."""
-    local, home, status = vehicle.last(LocalPosition), vehicle.last(Home), vehicle.last(SystemStatus)
+    local, home, status = vehicle.latest.get(LocalPosition), vehicle.latest.get(Home), vehicle.latest.get(SystemStatus)
     if local is None:
         return {}
     height_m = -local.position_ned_m[2] + (0.0 if home is None else home.position_ned_m[2])

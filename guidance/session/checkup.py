@@ -61,7 +61,7 @@ class Checkup:
             if other is not None:
                 return (other,)
             vehicle, (read, wanted) = daemon.flight.vehicle, daemon.survey.read
-            missing = [name for kind, name in _HEARD.items() if vehicle.last(kind) is None]
+            missing = [name for kind, name in _HEARD.items() if vehicle.latest.get(kind) is None]
             missing += [f"{wanted - read} of {wanted} parameters"] if read < wanted else []
             told(lacking := ", ".join(missing))
             if lacking:
@@ -91,7 +91,7 @@ class Checkup:
             vehicle, now_s = self._daemon.flight.vehicle, self._clock.now_s()
             if vehicle.armed:
                 raise FlightError("the vehicle is armed: parameters are set on the ground only, disarmed")
-            if vehicle.age_s(messages.Heartbeat, now_s) > _FRESH_S or vehicle.last(messages.LandedState) is None:
+            if vehicle.age_s(messages.Heartbeat, now_s) > _FRESH_S or vehicle.latest.get(messages.LandedState) is None:
                 raise FlightError("the vehicle does not say whether it is on the ground: no parameter is set")
             if not vehicle.on_ground:
                 raise FlightError("the vehicle is in the air: parameters are set on the ground only")

@@ -124,13 +124,13 @@ def wait_until_placed(
                 link.request(request)
         state, waited_s = observe(state, messages), now_s - begun_s
         said = next((each.text for each in reversed(messages) if isinstance(each, StatusText)), said)
-        told = state.last(LandedState) is not None
+        told = state.latest.get(LandedState) is not None
         if state.armed and told and not state.on_ground:
             raise FlightError("the vehicle is in the air already: land and disarm it first; no order was given")
         if state.armed and (told or waited_s > _LANDED_STATE_WITHIN_S):
             raise FlightError("the vehicle was armed by someone else: disarm it first; no order was given")
         missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
-        home, frame, beat = state.last(Home), local_frame(state, profile.projection), state.last(Heartbeat)
+        home, frame, beat = state.latest.get(Home), local_frame(state, profile.projection), state.latest.get(Heartbeat)
         if not missing and home is not None and frame is not None:
             return home, frame
         words = f"{', '.join(missing)} not received: no position fix yet?" + (f' It says "{said}"' if said else "")

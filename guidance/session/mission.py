@@ -317,7 +317,7 @@ class VehicleMission:
     def locate(self, now_s: float) -> None:
         """Note the vehicle's position in the game frame from its own telemetry, None until heard."""
         self._begun_s = now_s if self._begun_s is None else self._begun_s
-        local, frame = self.daemon.flight.vehicle.last(LocalPosition), self.daemon.flight.tracking.game_frame
+        local, frame = self.daemon.flight.vehicle.latest.get(LocalPosition), self.daemon.flight.tracking.game_frame
         self.position_game_m = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
 
     def before(self, now_s: float) -> None:
@@ -425,7 +425,7 @@ class VehicleMission:
         daemon, flight = self.daemon, self.daemon.flight
         if self._policy.end_with is not None and flight.vehicle.armed:
             raise FlightError("the vehicle is armed already; disarm it and start again: no order was given")
-        start, frame, home = flight.settings.start_game_m, flight.tracking.game_frame, flight.vehicle.last(Home)
+        start, frame, home = flight.settings.start_game_m, flight.tracking.game_frame, flight.vehicle.latest.get(Home)
         fence_m = flight.settings.cycle.envelope.fence_radius_m
         if start is not None and frame is not None and home is not None and fence_m is not None:
             # To the start the autopilot flies by itself, and our limits do not act.

@@ -46,18 +46,18 @@ class EvaderPilot:
         return self._position_m
 
     def _located(self) -> Vector | None:
-        sources = (self.vehicle.last(Home), self.vehicle.last(Origin))
+        sources = (self.vehicle.latest.get(Home), self.vehicle.latest.get(Origin))
         if sources != self._frame[0]:
             local_ned = local_frame(self.vehicle, ROVER.projection)
             self._frame = sources, None if local_ned is None else GameFrame(local_ned.ned_from_wgs84(*self._site))
-        frame, local = self._frame[1], self.vehicle.last(LocalPosition)
+        frame, local = self._frame[1], self.vehicle.latest.get(LocalPosition)
         return None if frame is None or local is None else frame.position_from_ned(local.position_ned_m)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
         self.vehicle = observe(self.vehicle, self._link.receive())
         position = self._position_m = self._located()
-        beat = self.vehicle.last(Heartbeat)
+        beat = self.vehicle.latest.get(Heartbeat)
         guided = beat is not None and beat.armed and beat.custom_mode == ROVER.custom_modes[Mode.GUIDED]
         self.ready = guided and position is not None
         if not guided or position is None:

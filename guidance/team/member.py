@@ -152,7 +152,7 @@ class Member:
     def _publish(self, flight: Flight, outputs: Outputs) -> None:
         self._seq += 1
         common: dict[str, Any] = {"vehicle": self.vehicle, "epoch": self._epoch, "seq": self._seq}
-        local, frame = flight.vehicle.last(LocalPosition), flight.tracking.local_frame
+        local, frame = flight.vehicle.latest.get(LocalPosition), flight.tracking.local_frame
         if local is not None and frame is not None:
             speeds, certificate, state = flight.settings.cycle.game.pursuer, outputs.certificate, flight.state
             value = math.nan if certificate is None else certificate.value

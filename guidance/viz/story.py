@@ -133,7 +133,7 @@ def opening(story: Story) -> str:
 
 def _who(story: Story) -> str:
     """Say who flew, when and where."""
-    started, home = story.survey.metadata.get("started_utc", ""), story.flight.vehicle.last(Home)
+    started, home = story.survey.metadata.get("started_utc", ""), story.flight.vehicle.latest.get(Home)
     when = f"on {started[:10]} at {started[11:16]} UTC" if started else "in virtual time"
     where = "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
     return f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {story.lasted_s:.0f} s."

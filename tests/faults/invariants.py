@@ -162,7 +162,7 @@ class Watch:
 
     def _inwards(self, now_s: float, flight: Any) -> None:
         """Check that no setpoint descends below the floor or climbs above the ceiling, by the service's own height."""
-        local, home_m = flight.vehicle.last(LocalPosition), flight.tracking.home_ned_m
+        local, home_m = flight.vehicle.latest.get(LocalPosition), flight.tracking.home_ned_m
         if local is None or home_m is None:
             return
         limits = self.case.scenario.limits
@@ -321,7 +321,7 @@ class Watch:
         there = frame.to_local(*evader.autopilot.frame.to_geodetic(*evader.truth.position_ned_m))
         error = pursuer.autopilot.state.estimator.position_error_m
         level_m, height_m = math.hypot(*error[:2]), abs(error[2])
-        local, believed = flight.vehicle.last(LocalPosition), flight.tracking.local_frame
+        local, believed = flight.vehicle.latest.get(LocalPosition), flight.tracking.local_frame
         if local is not None and believed is not None:
             level, height = _apart(_in_frame(frame, believed, local.position_ned_m), here)
             level_m, height_m = max(level_m, level), max(height_m, height)

@@ -125,7 +125,7 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     """Return a context without events except for the changes."""
     heard = Heard(settings)
     heard.vehicle = well() if vehicle is None else vehicle
-    heartbeat = heard.vehicle.last(Heartbeat)
+    heartbeat = heard.vehicle.latest.get(Heartbeat)
     heard.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
     heard.dt_s = changes.pop("dt_s", 0.02)
     heard.foreign, heard.start_ned_m = changes.pop("foreign", False), changes.pop("start_ned_m", None)
@@ -141,7 +141,6 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
         heard=heard,
         stage=Stage(state, **stage),
         certificate=changes.pop("certificate", QUIET),
-        battery_needed=changes.pop("battery_needed", settings.battery_minimum),
         refusals=changes.pop("refusals", ()),
         **changes,
     )

@@ -136,11 +136,11 @@ def test_a_transient_of_the_autopilot_of_a_third_of_a_second_is_no_alarm():
     for step in range(19):
         echo.sent(now_s + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
         echo.hear(reported(now_s + 0.02 * step, (-3.0, 0.0, 0.0)), guided=True)
-    assert echo.suspicious
+    assert echo.strange_s
     assert not echo.foreign
     echo.sent(now_s + 0.3 + WINDOW_S, Setpoint((3.0, 0.0, 0.0)))
     echo.hear(reported(now_s + 0.3 + WINDOW_S, (3.0, 0.0, 0.0)), guided=True)
-    assert not echo.suspicious
+    assert not echo.strange_s
 
 
 @pytest.mark.parametrize("velocity", [(math.nan, math.nan, math.nan), (math.nan, 0.0, 0.0)])
@@ -187,7 +187,7 @@ def test_what_is_strange_at_once_after_a_silence_may_be_of_before_it():
     for step in range(75):
         echo.sent(10.0 + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
         echo.hear(reported(10.0 + 0.02 * step, (-3.0, 0.0, 0.0)), guided=True)
-        assert not echo.suspicious
+        assert not echo.strange_s
 
 
 def test_in_a_mode_that_is_not_ours_nothing_is_strange_and_what_was_is_forgotten():
@@ -196,7 +196,7 @@ def test_in_a_mode_that_is_not_ours_nothing_is_strange_and_what_was_is_forgotten
     for count, guided in enumerate((True, True, False, True, True, False, False, False)):
         echo.hear(reported(now_s + APART_S * count, (-3.0, 0.0, 0.0)), guided=guided)
         assert not echo.foreign
-        assert echo.suspicious is guided
+        assert bool(echo.strange_s) is guided
 
 
 @pytest.mark.parametrize("later_s", [0.0, 0.1, 0.7, 1234.56])

@@ -225,7 +225,7 @@ def test_after_an_error_the_hold_is_requested_if_our_setpoints_may_be_in_use(
     flown.mode = mode
     flown.cycle(beat=True)
     assert flown.state not in FINAL
-    monkeypatch.setattr(flown.flight.tracking, "rival", lambda _now_s: 1 / 0)
+    monkeypatch.setattr(flown.flight.tracking, "observe", lambda *_, **_in_flight: 1 / 0)
     failed = flown.cycle()
     assert failed.state is State.YIELDED
     assert failed.requests == ((autopilot.set_mode(Mode.HOLD),) if flown_by_us else ())

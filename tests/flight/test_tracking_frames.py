@@ -35,8 +35,8 @@ def test_a_real_flights_home_stays_where_it_was_when_the_vehicle_armed(autopilot
         before = vehicle
         vehicle = observe(vehicle, [message])
         if vehicle.armed:
-            armed_with = armed_with or before.last(Home)
-            kept.add(vehicle.last(Home))
+            armed_with = armed_with or before.latest.get(Home)
+            kept.add(vehicle.latest.get(Home))
     assert kept == {armed_with}
     assert vehicle.resets == (autopilot is PX4)  # its ODOMETRY counts one, in the climb; no position jumps
     assert vehicle.jumped_ned_m == (0.0, 0.0, 0.0)
@@ -84,7 +84,7 @@ def test_a_real_autopilots_local_and_global_positions_agree_by_its_own_map(autop
     vehicle, apart_m = VehicleState(), []
     for message in messages(autopilot.name, autopilot.autopilot_id):
         vehicle = observe(vehicle, [message])
-        origin = vehicle.last(Origin)
+        origin = vehicle.latest.get(Origin)
         if not isinstance(message, GlobalPosition) or origin is None:
             continue
         frame = LocalFrame(
@@ -97,7 +97,7 @@ def test_a_real_autopilots_local_and_global_positions_agree_by_its_own_map(autop
 
 
 def _at(vehicle, boot_s):
-    local = vehicle.last(LocalPosition)
+    local = vehicle.latest.get(LocalPosition)
     step_s = boot_s - local.time_boot_s
     return [at + step_s * rate for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)]
 
@@ -250,7 +250,7 @@ def local_here():
     ],
 )
 def test_which_home_is_a_flights(said, north_m):
-    assert observe(VehicleState(), said).last(Home).position_ned_m[0] == north_m
+    assert observe(VehicleState(), said).latest.get(Home).position_ned_m[0] == north_m
 
 
 def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():

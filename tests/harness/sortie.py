@@ -148,7 +148,7 @@ class Stepped(Sortie):
 
     def advance(self):
         super().advance()
-        local, frame = self.flight.vehicle.last(LocalPosition), self.flight.tracking.game_frame
+        local, frame = self.flight.vehicle.latest.get(LocalPosition), self.flight.tracking.game_frame
         pursuer = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
         self.evader.step(self.now_s, [] if pursuer is None else [pursuer], playing=self.evader_plays)
 

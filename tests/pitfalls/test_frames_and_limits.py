@@ -43,7 +43,7 @@ def test_11_an_estimator_origin_that_is_not_home_changes_nothing(sortie, monkeyp
     elsewhere = Home(site.latitude_deg + 0.0027, site.longitude_deg - 0.004, site.altitude_amsl_m - 600.0)
     rebuild(moved, monkeypatch, origin=elsewhere)
     moved.engaged()
-    local = moved.flight.vehicle.last(LocalPosition)
+    local = moved.flight.vehicle.latest.get(LocalPosition)
     assert local.position_ned_m[2] < -600.0
     moved.until(State.ON_STATION, limit_s=30.0)
     heights = [output.certificate.pursuer_game_m[2] for output in moved.outputs if output.certificate is not None]
@@ -72,7 +72,7 @@ def rebuild(flight, monkeypatch, **options):
 def test_13_heights_are_above_the_evaders_plane_wherever_sea_level_is(sortie, autopilot, ground_amsl_m):
     site = SHORT.site.model_copy(update={"altitude_amsl_m": ground_amsl_m})
     flight = sortie.engaged(autopilot, scenario=SHORT.model_copy(update={"site": site}))
-    heard = flight.flight.vehicle.last(GlobalPosition)
+    heard = flight.flight.vehicle.latest.get(GlobalPosition)
     assert heard.altitude_amsl_m == pytest.approx(ground_amsl_m + 12.0, abs=2.0)
     flight.until(State.ON_STATION, limit_s=30.0)
     truth = -flight.mock.truth.position_ned_m[2]
@@ -97,11 +97,11 @@ def test_14_the_heading_at_engagement_is_held(sortie, autopilot, yaw_deg, monkey
 @pytest.mark.long
 def test_15_a_hover_of_five_minutes_keeps_its_height(sortie, autopilot):
     flight = sortie.on_station(autopilot).run(5.0)
-    start_m = flight.flight.vehicle.last(LocalPosition).position_ned_m[2]
+    start_m = flight.flight.vehicle.latest.get(LocalPosition).position_ned_m[2]
     worst_m = 0.0
     for _ in range(300):
         flight.run(1.0)
-        worst_m = max(worst_m, abs(flight.flight.vehicle.last(LocalPosition).position_ned_m[2] - start_m))
+        worst_m = max(worst_m, abs(flight.flight.vehicle.latest.get(LocalPosition).position_ned_m[2] - start_m))
     assert flight.state is State.ON_STATION
     assert worst_m <= 0.5
 

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.flight
 
 def close_by(flight, limit):
     """Draw one limit of the flight: the fence at a metre about the vehicle, the heights a little beyond it."""
-    north_m, east_m, down_m = flight.flight.vehicle.last(LocalPosition).position_ned_m
+    north_m, east_m, down_m = flight.flight.vehicle.latest.get(LocalPosition).position_ned_m
     envelope = flight.flight.heard.cycle.envelope
     _, _, home_down_m = envelope.home_ned_m
     height_m = home_down_m - down_m

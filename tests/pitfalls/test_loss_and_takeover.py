@@ -173,7 +173,7 @@ def test_23_only_the_latest_of_what_queued_up_is_used(sortie):
     flight.run(0.2)
     flight.frozen = False
     flight.cycle()
-    local = flight.flight.vehicle.last(LocalPosition)
+    local = flight.flight.vehicle.latest.get(LocalPosition)
     assert flight.now_s - local.received_s <= 0.05
 
 

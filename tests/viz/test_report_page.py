@@ -158,7 +158,7 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
         story = told(path)
         said, engaged = opening(story), story.engaged.certificate
         for words in (
-            result.scenario.title, "in virtual time", f"from {story.flight.vehicle.last(Home).latitude_deg:.5f}°",
+            result.scenario.title, "in virtual time", f"from {story.flight.vehicle.latest.get(Home).latitude_deg:.5f}°",
             f"within {engaged.time_needed_s:.1f} s", f"after {story.game_lasted_s:.1f} s", "ended landed",
             "imit",
         ):  # fmt: skip

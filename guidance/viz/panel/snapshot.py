@@ -191,9 +191,10 @@ class SnapshotFold:
             self._set_scene()
 
     def _set_scene(self) -> None:
-        cycle, envelope, place = self._flight.settings.cycle, self._flight.envelope, self._flight.vehicle.last(Home)
+        cycle, envelope = self._flight.settings.cycle, self._flight.envelope
         target, standoff, self._home_m = cycle.target_game_m, cycle.game.standoff, self._flight.home_m
         edges = [] if self._home_m is None else fence_edges(envelope, self._home_m)
+        place = self._flight.vehicle.latest.get(Home)
         outline = [] if target is None else np.round(target_edge(target, cycle.game.target_extent), 1).tolist()
         self.scene: Plain = {
             "unit": "s" if target is None else "m",
@@ -247,7 +248,8 @@ class SnapshotFold:
     def _vehicle(self) -> Plain:
         """Return what the vehicle says of itself."""
         vehicle, autopilot = self._flight.vehicle, self._flight.settings.autopilot
-        heartbeat, status, gps = vehicle.last(Heartbeat), vehicle.last(SystemStatus), vehicle.last(GpsFix)
+        latest = vehicle.latest
+        heartbeat, status, gps = latest.get(Heartbeat), latest.get(SystemStatus), latest.get(GpsFix)
         return {
             "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
             "armed": vehicle.armed,
@@ -256,7 +258,7 @@ class SnapshotFold:
             "voltage_v": math.nan if status is None else status.voltage_v,
             "gps": None if gps is None else {"fix": gps.fix_type, "satellites": gps.satellites},
             "link": len(self._positions_s) / self._most_positions if self._most_positions else math.nan,
-            "yaw_rad": math.nan if vehicle.last(Attitude) is None else round(vehicle.yaw_rad, 3),
+            "yaw_rad": math.nan if latest.get(Attitude) is None else round(vehicle.yaw_rad, 3),
         }
 
     def _curve(self, certificate: Certificate, now_s: float) -> list[Any]:
