@@ -120,7 +120,8 @@ def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
 
 def about_home(wants: Wants, vehicle: VehicleState, projection: Projection) -> Wants:
     """Replace a fence in degrees by the same one in metres about home, once home is known."""
-    corners_deg, home, frame = wants.limits.fence_polygon_deg, vehicle.last(Home), local_frame(vehicle, projection)
+    corners_deg, home = wants.limits.fence_polygon_deg, vehicle.latest.get(Home)
+    frame = local_frame(vehicle, projection)
     if corners_deg is None or home is None or frame is None:
         return wants
     corners = corners_about_home(corners_deg, home.position_ned_m, frame)
@@ -146,7 +147,7 @@ def uploaded_row(
     in_use = autopilot.uploaded_fence_counts(parameters)
     if not uploaded.areas or not in_use:
         return row._replace(verdict=Verdict.PASS, value=row.value if in_use else f"{row.value}, not in use")
-    home, frame = vehicle.last(Home), local_frame(vehicle, autopilot.projection)
+    home, frame = vehicle.latest.get(Home), local_frame(vehicle, autopilot.projection)
     if home is None or frame is None:
         return row._replace(advice="home is not known yet")
     try:
