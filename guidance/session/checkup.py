@@ -13,8 +13,8 @@ from guidance.preflight import COUNTED_S, ParameterChange, another_autopilot, ch
 from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import FlightPlan, plan_of
+from guidance.session.service import open_all
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_world import open_all
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0

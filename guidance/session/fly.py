@@ -39,9 +39,8 @@ from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, S
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import SIMULATED_URL, config_of, plan_of
 from guidance.session.result import MissionResult, closing_detail
-from guidance.session.service import opened_equipment, opened_vehicle
+from guidance.session.service import open_all, opened_equipment, opened_vehicle
 from guidance.session.vehicle_file import Config, Vehicle
-from guidance.session.vehicle_world import open_all
 from guidance.sim.live import OVER, ZENOH, LiveWorld
 from guidance.sim.mock_files import check_faults
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario, Site, Wind
@@ -124,12 +123,11 @@ class MockOptions:
         (pursuits, team), clock = _players(scenario), VirtualClock() if self.fast else MonotonicClock()
         check_faults(pursuits)
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
-        with contextlib.ExitStack() as stack:
-            buses = stack.enter_context(opened(mailboxes, onlooker.control, onlooker.on_control, team=team))
-            used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
+        used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
+        with opened(mailboxes, onlooker.control, onlooker.on_control, team=team) as buses:
             live = partial(LiveWorld, link=self.link, port=self.port, over=self.over)
-            world = stack.enter_context(closing((SteppedWorld if self.fast else live)(pursuits, clock)))
-            yield Opened(pursuits, world, clock, buses, used, {})
+            with closing((SteppedWorld if self.fast else live)(pursuits, clock)) as world:
+                yield Opened(pursuits, world, clock, buses, used, {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,25 +254,19 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
     """
     with contextlib.ExitStack() as stack:
         flight = stack.enter_context(how.opened(scenario, onlooker))
-        pursuits, clock = flight.pursuits, flight.clock
+        pursuits, clock, policy, show = flight.pursuits, flight.clock, flight.policy, onlooker.show
         team = team_document(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
-        members = _joined(scenario, flight, stack) if isinstance(scenario, TeamScenario) else {}
         plans = {one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team) for one in pursuits}
-        files = {name: None if folder is None else (folder / name if team else folder) / RECORD for name in plans}
-        equipment = {
-            one.vehicle: replace(_recorded(flight, one, team, files[one.vehicle], stack), team=members.get(one.vehicle))
-            for one in pursuits
-        }
+        equipment = _equipped(flight, scenario, folder, stack)
         if folder is not None:
             onlooker.on_record(folder if team else folder / RECORD)
         for used in equipment.values():
             used.mailbox.meanwhile = None
-        show, policy = onlooker.show, flight.policy
         mission = Mission(pursuits, flight.world, clock, plans=plans, equipment=equipment, policy=policy, show=show)
         result = mission.fly(flight.signals)
         for name, flown in result.vehicles.items():
             if (told := equipment[name].broadcast) is not None:
-                told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, files[name], folder))
+                told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, equipment[name].record, folder))
     for name, flown in result.vehicles.items():  # the records are closed: note what is missing
         if isinstance(record := equipment[name].record, Recorder):
             flown.record_dropped = record.dropped
@@ -299,36 +291,33 @@ def team_document(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> str:
     return json.dumps({"team": _separation(scenario), "evaders": _declared_m_s(pursuits)})
 
 
-def _joined(scenario: TeamScenario, flight: Opened, stack: contextlib.ExitStack) -> dict[str, Member]:
-    """Return the members of a team, connected until the stack is closed: over the control buses, if there are any.
+def _equipped(
+    flight: Opened, scenario: Played, folder: Path | None, stack: contextlib.ExitStack
+) -> dict[str, Equipment]:
+    """Return the equipment of all vehicles with their records, and broadcasts where orders are taken.
 
-    In virtual time a network in this process connects them.
+    Those of a team are connected until the stack is closed: over the control buses, or in virtual time by a network in
+    this process.
     """
     names, evaders = [one.vehicle for one in flight.pursuits], sorted({one.evader for one in flight.pursuits})
-    now_s, above_m = flight.clock.now_s, scenario.flight.separation_height_m
-    members, ends = dict[str, Member](), dict[str, MemoryTransport]()
-    for number, (_, name, first) in enumerate(flight.pursuits):
-        bus = flight.buses.get(name)
-        transport = ZenohTeam(now_s, bus, TEAM, name, names) if bus else MemoryTransport(name, ends, now_s)
-        stack.callback(transport.close)
-        epoch = random.Random(f"{scenario.seed} {number}").getrandbits(48)
-        members[name] = Member(name, names, [first, *evaders], transport, epoch=epoch, separation_height_m=above_m)
-    return members
-
-
-def _recorded(
-    flight: Opened, pursuit: Pursuit, team: str | None, path: Path | None, stack: contextlib.ExitStack
-) -> Equipment:
-    """Return the equipment of a vehicle with its record, and its broadcast where orders are taken."""
-    name, real_time, record, broadcast = pursuit.vehicle, flight.world.real_time, None, None
-    metadata = flight_metadata(pursuit.scenario, flight.configs.get(name), flight.clock if real_time else None)
-    if team is not None:
-        metadata |= {TEAM: team, "vehicle": name}
-    if path is not None:
-        record = stack.enter_context(recording(path, metadata, real_time=real_time))
-    if name in flight.buses:
-        broadcast = stack.enter_context(closing(Broadcast(name, flight.buses[name], metadata)))
-    return replace(flight.equipment[name], record=record, broadcast=broadcast)
+    now_s, stamp = flight.clock.now_s, flight.clock if flight.world.real_time else None
+    equipment, ends = dict(flight.equipment), dict[str, MemoryTransport]()
+    for number, (own, name, first) in enumerate(flight.pursuits):
+        metadata, bus = flight_metadata(own, flight.configs.get(name), stamp), flight.buses.get(name)
+        record = broadcast = part = None
+        if isinstance(scenario, TeamScenario):
+            metadata |= {TEAM: team_document(scenario, flight.pursuits), "vehicle": name}
+            transport = ZenohTeam(now_s, bus, TEAM, name, names) if bus else MemoryTransport(name, ends, now_s)
+            stack.callback(transport.close)
+            epoch, above_m = random.Random(f"{own.seed} {number}").getrandbits(48), scenario.flight.separation_height_m
+            part = Member(name, names, [first, *evaders], transport, epoch=epoch, separation_height_m=above_m)
+        if folder is not None:
+            path = (folder if part is None else folder / name) / RECORD
+            record = stack.enter_context(recording(path, metadata, real_time=flight.world.real_time))
+        if bus is not None:
+            broadcast = stack.enter_context(closing(Broadcast(name, bus, metadata)))
+        equipment[name] = replace(equipment[name], record=record, broadcast=broadcast, team=part)
+    return equipment
 
 
 @contextlib.contextmanager

@@ -1,7 +1,7 @@
 """The loop of every flight: 50 cycles a second, with signals, the record's frames and garbage collection between them.
 
 It runs in three worlds: a mock stepped in this process with a virtual clock (`guidance.sim.stepped`), a mock as a child
-process in real time (`guidance.sim.live`), and a vehicle that runs elsewhere (`guidance.session.vehicle_world`).
+process in real time (`guidance.sim.live`), and a vehicle that runs elsewhere (`guidance.session.service`).
 
 In real time the cycles are shifted slowly (`nudge_s`) until each begins just after a position of the vehicle arrives.
 A setpoint then uses a position that is 2 ms old; without the shift it would be half a period old on average.

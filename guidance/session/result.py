@@ -20,6 +20,7 @@ from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
 from guidance.game import Cylinder, Game, StandOff, solve
 from guidance.game.team import match_teams
+from guidance.log.writer import Record, Recorder
 from guidance.monitor import Alarm
 from guidance.session.flight_files import Stopped
 from guidance.sim.batch import stack
@@ -171,13 +172,13 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     )
 
 
-def closing_detail(result: FlightResult, way: str, record: Path | None, folder: Path | None) -> str:
+def closing_detail(result: FlightResult, way: str, record: Record | None, folder: Path | None) -> str:
     """Return the detail of a broadcast's last event, as `guidance.log.entries.FLIGHT_OVER` describes it."""
     ended = "interrupted" if result.interrupted else ending_words(outcome_of_flight(result, way))
     detail = {"ended": f"{ended}; {result.ended}"}
-    if record is not None and folder is not None:
-        replay = record.absolute().relative_to(folder.absolute().parent)
-        detail |= {"record": str(record), "replay": replay.as_posix()}
+    if isinstance(record, Recorder) and folder is not None:
+        replay = record.path.absolute().relative_to(folder.absolute().parent)
+        detail |= {"record": str(record.path), "replay": replay.as_posix()}
     return json.dumps(detail)
 
 

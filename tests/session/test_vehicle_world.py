@@ -11,10 +11,10 @@ from guidance.clock import MonotonicClock
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.messages import Heartbeat, Setpoint
-from guidance.session import vehicle_world
+from guidance.session import service
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_world import open_all, open_control, signing_key
+from guidance.session.service import open_all, open_control, signing_key
 
 
 @pytest.fixture
@@ -129,8 +129,8 @@ def test_a_missing_key_file_is_named(tmp_path):
 @pytest.mark.parametrize(("endpoint", "shown"), [("tls/192.168.1.10:7447", ["cert.pem"]), ("tcp/127.0.0.1:7448", [])])
 def test_orders_are_taken_by_certificates_where_a_router_judges_them(vehicle_document, monkeypatch, endpoint, shown):
     read, opened = [], []
-    monkeypatch.setattr(vehicle_world, "credentials_of", lambda zenoh: read.append(str(zenoh.tls_certificate_file)))
-    monkeypatch.setattr(vehicle_world, "control_bus", lambda _name, _mailbox, control, *_: opened.append(control))
+    monkeypatch.setattr(service, "credentials_of", lambda zenoh: read.append(str(zenoh.tls_certificate_file)))
+    monkeypatch.setattr(service, "control_bus", lambda _name, _mailbox, control, *_: opened.append(control))
     tls = {"tls_certificate_file": "cert.pem", "tls_key_file": "key.pem", "tls_ca_file": "ca.pem"}
     control = {"endpoint": endpoint, "host": not shown}
     open_control(config_of(vehicle_document, control=control, zenoh=tls), Mailbox())

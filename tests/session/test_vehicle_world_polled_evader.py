@@ -4,7 +4,7 @@ from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import share
-from guidance.session.vehicle_world import ASK_AGAIN_S, PolledEvader
+from guidance.session.service import ASK_AGAIN_S, PolledEvader
 from sitl_mock import Home, MockVehicle
 
 
