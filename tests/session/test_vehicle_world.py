@@ -13,8 +13,8 @@ from guidance.errors import ConfigError, LinkError
 from guidance.messages import Heartbeat, Setpoint
 from guidance.session import service
 from guidance.session.orders import Mailbox
-from guidance.session.vehicle_file import Config
 from guidance.session.service import open_all, open_control, signing_key
+from guidance.session.vehicle_file import Config
 
 
 @pytest.fixture
