@@ -9,28 +9,14 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from guidance.estimation.filters import advance, blended
+from guidance.estimation.filters import EvaderEstimate, predict
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise, true_at
 from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.track import ReportOutcome, Track, update
 from guidance.frames import LocalFrame, Vector, difference, total
 from guidance.messages import EvaderReport
 
-
-class EvaderEstimate(NamedTuple):
-    """The evader at a time of our clock, extrapolated from its last report.
-
-    Attributes:
-        position_ned_m: Position in the local frame.
-        velocity_ned_m_s: Velocity; zero while neither reports nor motion have determined it.
-        speed_bound_m_s: max(declared, estimate + kσ) over the ground.
-        age_s: Time since the last report was true: τ of the game's l − uτ.
-    """
-
-    position_ned_m: Vector
-    velocity_ned_m_s: Vector
-    speed_bound_m_s: float
-    age_s: float
+__all__ = ["EvaderEstimate", "Observer", "moved", "observe", "predict"]
 
 
 class Observer(NamedTuple):
@@ -43,40 +29,6 @@ class Observer(NamedTuple):
     track: Track = Track()
     rivals: Rivals = Rivals()
     shift_ned_m: Vector = (0.0, 0.0, 0.0)
-
-
-def predict(observer: Observer, now_s: float, settings: TrackSettings) -> EvaderEstimate | None:
-    """Return the evader at a time of our clock, not before its last report; None before the first report."""
-    last = observer.track.estimate
-    if last is None:
-        return None
-    moved = advance(last, now_s, settings)
-    both = blended(*moved.modes)
-    (north, east, north_rate, east_rate), (by_north, by_east, by_down) = both.mean, observer.shift_ned_m
-    *_, one, _, _, shared, other = both.covariance
-    sd, worst_sd = _speed_sds(north_rate, east_rate, one, shared, other)
-    bound_m_s = math.hypot(north_rate, east_rate) + settings.sigmas * sd
-    known = worst_sd <= settings.known_velocity_sd_m_s
-    return EvaderEstimate(
-        (north + by_north, east + by_east, moved.height.down_m + by_down),
-        (north_rate, east_rate, moved.height.rate_m_s) if known else (0.0, 0.0, 0.0),
-        max(settings.declared_speed_m_s, bound_m_s),
-        max(0.0, now_s - last.time_s),
-    )
-
-
-def _speed_sds(north_rate: float, east_rate: float, one: float, shared: float, other: float) -> tuple[float, float]:
-    """Return σ of the speed along the velocity, and in the worst direction; while the speed is below that, it twice.
-
-    The worst σ is the square root of the covariance's larger eigenvalue.
-    """
-    worst_sd = math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
-    speed = math.hypot(north_rate, east_rate)
-    if speed <= worst_sd:
-        return worst_sd, worst_sd
-    north, east = north_rate / speed, east_rate / speed
-    variance = north * north * one + 2.0 * north * east * shared + east * east * other
-    return math.sqrt(max(0.0, variance)), worst_sd
 
 
 _FITS: Final[Mapping[ReportOutcome, bool]] = {

@@ -20,6 +20,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from guidance.estimation.measurement import TrackSettings
+from guidance.frames import Vector
 
 Numbers = Sequence[float]
 
@@ -51,24 +52,6 @@ def begin(measured: Numbers, variances: Numbers, settings: TrackSettings) -> Mod
     return Modes(Normal(mean[:4], covariance[:10]), Normal(mean, covariance), turning)
 
 
-def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
-    """Mix both models and advance them by dt; for dt = 0 return the same modes."""
-    if dt_s <= 0.0:
-        return modes
-    begins, ends = 1.0 / settings.steady_time_s, 1.0 / settings.turning_time_s
-    gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
-    steady, turning, was_turning = modes
-    share = (1.0 - was_turning) * begins * gone + was_turning * (1.0 - ends * gone)
-    into_steady = blended(steady, turning, was_turning * ends * gone / (1.0 - share))
-    kept = was_turning * (1.0 - ends * gone) / share
-    place, turn_rate, (wn, we, wx, wy, ww) = blended(steady, turning, kept), turning.mean[4], turning.covariance[10:]
-    into_turning = Normal(
-        (*place.mean, (1.0 - kept) * turn_rate + kept * turn_rate),
-        (*place.covariance, kept * wn, kept * we, kept * wx, kept * wy, (1.0 - kept) * ww + kept * ww),
-    )
-    return Modes(steady_after(into_steady, dt_s, settings), turning_after(into_turning, dt_s, settings), share)
-
-
 def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     """Advance the steady model by dt."""
     north, east, north_rate, east_rate = state.mean
@@ -96,22 +79,41 @@ def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     """Advance the turning model by dt."""
     north, east, was_north_rate, was_east_rate, turn_rate = state.mean
-    along, across, along_slope, across_slope = _arc(turn_rate, dt_s)
-    sine, cosine = math.sin(turn_rate * dt_s), math.cos(turn_rate * dt_s)
+    angle = turn_rate * dt_s
+    sine, cosine = math.sin(angle), math.cos(angle)
+    # sin(ωt)/ω, (1 − cos ωt)/ω and their derivatives by ω, with their limits where the turn is small.
+    if abs(angle) < _SMALL_TURN_RAD:
+        along, across = dt_s * (1.0 - angle**2 / 6.0), dt_s * angle * (0.5 - angle**2 / 24.0)
+        along_slope, across_slope = -(dt_s**2) * angle / 3.0, dt_s**2 * (0.5 - angle**2 / 8.0)
+    else:
+        along, across = sine / turn_rate, (1.0 - cosine) / turn_rate
+        along_slope, across_slope = (dt_s * cosine - along) / turn_rate, (dt_s * sine - across) / turn_rate
     fade = math.exp(-dt_s / settings.turn_time_s)
     north_rate = cosine * was_north_rate - sine * was_east_rate
     east_rate = sine * was_north_rate + cosine * was_east_rate
-    jacobian = (
-        *(along, across, along_slope * was_north_rate - across_slope * was_east_rate),
-        *(across_slope * was_north_rate + along_slope * was_east_rate, sine, cosine),
-        *(-dt_s * east_rate, dt_s * north_rate, fade),
-    )
-    # As in `steady_after`; w is the turn rate.
+    # The Jacobian J of (n, e, x, y, w) adds the turned velocity and the slopes of all by w. Letters as in
+    # `steady_after`; w is the turn rate.
+    north_slope = along_slope * was_north_rate - across_slope * was_east_rate
+    east_slope = across_slope * was_north_rate + along_slope * was_east_rate
+    north_rate_slope, east_rate_slope = -dt_s * east_rate, dt_s * north_rate
     nn, en, ee, xn, xe, xx, yn, ye, yx, yy, wn, we, wx, wy, ww = state.covariance
-    rows = (nn, en, xn, yn, wn), (en, ee, xe, ye, we), (xn, xe, xx, yx, wx), (yn, ye, yx, yy, wy), (wn, we, wx, wy, ww)
-    halfway = zip(*_times_jacobian(rows, jacobian), strict=True)  # J P, as P is symmetric
-    after = _times_jacobian(halfway, jacobian)
-    (nn, *_), (en, ee, *_), (xn, xe, xx, *_), (yn, ye, yx, yy, _), (wn, we, wx, wy, ww) = after
+    rows: Iterable[Numbers] = (
+        *((nn, en, xn, yn, wn), (en, ee, xe, ye, we), (xn, xe, xx, yx, wx)),
+        *((yn, ye, yx, yy, wy), (wn, we, wx, wy, ww)),
+    )
+    for _ in range(2):  # the columns of R Jᵀ: first J P, as P is symmetric, then J P Jᵀ
+        carried = [
+            (
+                n + along * x - across * y + north_slope * w,
+                e + across * x + along * y + east_slope * w,
+                cosine * x - sine * y + north_rate_slope * w,
+                sine * x + cosine * y + east_rate_slope * w,
+                fade * w,
+            )
+            for n, e, x, y, w in rows
+        ]
+        rows = zip(*carried, strict=True)
+    (nn, en, xn, yn, wn), (_, ee, xe, ye, we), (_, _, xx, yx, wx), (*_, yy, wy), (*_, ww) = rows
     noise = settings.turning_noise_m2_s3
     place, shared, rate = noise * dt_s**3 / 3.0, noise * dt_s**2 / 2.0, noise * dt_s
     turning = settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)
@@ -119,48 +121,12 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
         (
             north + along * was_north_rate - across * was_east_rate,
             east + across * was_north_rate + along * was_east_rate,
-            north_rate,
-            east_rate,
-            fade * turn_rate,
+            *(north_rate, east_rate, fade * turn_rate),
         ),
         (
             *(nn + place, en, ee + place, xn + shared, xe, xx + rate, yn, ye + shared, yx, yy + rate),
             *(wn, we, wx, wy, ww + turning),
         ),
-    )
-
-
-def _times_jacobian(rows: Iterable[Numbers], jacobian: Numbers) -> list[Numbers]:
-    """Return R Jᵀ for rows R: J of (n, e, x, y, w) adds the turned velocity and the slopes of all by w."""
-    along, across, north_slope, east_slope, sine, cosine, north_rate_slope, east_rate_slope, fade = jacobian
-    return [
-        (
-            n + along * x - across * y + north_slope * w,
-            e + across * x + along * y + east_slope * w,
-            cosine * x - sine * y + north_rate_slope * w,
-            sine * x + cosine * y + east_rate_slope * w,
-            fade * w,
-        )
-        for n, e, x, y, w in rows
-    ]
-
-
-def _arc(turn_rate: float, dt_s: float) -> tuple[float, float, float, float]:
-    """sin(ωt)/ω, (1 − cos ωt)/ω and their derivatives by ω, with their limits where the turn is small."""
-    angle = turn_rate * dt_s
-    if abs(angle) < _SMALL_TURN_RAD:
-        return (
-            dt_s * (1.0 - angle**2 / 6.0),
-            dt_s * angle * (0.5 - angle**2 / 24.0),
-            -(dt_s**2) * angle / 3.0,
-            dt_s**2 * (0.5 - angle**2 / 8.0),
-        )
-    along, across = math.sin(angle) / turn_rate, (1.0 - math.cos(angle)) / turn_rate
-    return (
-        along,
-        across,
-        (dt_s * math.cos(angle) - along) / turn_rate,
-        (dt_s * math.sin(angle) - across) / turn_rate,
     )
 
 
@@ -253,18 +219,6 @@ class Height(NamedTuple):
     rate_variance: float
 
 
-def advance_height(height: Height, dt_s: float, noise_m2_s3: float) -> Height:
-    """Advance by dt at a constant rate, with white vertical acceleration."""
-    down, rate, variance, shared, rate_variance = height
-    return Height(
-        down + rate * dt_s,
-        rate,
-        variance + 2.0 * dt_s * shared + dt_s**2 * rate_variance + noise_m2_s3 * dt_s**3 / 3.0,
-        shared + dt_s * rate_variance + noise_m2_s3 * dt_s**2 / 2.0,
-        rate_variance + noise_m2_s3 * dt_s,
-    )
-
-
 def correct_down(height: Height, measured_m: float, variance_m2: float) -> Height:
     """Correct with a measured height."""
     down, rate, variance, shared, rate_variance = height
@@ -295,13 +249,80 @@ class Estimate(NamedTuple):
 
 
 def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estimate:
-    """Advance an estimate to a later time; for an earlier time return it unchanged."""
+    """Mix both models and advance them to a later time, and the height at a constant rate with white acceleration.
+
+    For an earlier time return the estimate unchanged.
+    """
     dt_s = time_s - estimate.time_s
     if dt_s <= 0.0:
         return estimate
+    begins, ends = 1.0 / settings.steady_time_s, 1.0 / settings.turning_time_s
+    gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
+    steady, turning, was_turning = estimate.modes
+    share = (1.0 - was_turning) * begins * gone + was_turning * (1.0 - ends * gone)
+    into_steady = blended(steady, turning, was_turning * ends * gone / (1.0 - share))
+    kept = was_turning * (1.0 - ends * gone) / share
+    place, turn_rate, (wn, we, wx, wy, ww) = blended(steady, turning, kept), turning.mean[4], turning.covariance[10:]
+    into_turning = Normal(
+        (*place.mean, (1.0 - kept) * turn_rate + kept * turn_rate),
+        (*place.covariance, kept * wn, kept * we, kept * wx, kept * wy, (1.0 - kept) * ww + kept * ww),
+    )
+    down, rate, variance, shared, rate_variance = estimate.height
+    noise = settings.height_noise_m2_s3
     return Estimate(
         time_s,
         estimate.received_s,
-        advance_modes(estimate.modes, dt_s, settings),
-        advance_height(estimate.height, dt_s, settings.height_noise_m2_s3),
+        Modes(steady_after(into_steady, dt_s, settings), turning_after(into_turning, dt_s, settings), share),
+        Height(
+            down + rate * dt_s,
+            rate,
+            variance + 2.0 * dt_s * shared + dt_s**2 * rate_variance + noise * dt_s**3 / 3.0,
+            shared + dt_s * rate_variance + noise * dt_s**2 / 2.0,
+            rate_variance + noise * dt_s,
+        ),
+    )
+
+
+class EvaderEstimate(NamedTuple):
+    """The evader at a time of our clock, extrapolated from its last report.
+
+    Attributes:
+        position_ned_m: Position in the local frame.
+        velocity_ned_m_s: Velocity; zero while neither reports nor motion have determined it.
+        speed_bound_m_s: max(declared, estimate + kσ) over the ground.
+        age_s: Time since the last report was true: τ of the game's l − uτ.
+    """
+
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    speed_bound_m_s: float
+    age_s: float
+
+
+def predict(last: Estimate, shift_ned_m: Vector, now_s: float, settings: TrackSettings) -> EvaderEstimate:
+    """Return the evader at a time of our clock, not before its last report.
+
+    Args:
+        last: The estimate after its last report.
+        shift_ned_m: Position of the track's frame in the local frame.
+        now_s: The time.
+        settings: Noise and bounds of the track.
+    """
+    moved = advance(last, now_s, settings)
+    both = blended(*moved.modes)
+    (north, east, north_rate, east_rate), (by_north, by_east, by_down) = both.mean, shift_ned_m
+    *_, one, _, _, shared, other = both.covariance
+    # σ of the speed in the worst direction (the root of the larger eigenvalue), and along the velocity if that is
+    # larger.
+    worst_sd = math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
+    sd, speed_m_s = worst_sd, math.hypot(north_rate, east_rate)
+    if speed_m_s > worst_sd:
+        n, e = north_rate / speed_m_s, east_rate / speed_m_s
+        sd = math.sqrt(max(0.0, n * n * one + 2.0 * n * e * shared + e * e * other))
+    known = worst_sd <= settings.known_velocity_sd_m_s
+    return EvaderEstimate(
+        (north + by_north, east + by_east, moved.height.down_m + by_down),
+        (north_rate, east_rate, moved.height.rate_m_s) if known else (0.0, 0.0, 0.0),
+        max(settings.declared_speed_m_s, speed_m_s + settings.sigmas * sd),
+        max(0.0, now_s - last.time_s),
     )

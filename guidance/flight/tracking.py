@@ -41,11 +41,14 @@ class Tracking:
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
         self.playing = ""
-        declared_m_s = settings.cycle.game.evader_speed_m_s
-        self._free = TrackSettings(declared_speed_m_s=declared_m_s, sigmas=settings.cycle.speed_sigmas)
+        declared_m_s, sigmas = settings.cycle.game.evader_speed_m_s, settings.cycle.speed_sigmas
+        speeds = {"": declared_m_s, **settings.evaders}
+        self._free = {name: TrackSettings(declared_speed_m_s=own, sigmas=sigmas) for name, own in speeds.items()}
         # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
         way_m_s = max(declared_m_s, settings.cycle.ground_speed_m_s)
-        self._track = replace(self._free, jump_m_s=declared_m_s, way_m_s=way_m_s)
+        self._bounded = {
+            name: replace(free, jump_m_s=declared_m_s, way_m_s=way_m_s) for name, free in self._free.items()
+        }
         self._observers: dict[str, Observer] = {}
         self._told: tuple[Message | None, Message | None, LocalFrame | None] = (None, None, None)
         self._jumped_ned_m = NOWHERE
@@ -74,10 +77,11 @@ class Tracking:
             if not all(map(math.isfinite, home.position_ned_m)):
                 altitude = Amsl(home.altitude_amsl_m)
                 self.home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
+        settings = self._bounded if in_flight else self._free
         for report in reports:
             name = report.evader or ""
-            settings = self._of(name, self._track if in_flight else self._free)
-            self._observers[name] = observe(self._observers.get(name, _UNHEARD), report, frame, settings)
+            track = settings.get(name, settings[""])
+            self._observers[name] = observe(self._observers.get(name, _UNHEARD), report, frame, track)
 
     def _accepted(self, vehicle: VehicleState) -> LocalFrame | None:
         """Return the frame about the accepted origin; None until the vehicle has reported one."""
@@ -113,11 +117,6 @@ class Tracking:
         self.held_back_ned_m = NOWHERE
         return min(possible, key=lambda frame: _apart_m(frame, place, local))
 
-    def _of(self, name: str, settings: TrackSettings) -> TrackSettings:
-        """Return the settings for an evader that declares another speed."""
-        speed_m_s = self._settings.evaders.get(name, settings.declared_speed_m_s)
-        return settings if speed_m_s == settings.declared_speed_m_s else replace(settings, declared_speed_m_s=speed_m_s)
-
     @property
     def counts(self) -> Mapping[ReportOutcome, int]:
         """Number of evader reports by outcome: used, or dropped with a reason."""
@@ -136,7 +135,10 @@ class Tracking:
     def evader(self, now_s: float, evader: str | None = None) -> EvaderEstimate | None:
         """Return the estimate of an evader, by default the game's, at `now_s`; None before the first report."""
         name = self.playing if evader is None else evader
-        return predict(self._observers.get(name, _UNHEARD), now_s, self._of(name, self._track))
+        observer = self._observers.get(name, _UNHEARD)
+        if (last := observer.track.estimate) is None:
+            return None
+        return predict(last, observer.shift_ned_m, now_s, self._bounded.get(name, self._bounded[""]))
 
     def _move_into(self, frame: LocalFrame) -> None:
         before, self.local_frame = self.local_frame, frame

@@ -16,7 +16,7 @@ from rich.table import Table
 from guidance.control import Envelope, Situation
 from guidance.control.polygon import Polygon
 from guidance.control.setpoint_limiter import limit
-from guidance.estimation import Observer, predict
+from guidance.estimation import predict
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update
 from guidance.game import StandOff
@@ -90,7 +90,7 @@ def main() -> None:
     memory = limit(command, situation, ENVELOPE, None, DT_S).memory
 
     ours = microseconds(lambda: update(track, following, SETTINGS))
-    predicted = microseconds(lambda: predict(Observer(track=track), 6.5, SETTINGS))
+    predicted = microseconds(lambda: predict(track.estimate, (0.0, 0.0, 0.0), 6.5, SETTINGS))
     theirs = microseconds(reference())
     limited = microseconds(lambda: limit(command, situation, ENVELOPE, memory, DT_S))
     table = Table("what", "µs", "of filterpy's", title="track and limits, one call")

@@ -73,9 +73,9 @@ class Predicted(NamedTuple):
 
 def predict(track, now_s, options):
     """Return the prediction with its covariance and turn rate; its velocity also where it is not known."""
-    evader = estimation.predict(estimation.Observer(track=track), now_s, options)
-    if evader is None:
+    if track.estimate is None:
         return None
+    evader = estimation.predict(track.estimate, (0.0, 0.0, 0.0), now_s, options)
     moved = advance(track.estimate, now_s, options)
     mixture = blended(*moved.modes)
     mean, covariance = mixture.mean, np.zeros((4, 4))

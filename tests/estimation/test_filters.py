@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.estimation import filters
-from guidance.estimation.filters import Normal, steady_after, turning_after
+from guidance.estimation.filters import Estimate, Height, Normal, steady_after, turning_after
 from guidance.estimation.measurement import TrackSettings
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0, turning_noise_m2_s3=0.7, turn_rate_sd_rad_s=0.5)
@@ -32,6 +32,7 @@ def filterpy():
 
 NOTHING = np.zeros((5, 5))
 MODELS = (steady_after, turning_after)
+FLYING = Height(4.0, 0.5, 2.0, 0.3, 1.0)
 
 
 def moved(model, state, dt_s, covariance=NOTHING):
@@ -152,6 +153,10 @@ def filterpy_imm(measured, noise, dt_s):
     return filterpy().mixture(models, [1.0 - begun.turning_share, begun.turning_share], chain), begun
 
 
+def advanced(modes, dt_s):
+    return filters.advance(Estimate(0.0, 0.0, modes, FLYING), dt_s, SETTINGS).modes
+
+
 @pytest.mark.parametrize("dt_s", STEPS_S)
 @pytest.mark.parametrize("known", [2, 4])
 def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
@@ -169,7 +174,7 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
         steady.P[4, :] = steady.P[:, 4] = 0.0
         steady.P[4, 4] = turning.P[4, 4]
         reference.predict()
-        modes = filters.advance_modes(modes, dt_s, SETTINGS)
+        modes = advanced(modes, dt_s)
         for model in (0, 1):
             size = 4 + model
             assert modes[model].mean == pytest.approx(reference.filters[model].x[:size, 0], abs=1e-7)
@@ -183,12 +188,12 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
 
 
 def test_no_time_changes_nothing():
-    modes = filters.begin([1.0, 2.0], [0.5, 0.5], SETTINGS)
-    assert filters.advance_modes(modes, 0.0, SETTINGS) is modes
+    estimate = Estimate(0.0, 0.0, filters.begin([1.0, 2.0], [0.5, 0.5], SETTINGS), FLYING)
+    assert filters.advance(estimate, 0.0, SETTINGS) is estimate
 
 
 def test_the_innovation_is_that_of_the_mixture():
-    modes = filters.advance_modes(filters.begin([1.0, 2.0], [0.5, 0.5], SETTINGS), 0.5, SETTINGS)
+    modes = advanced(filters.begin([1.0, 2.0], [0.5, 0.5], SETTINGS), 0.5)
     measured, variances = np.array([3.0, -1.0]), [0.3, 0.3]
     mixture = filters.blended(*modes)
     off = measured - mixture.mean[:2]
@@ -201,7 +206,7 @@ def test_no_model_is_ever_ruled_out_for_good():
     for _ in range(20):
         modes = filters.correct(modes, [1e4, 0.0, 0.0, 300.0], [1e-3, 1e-3, 1e-4, 1e-4])
         assert 0.0 < modes.turning_share < 1.0
-        modes = filters.advance_modes(modes, 0.02, SETTINGS)
+        modes = advanced(modes, 0.02)
         for state in modes[:2]:
             assert np.isfinite(state.mean).all()
             assert np.linalg.eigvalsh(covariance_of(state)).min() > 0.0
@@ -213,12 +218,12 @@ def test_the_height_is_filterpy_s_filter_of_two_numbers(dt_s):
     reference.x, reference.P = np.array([[4.0], [0.5]]), np.array([[2.0, 0.3], [0.3, 1.0]])
     reference.F = np.array([[1.0, dt_s], [0.0, 1.0]])
     reference.Q = filterpy().noise(2, dt=dt_s, spectral_density=0.05)
-    ours = filters.Height(4.0, 0.5, 2.0, 0.3, 1.0)
+    ours, modes = FLYING, filters.begin([0.0, 0.0], [0.5, 0.5], SETTINGS)
     for count in range(20):
         reference.predict()
         reference.update(4.0 + count, R=0.4, H=np.array([[1.0, 0.0]]))
         reference.update(1.0 / dt_s, R=0.1, H=np.array([[0.0, 1.0]]))
-        ours = filters.advance_height(ours, dt_s, 0.05)
+        ours = filters.advance(Estimate(0.0, 0.0, modes, ours), dt_s, SETTINGS).height
         ours = filters.correct_rate(filters.correct_down(ours, 4.0 + count, 0.4), 1.0 / dt_s, 0.1)
         assert ours[:2] == pytest.approx(reference.x[:, 0])
         assert ours[2:] == pytest.approx([reference.P[0, 0], reference.P[0, 1], reference.P[1, 1]])

@@ -99,7 +99,7 @@ def test_a_late_report_arrives_late_and_its_age_is_known():
     for _, report in came:
         observer = observe(observer, report, HERE, track)
     now_s, last = came[-1]
-    seen = predict(observer, now_s, track)
+    seen = predict(observer.track.estimate, (0.0, 0.0, 0.0), now_s, track)
     assert seen.age_s == pytest.approx(0.5 + now_s - last.received_s, abs=1e-6)
     assert seen.position_ned_m[0] == pytest.approx(2.0 * now_s, abs=0.05)
 

@@ -431,7 +431,7 @@ def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_know
     for _ in range(3):
         for report in world.second():
             observer = observe(observer, report, FRAME, settings)
-        ages.append(predict(observer, world.now_s, settings).age_s)
+        ages.append(predict(observer.track.estimate, (0.0, 0.0, 0.0), world.now_s, settings).age_s)
     assert ages[-1] == pytest.approx(0.1, abs=0.03)  # the last report was true when it was sent, 0.1 s ago
 
 
