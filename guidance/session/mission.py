@@ -122,7 +122,6 @@ class MissionSequencer:
 
     Attributes:
         engaged_s: When the game began; anew if an operator engages again after a hold. None before.
-        timed_out: Whether the game lasted too long.
     """
 
     def __init__(self, hold_s: float, time_limit_s: float, policy: MissionPolicy = MOCKED) -> None:
@@ -130,7 +129,7 @@ class MissionSequencer:
         self._patience_s = PATIENCE_S if policy.engage else {}
         self._end_with = policy.end_with or Event.LAND
         self._state, self._since_s, self._now_s = State.CONNECTING, 0.0, 0.0
-        self.by_operator = self._lost_contact = self.timed_out = False
+        self.by_operator = self._lost_contact = False
         self.engaged_s: float | None = None
 
     @property
@@ -168,7 +167,6 @@ class MissionSequencer:
         if self._state is State.STANDING_BY and first and evader_ready and evader_fresh:
             return Event.ENGAGE
         if self._state in PLAYING and self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s:
-            self.timed_out = True
             return self._end_with
         patience_s = CONTACT_PATIENCE_S if self._lost_contact else LINGER_S
         stays_s = {State.ON_STATION: self._hold_s, State.HOLDING: LINGER_S, State.STANDING_BY: patience_s}
@@ -211,7 +209,6 @@ class Mission:
             VehicleMission(self, one, plans.get(one.vehicle), equipment.get(one.vehicle)) for one in pursuits_of(flown)
         ]
         self.daemons = [one.daemon for one in self._vehicles]
-        self._team = any(daemon.team is not None for daemon in self.daemons)
         self.result = MissionResult(
             {one.pursuit.vehicle: one.result for one in self._vehicles},
             {one.pursuit.evader: EvaderResult() for one in self._vehicles},
@@ -240,13 +237,13 @@ class Mission:
     def before(self, now_s: float) -> None:
         """Move the evaders to the present, and give the orders that are due."""
         for one in self._vehicles:
-            one.locate(now_s)
+            one.locate()
         for name, player in self.world.players.items():
-            pursuers = [one for one in self._vehicles if self._team or one.pursuit.evader == name]
+            pursuers = [one for one in self._vehicles if self.result.members or one.pursuit.evader == name]
             places = [one.position_game_m for one in pursuers if one.position_game_m is not None]
             over = any(name in member.board.over for member in self.result.members.values())
             player.step(now_s, places, playing=not over and any(one.sequencer.playing for one in pursuers))
-        states = {one.daemon.flight.state for one in self._vehicles} if self._team else set()
+        states = {one.daemon.flight.state for one in self._vehicles} if self.result.members else set()
         for one in self._vehicles:
             if not states & _WAITS_FOR.get(one.daemon.flight.state, frozenset()):
                 one.before(now_s)
@@ -302,10 +299,9 @@ class VehicleMission:
             for name, source in world.evaders[vehicle].items()
             if (equipment is not None and equipment.team is not None) or name == evader
         }
-        plan = plan or plan_of(scenario=scenario)
-        self.daemon = Daemon(vehicle, plan, world.links[vehicle], self._heard, equipment)
+        self.daemon = Daemon(vehicle, plan or plan_of(scenario=scenario), world.links[vehicle], self._heard, equipment)
         self.sequencer = MissionSequencer(scenario.hold_s, scenario.time_limit_s, mission.policy)
-        self._begun_s: float | None = None
+        self._begun_s = mission.clock.now_s()
         self._limit_from_s, self._refused_s, self._asked_s, self._shown_s = 0.0, math.inf, -math.inf, -math.inf
 
     @property
@@ -314,9 +310,8 @@ class VehicleMission:
         role = self.daemon.flight.heard.role
         return self.pursuit.evader if role is None else role.evader
 
-    def locate(self, now_s: float) -> None:
+    def locate(self) -> None:
         """Note the vehicle's position in the game frame from its own telemetry, None until heard."""
-        self._begun_s = now_s if self._begun_s is None else self._begun_s
         local, frame = self.daemon.flight.vehicle.latest.get(LocalPosition), self.daemon.flight.tracking.game_frame
         self.position_game_m = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
 
@@ -343,7 +338,7 @@ class VehicleMission:
                 is outside of its fence; on the ground, all of them.
         """
         outputs, result = self.daemon.outputs, self.result
-        if outputs is None or self._begun_s is None:
+        if outputs is None:
             return
         self.sequencer.follow(now_s, outputs)
         if self.sequencer.by_operator or result.cycles == 0:
@@ -353,12 +348,12 @@ class VehicleMission:
         result.late_cycles += late_s > PERIOD_S
         result.record_stopped = self.daemon.recording.stopped
         note(result, now_s, outputs, self.position_game_m, evader_game_m)
-        result.duration_s, result.timed_out = now_s - self._begun_s, self.sequencer.timed_out
+        result.duration_s = now_s - self._begun_s
         waiting = ""
         if self.daemon.judged:
             self._listen()
             if outputs.state in ON_GROUND:
-                self._judge(now_s, now_s - self._begun_s)
+                self._judge(now_s, result.duration_s)
                 waiting = self._waiting(now_s)
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
         if self.sequencer.finished or given_up:

@@ -57,7 +57,6 @@ class FlightResult:
     reachable_speed_m_s: float = math.nan
     engaged: Certificate | None = None
     captured: bool = False
-    timed_out: bool = False
     setpoints_sent: int = 0
     late_cycles: int = 0
     cycles: int = 0
@@ -198,8 +197,8 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, flo
     last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)
     if last is None:
         return ("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
-    timed_out = result.timed_out and last.by is Authority.MISSION
-    end = "time_up" if timed_out else _ENDS.get(last.event, "failed")
+    # During the game a mission gives no order but at the time limit.
+    end = "time_up" if last.by is Authority.MISSION else _ENDS.get(last.event, "failed")
     if last.by is Authority.OPERATOR:
         return (end, last.now_s, f"{last.event} ordered by operator")
     if end != "failed":
