@@ -16,7 +16,7 @@ import zenoh
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_wire import open_session
+from guidance.links.zenoh_wire import close_all, open_session
 from guidance.session import control_socket as local
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
 from guidance.session.vehicle_file import Control
@@ -43,11 +43,10 @@ def host_session(endpoint: str, token: local.ControlToken | None = None) -> "zen
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
     except zenoh.ZError as error:
-        who, answer = "another program has the port", None
+        who = "another program has the port"
         with contextlib.suppress(GuidanceError):
-            answer = local.ask_here(local.STATUS, endpoint=endpoint, name=None)
-        if answer is not None:
-            who = f"a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
+            if (answer := local.ask_here(local.STATUS, endpoint=endpoint, name=None)) is not None:
+                who = f"a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
         words = f"cannot listen there: {who}; end it, or choose another port with control.endpoint"
         raise LinkError(f"control.endpoint = {endpoint!r}: {words}") from error
 
@@ -73,7 +72,7 @@ class OwnerToken:
 
     def close(self) -> None:
         """Give the vehicle up."""
-        _quietly(self._token.undeclare)
+        close_all(self._token.undeclare)
 
 
 @contextlib.contextmanager
@@ -127,20 +126,15 @@ def control_bus(
             token = local.draw_token(path)
             closing.callback(lambda: local.discard_token(token))
             session = host_session(control.endpoint, token)
-            closing.callback(_quietly, session.close)
+            closing.callback(close_all, session.close)
             token = local.publish_token(token, path)  # now that the endpoint is ours
             closing.enter_context(contextlib.closing(local.ControlSocket(name, mailbox.answer, token)))
         else:
             session = join_session(control.endpoint, control.token_file, credentials)
-            closing.callback(_quietly, session.close)
+            closing.callback(close_all, session.close)
         closing.enter_context(contextlib.closing(OwnerToken(session, f"guidance/{name}")))
-        closing.callback(_quietly, session.declare_queryable(control_key(name, "*"), hear).undeclare)
+        closing.callback(close_all, session.declare_queryable(control_key(name, "*"), hear).undeclare)
         yield session
-
-
-def _quietly(close: Callable[[], None]) -> None:
-    with contextlib.suppress(zenoh.ZError):
-        close()
 
 
 @contextlib.contextmanager

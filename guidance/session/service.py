@@ -18,11 +18,8 @@ from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.carriers import carrier_of
-from guidance.links.frames import SigningKey
-from guidance.links.mavlink_evader import MavlinkEvader
+from guidance.links import EvaderSource, SigningKey, VehicleLink, Wire, carriers, mavlink_evader, parse
 from guidance.links.opening import open_link, open_source, open_wire
-from guidance.links.port import EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
@@ -118,7 +115,7 @@ def _open_source(
     url, now_s, frame = evader.url or vehicle.url, clock.now_s, _frame(evader.frame)
     if evader.kind in ON_ZENOH:
         return open_source(evader.kind, url, clock=now_s, frame=frame, credentials=credentials)
-    carrier = carrier_of(evader.kind, frame, icao_address=evader.icao_address, id_or_mac=evader.id_or_mac)
+    carrier = carriers.carrier_of(evader.kind, frame, icao_address=evader.icao_address, id_or_mac=evader.id_or_mac)
     rate_hz, system_id = evader.request_rate_hz, evader.system_id or 0
     signed, section = (vehicle, "vehicle") if evader.url is None else (evader, "evader")
     key = signing_key(signed.signing_key_file, section)
@@ -126,7 +123,7 @@ def _open_source(
         wire = open_wire(url, clock=now_s, systems=(system_id,), signing_key=key, credentials=credentials)
     wire, asked = share(wire, 2) if rate_hz is not None else (wire, wire)
     ids: dict[str, Any] = {"system_id": system_id, "component_id": evader.component_id}
-    source = MavlinkEvader(wire, carrier, **ids, clock=now_s, signing_key=key)
+    source = mavlink_evader.MavlinkEvader(wire, carrier, **ids, clock=now_s, signing_key=key)
     if rate_hz is None:
         return source
     ids["component_id"] = evader.component_id or 1
