@@ -21,8 +21,7 @@ from guidance.autopilots import Finding, Verdict
 from guidance.extras import EXTRAS, how_to_add
 from guidance.links.port import parse
 from guidance.session.control_socket import token_path
-from guidance.session.loop import PERIOD_S
-from guidance.session.process import PRIORITY
+from guidance.session.loop import PERIOD_S, PRIORITY
 from guidance.session.vehicle_file import Config, Control
 
 CYCLES: Final = 50

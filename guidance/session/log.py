@@ -1,12 +1,20 @@
-"""The log: one line per event, as JSON or text, written by its own thread so that the loop never waits for it."""
+"""The log, and signs of life to systemd.
+
+The log has one line per event, as JSON or text, written by its own thread so that the loop never waits for it. Signs of
+life follow sd_notify(3): datagrams to $NOTIFY_SOCKET.
+"""
 
 import contextlib
 import json
 import logging
+import math
 import queue
+import socket
 import sys
 import threading
 import time
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Final, TextIO
 
 from rich.console import Console
@@ -124,3 +132,58 @@ def say_outputs(log: Logger, outputs: Outputs) -> None:
     for one in outputs.happenings:
         level = logging.WARNING if one.event in _SEVERE and one.after is not one.before else logging.INFO
         log.say(level, str(one.event), before=one.before, state=one.after, now_s=round(one.now_s, 3))
+
+
+_WATCHDOG_SHARE: Final = 3.0
+"""Signs of life per watchdog time."""
+
+
+class Notifier:
+    """Sends sd_notify messages; does nothing without NOTIFY_SOCKET. Never waits.
+
+    Args:
+        environment: Of the process: NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID.
+        process_id: Its number.
+    """
+
+    def __init__(self, environment: Mapping[str, str] = MappingProxyType({}), process_id: int = 0) -> None:
+        address, microseconds = environment.get("NOTIFY_SOCKET", ""), environment.get("WATCHDOG_USEC", "")
+        meant = environment.get("WATCHDOG_PID", str(process_id)) == str(process_id)
+        watched = meant and microseconds.isdecimal() and int(microseconds) > 0
+        self._address = "\0" + address[1:] if address.startswith("@") else address  # an abstract one
+        self._every_s = int(microseconds) * 1e-6 / _WATCHDOG_SHARE if watched else None
+        self._alive_s, self._status = -math.inf, ""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
+        if self._socket is not None:
+            self._socket.setblocking(False)
+
+    def ready(self) -> None:
+        """The daemon hears its vehicle and takes orders."""
+        self._send("READY=1")
+
+    def alive(self, now_s: float) -> None:
+        """Say so, as often as the watchdog wants it; called by the loop, so that a loop that hangs says nothing."""
+        if self._every_s is not None and now_s - self._alive_s >= self._every_s:
+            self._alive_s = now_s
+            self._send("WATCHDOG=1")
+
+    def status(self, text: str) -> None:
+        """Show a line in `systemctl status`, when it changes."""
+        if text != self._status:
+            self._status = text
+            self._send(f"STATUS={text}")
+
+    def stopping(self) -> None:
+        """The daemon is about to end."""
+        self._send("STOPPING=1")
+
+    def close(self) -> None:
+        """Close the socket; may be called twice."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _send(self, text: str) -> None:
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.sendto(text.encode(), self._address)

@@ -5,13 +5,19 @@ process in real time (`guidance.sim.live`), and a vehicle that runs elsewhere (`
 
 In real time the cycles are shifted slowly (`nudge_s`) until each begins just after a position of the vehicle arrives.
 A setpoint then uses a position that is 2 ms old; without the shift it would be half a period old on average.
+
+A daemon raises the priority of every thread (`claim`). Any thread may hold the interpreter's lock, and if a busy
+machine takes the processor from it, the loop waits.
 """
 
 import contextlib
+import gc
 import math
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from types import FrameType
 from typing import Final, NoReturn, Protocol
 
@@ -22,7 +28,6 @@ from guidance.links.world import World
 from guidance.messages import LocalPosition
 from guidance.session.daemon import Daemon
 from guidance.session.plan import FlightPlan
-from guidance.session.process import GcScheduler
 
 PERIOD_S: Final = 0.02
 AGE_S: Final = 0.002
@@ -31,6 +36,19 @@ AGE_S: Final = 0.002
 MOST_NUDGE_S: Final = 0.0002
 _NUDGE_SHARE: Final = 0.05
 _CLOSE_S: Final = 0.0005
+
+PRIORITY: Final = 10
+NICE: Final = -10
+SWITCH_S: Final = 0.0005
+"""Longest that a thread keeps the interpreter from another one that is ready, ten times less than Python's own."""
+
+YOUNG_EVERY_S: Final = 0.5
+OLD_EVERY_S: Final = 30.0
+OVERDUE_S: Final = 10.0
+"""A loop that never has the time collects nevertheless: a late cycle is less than no memory left."""
+
+_YOUNG_NEEDS_S: Final = 0.004
+_OLD_NEEDS_S: Final = 0.012
 
 
 def _kept() -> NoReturn:
@@ -79,6 +97,57 @@ class Signals:
                 daemon.leave(self._hand_over, now_s)
             if again:
                 daemon.exchange(self._load, now_s)
+
+
+def claim() -> str:
+    """Raise the priority as far as permitted, and name it: `realtime 10`, `nice -10` or `as others`."""
+    sys.setswitchinterval(SWITCH_S)
+    if not hasattr(os, "sched_setscheduler"):  # not Linux
+        return "as others"
+    policy = os.sched_getscheduler(0)
+    if policy in {os.SCHED_FIFO, os.SCHED_RR}:  # set by systemd
+        return f"realtime {os.sched_getparam(0).sched_priority}"
+    threads = [int(path.name) for path in Path("/proc/self/task").iterdir()]
+    claims: Sequence[tuple[str, Callable[[int], None]]] = (
+        (f"realtime {PRIORITY}", lambda thread: os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(PRIORITY))),
+        (f"nice {NICE}", lambda thread: os.setpriority(os.PRIO_PROCESS, thread, NICE)),
+    )
+    for words, raise_one in claims:
+        with contextlib.suppress(PermissionError):
+            raise_one(0)
+            for thread in threads:
+                with contextlib.suppress(ProcessLookupError, PermissionError):  # a thread may have just ended
+                    raise_one(thread)
+            return words
+    return "as others"
+
+
+class GcScheduler:
+    """Collects garbage between cycles, when there is time for it, and not at the interpreter's own moments."""
+
+    def __init__(self, now_s: float, *, collect: bool = True) -> None:
+        """Collect now, if wanted, and only here from now on. Existing objects are not scanned again before `end`."""
+        if collect:
+            gc.collect()
+        gc.freeze()
+        gc.disable()
+        self._young_s = self._old_s = now_s
+
+    def between(self, now_s: float, free_s: float) -> None:
+        """Collect, if it is time to and `free_s` until the next cycle are enough for it, or it is long overdue."""
+        if now_s - self._young_s >= OVERDUE_S:
+            free_s = math.inf
+        if now_s - self._old_s >= OLD_EVERY_S and free_s >= _OLD_NEEDS_S:
+            self._old_s = self._young_s = now_s
+            gc.collect()
+        elif now_s - self._young_s >= YOUNG_EVERY_S and free_s >= _YOUNG_NEEDS_S:
+            self._young_s = now_s
+            gc.collect(0)
+
+    def end(self) -> None:
+        """Leave it to the interpreter again."""
+        gc.enable()
+        gc.unfreeze()
 
 
 class CycleHooks(Protocol):

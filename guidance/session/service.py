@@ -32,12 +32,11 @@ from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import OwnerToken, control_bus
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import daemon_recording, flight_metadata
-from guidance.session.log import Log
-from guidance.session.loop import Signals, run
+from guidance.session.log import Log, Notifier
+from guidance.session.loop import Signals, claim, run
 from guidance.session.metrics import Metrics, MetricsServer
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.process import Notifier, claim
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderFrame, EvaderSection, Vehicle, load_vehicle
 from guidance.team import Member
 

@@ -8,6 +8,6 @@ the assignment of vehicles to evaders by `guidance.game.team.match_teams`.
 """
 
 from guidance.team.member import Member
-from guidance.team.transport import MemoryTransport, Transport
+from guidance.team.messages import MemoryTransport, Transport
 
 __all__ = ["Member", "MemoryTransport", "Transport"]

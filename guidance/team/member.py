@@ -14,8 +14,7 @@ from guidance.game import Cylinder
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board
 from guidance.team.coordinator import SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
-from guidance.team.messages import EvaderMessage, RolesMessage, StateMessage, encode
-from guidance.team.transport import Transport
+from guidance.team.messages import EvaderMessage, RolesMessage, StateMessage, Transport, encode
 
 EVERY_S: Final = 0.1
 """Period of the states, and least time between reports of one evader."""

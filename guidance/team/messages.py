@@ -1,11 +1,13 @@
-"""The messages of a team, as JSON: the state of a vehicle, a report of an evader, and the assignment.
+"""The messages of a team and their transport.
+
+A message is JSON: the state of a vehicle, a report of an evader, or the assignment.
 
 The last part of a key is the vehicle that sends it, so a router can bind keys to certificates. A message names the
 same vehicle. Whatever does not match is refused; the board counts it.
 """
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Annotated, Final, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
@@ -199,6 +201,59 @@ def decode(kind: str, payload: bytes) -> Message:
         raise Refused("schema") from error
 
 
-def json_schema(kind: str) -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of a kind, as published in `config/zenoh/`."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **KINDS[kind].model_json_schema()}
+Arrived = tuple[float, str, bytes]
+"""A message: its arrival on our clock, its key from the kind on (`state/alpha`), and its bytes."""
+
+DELAY_S: Final = 0.02
+"""Delay of the messages between the vehicles of a team in virtual time."""
+
+
+class Transport(Protocol):
+    """One vehicle's connection to its team. No method blocks or raises."""
+
+    def publish(self, key: str, payload: bytes) -> None:
+        """Send to all mates; messages may be lost."""
+
+    def receive(self) -> Sequence[Arrived]:
+        """Return what arrived since the last call, oldest first; not what this vehicle sent. The queue is bounded."""
+
+    def present(self) -> Collection[str] | None:
+        """Return the names of the vehicles with a liveliness token; None if it has no tokens."""
+
+    def close(self) -> None:
+        """Leave the team. May be called twice."""
+
+
+class MemoryTransport:
+    """`Transport` between the vehicles of one process, in virtual time; each message takes `DELAY_S`.
+
+    Args:
+        name: The vehicle's.
+        ends: The transports of all vehicles, by name; this one is added.
+        clock: Returns the time, s.
+    """
+
+    def __init__(self, name: str, ends: dict[str, "MemoryTransport"], clock: Callable[[], float]) -> None:
+        self.name, self._ends, self._clock = name, ends, clock
+        self.waiting: list[Arrived] = []
+        ends[name] = self
+
+    def publish(self, key: str, payload: bytes) -> None:
+        """Send to all mates."""
+        for end in self._ends.values():
+            if end is not self:
+                end.waiting.append((self._clock() + DELAY_S, key, payload))
+
+    def receive(self) -> Sequence[Arrived]:
+        """Return what has arrived by now."""
+        now_s = self._clock()
+        arrived = sorted(one for one in self.waiting if one[0] <= now_s)
+        self.waiting = [one for one in self.waiting if one[0] > now_s]
+        return arrived
+
+    def present(self) -> None:
+        """Return None: it has no tokens."""
+
+    def close(self) -> None:
+        """Leave the team."""
+        self._ends.pop(self.name, None)

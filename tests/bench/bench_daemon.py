@@ -102,7 +102,7 @@ class Watch(Stopwatch):
 
 def vehicle(wire: str, port: int, evader_port: int) -> None:
     """Step the mock in real time; `measure` and `report` come on standard input, whose end is ours."""
-    from guidance.session.process import claim
+    from guidance.session.loop import claim
     from sitl_mock import MockVehicle
 
     parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}

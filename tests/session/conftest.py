@@ -17,11 +17,10 @@ from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.log import Logger
+from guidance.session.log import Logger, Notifier
 from guidance.session.metrics import Metrics
 from guidance.session.orders import Mailbox
 from guidance.session.plan import plan_of
-from guidance.session.process import Notifier
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle
 from sitl_mock.mavlink import Signing

@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from guidance.session.process import Notifier
+from guidance.session.log import Notifier
 
 
 @pytest.fixture
