@@ -87,9 +87,9 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) 
     z = height - ground - game.standoff.height_m
     if seen is None:
         return Geometry((east, north), ground, to_evader, z, (0.0, 0.0))
-    bound = game.evader_speed_m_s
-    hold = times2(bound / xp.maximum(xp.norm2(seen[:2]), bound), seen[:2])
-    return Geometry((east, north), ground, to_evader, z, hold)
+    (seen_x, seen_y, _), bound = seen, game.evader_speed_m_s
+    share = bound / xp.maximum(xp.sqrt(seen_x * seen_x + seen_y * seen_y), bound)
+    return Geometry((east, north), ground, to_evader, z, (share * seen_x, share * seen_y))
 
 
 def to_target(xp: Library, game: Game, E: Space, T: Space) -> Space:
@@ -129,7 +129,7 @@ def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real
 
 
 def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:
-    """Return the time, s, until a Cylinder reaches the height of the disc; negative within its capture radius.
+    """Return the time, s, until a Cylinder reaches the height of the disc; not positive within its capture radius.
 
     Args:
         xp: array library.
@@ -137,7 +137,8 @@ def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:
         pursuer: its speed set.
         z: height of the pursuer above the stand-off disc, m, of either sign.
     """
-    return (abs(z) - game.capture_radius_m) / vertical_speed(xp, pursuer, z)
+    capture = game.capture_radius_m
+    return xp.maximum((z - capture) / pursuer.descent_m_s, (-z - capture) / pursuer.climb_m_s)
 
 
 def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Real:
@@ -291,7 +292,8 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
     v = game.evader_speed_m_s
     lead = v * game.information_age_s - game.standoff.radius_m
     if game.calm:
-        distance = xp.norm2(state.to_evader)
+        x, y = state.to_evader
+        distance = xp.sqrt(x * x + y * y)
         t = cover_time(xp, game, distance + lead, game.pursuer.horizontal_m_s - v, state.z)
         return t, xp.unit2(state.to_evader, distance), distance
     wind, least = game.wind_m_s, speed_in_hand(game)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.apollonius import play_in_space
-from guidance.game.arrays import FLOATS, NUMPY, Array, Library, Real, Space, Truth, components, dot3, is_array, vectors
+from guidance.game.arrays import FLOATS, NUMPY, Array, Library, Real, Space, Truth, components, is_array, vectors
 from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
 from guidance.game.pe import StateSolution, pursuit, take_apart
 from guidance.game.records import is_finite
@@ -105,14 +105,24 @@ def solve(
 
 
 def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
-    """Solve in one piece."""
+    """Solve in one piece, with NaN in rows without an answer."""
+    like = given["pursuer"]
     with np.errstate(all="ignore"):
         T, seen = (components(given[name]) if name in given else None for name in NAMES[2:])
-        play = _play(xp, game, components(given["pursuer"]), components(given["evader"]), T, seen)
-        fault = _fault(xp, game, given, play)
-        if shape == () and not is_jax_array(given["pursuer"]):
-            _refuse(int(fault), given)
-        return _put_together(xp, game, shape, given["pursuer"], play, fault, out)
+        play = _play(xp, game, components(like), components(given["evader"]), T, seen)
+        reason = _reason(xp, game, given, play)
+        if shape == () and not is_jax_array(like):
+            _refuse(int(reason), given)
+        answered = reason < int(Reason.NOT_FINITE)
+        spoil = xp.select(answered, 0.0, math.nan)
+        winner = xp.select(answered, play.winner, int(Winner.UNDECIDED))
+        if xp is not NUMPY:
+            winner, reason = (xp.astype(xp.pack(shape, like, code), xp.int8) for code in (winner, reason))
+            return Solution(*[winner, *(xp.pack(shape, like, part, spoil) for part in play[1:-1]), reason])
+        out = out or _empty(shape, like)
+        for field, part in zip(out, (winner, *play[1:-1], reason), strict=True):
+            NUMPY.fill(field, part, 0 if field.dtype == np.int8 else spoil)
+        return out
 
 
 def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Solution:
@@ -149,18 +159,19 @@ def solve_state(
     if game.varies:
         raise ConfigError(f"game = {game!r}: solve_state takes single numbers; use solve for arrays")
     known = (pursuer, evader, target, evader_velocity_m_s)
-    squares = sum(dot3(place, place) for place in known if place)
+    squares = sum(x * x + y * y + z * z for x, y, z in filter(None, known))
     try:
         play = _play(FLOATS, game, *known)
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero
         return _row_of_one(game, known)
-    if not _is_sound(game, play, squares) or _has_no_region(game, play):
+    reason = _aged(FLOATS, game, play, in_pe=target is None)
+    if reason == Reason.NO_REGION or not _is_sound(game, play, squares, in_pe=target is None):
         return _row_of_one(game, known)
     # Zero is added because a batch has no negative zeros.
     plain: list[Any] = [
         tuple([v + 0.0 for v in part]) if isinstance(part, tuple) else part + 0.0 for part in play[1:-1]
     ]
-    return StateSolution._make((int(play.winner), *plain, int(_doubted(FLOATS, game, play))))
+    return StateSolution(int(play.winner), *plain, int(reason))
 
 
 def _row_of_one(game: Game, known: tuple[Place | None, ...]) -> StateSolution:
@@ -200,43 +211,33 @@ def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Sp
     return pursuit(xp, game, state) if T is None else defence(xp, game, state, T[:2])
 
 
-def _fault(xp: Library, game: Game, given: dict[str, Array], play: StateSolution) -> Real:
-    """Return 0, or the reason why a row can have no answer."""
-    sound = _is_sound(game, play, most_squares(given) if xp is NUMPY else squares(given))
-    fault = xp.select(_has_no_region(game, play), int(Reason.NO_REGION), int(Reason.SOLVED))
-    if xp is not NUMPY or not np.all(sound):
-        sound = _is_sound(game, play, squares(given))
+def _reason(xp: Library, game: Game, given: dict[str, Array], play: StateSolution) -> Real:
+    """Return the kind of each row's answer, or why it has none."""
+    in_pe = "target" not in given
+    reason = _aged(xp, game, play, in_pe=in_pe)
+    if xp is not NUMPY or not np.all(_is_sound(game, play, most_squares(given), in_pe=in_pe)):
+        sound = _is_sound(game, play, squares(given), in_pe=in_pe)
         zero = sum(0.0 * part for array in given.values() for part in components(array))
-        fault = xp.select(sound, fault, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
-    return refused_rows(xp, game, fault) if game.varies else fault
+        reason = xp.select(sound, reason, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
+    return refused_rows(xp, game, reason) if game.varies else reason
 
 
-def _is_in_pe(play: StateSolution) -> bool:
-    """Return whether an answer is that of PE, where the margin is infinite."""
-    return isinstance(play.margin_s, float) and math.isinf(play.margin_s)
-
-
-def _is_sound(game: Game, play: StateSolution, squares: Real) -> Truth:
+def _is_sound(game: Game, play: StateSolution, squares: Real, *, in_pe: bool) -> Truth:
     """Return whether an answer is finite, and no square inside the kernels can have been infinite.
 
     Args:
         game: the game.
         play: the answer.
         squares: sum of the squares of all positions and velocities, or more.
+        in_pe: whether it is the answer of PE, where the margin is infinite.
     """
     x, y, _ = play.meeting_point_m
-    answered = play.value + play.meeting_time_s + x + y + (0.0 if _is_in_pe(play) else play.margin_s)
+    answered = play.value + play.meeting_time_s + x + y + (0.0 if in_pe else play.margin_s)
     standoff, u = game.standoff, game.pursuer.horizontal_m_s
     length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
     square = u * u
     total = answered + (squares + length * length) * square * square
     return total - total == 0
-
-
-def _has_no_region(game: Game, play: StateSolution) -> Truth:
-    """Return where the evader of TAD was seen too long ago for a convex region, and the pursuer would win."""
-    old = not _is_in_pe(play) and game.information_age_s > guaranteed_age_s(game)
-    return old if old is False else old & (play.winner > 0) & (play.reason != int(Reason.CAPTURED))
 
 
 def _refuse(fault: Real, given: dict[str, Array]) -> None:
@@ -246,30 +247,20 @@ def _refuse(fault: Real, given: dict[str, Array]) -> None:
         raise ConfigError(f"{', '.join(wrong)}: must be finite numbers")
 
 
-def _put_together(
-    xp: Library, game: Game, shape: tuple[int, ...], like: Array, play: StateSolution, fault: Real, out: Solution | None
-) -> Solution:
-    """Build an answer from its components, with NaN in rows without an answer."""
-    sound = fault == 0
-    spoil = xp.select(sound, 0.0, math.nan)
-    winner = xp.select(sound, play.winner, int(Winner.UNDECIDED))
-    reason = xp.select(sound, _doubted(xp, game, play), fault)
-    if xp is not NUMPY:
-        winner, reason = (xp.astype(xp.pack(shape, like, code), xp.int8) for code in (winner, reason))
-        return Solution(*[winner, *(xp.pack(shape, like, part, spoil) for part in play[1:-1]), reason])
-    out = out or _empty(shape, like)
-    for field, part in zip(out, (winner, *play[1:-1], reason), strict=True):
-        NUMPY.fill(field, part, 0 if field.dtype == np.int8 else spoil)
-    return out
+def _aged(xp: Library, game: Game, play: StateSolution, *, in_pe: bool) -> Real:
+    """Return the reason, which is TOO_OLD or NO_REGION for a prediction from old information; facts keep theirs.
 
-
-def _doubted(xp: Library, game: Game, play: StateSolution) -> Real:
-    """Return the reason, which is TOO_OLD for a prediction from old information; present facts keep theirs."""
-    old = game.information_age_s > (guaranteed_age_s(game) if _is_in_pe(play) else 0.0)
-    if old is False:
-        return play.reason
-    promise = (play.reason == Reason.SOLVED) | (play.reason == Reason.OVERHEAD) | (play.reason == Reason.ON_BARRIER)
-    return xp.select(promise & old, int(Reason.TOO_OLD), play.reason)
+    There is no region where the evader of TAD was seen too long ago for a convex one, and the pursuer would win.
+    """
+    age, guaranteed, fact = game.information_age_s, guaranteed_age_s(game), play.reason
+    old, reason = age > (guaranteed if in_pe else 0.0), fact
+    if old is not False:
+        promise = (fact == Reason.SOLVED) | (fact == Reason.OVERHEAD) | (fact == Reason.ON_BARRIER)
+        reason = xp.select(promise & old, int(Reason.TOO_OLD), fact)
+    dented = not in_pe and age > guaranteed
+    if dented is False:
+        return reason
+    return xp.select(dented & (play.winner > 0) & (fact != int(Reason.CAPTURED)), int(Reason.NO_REGION), reason)
 
 
 def _empty(shape: tuple[int, ...], like: Array) -> Solution:
