@@ -54,11 +54,6 @@ class CycleSettings:
     evader_timeout_s: float = 1.5
     speed_sigmas: float = 0.5
 
-    @property
-    def ground_speed_m_s(self) -> float:
-        """Speed of the game's pursuer over the ground."""
-        return float(self.game.pursuer.horizontal_m_s)
-
 
 class CycleInputs(NamedTuple):
     """Inputs of one cycle, read once.
@@ -130,12 +125,18 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         seen, at = np.array(seen_m_s), None if T is None else np.array(T)
         flies = pursue(settings.strategy, game, np.array(P), np.array(E), at, seen, memory.strategy, dt_s=dt_s)
         asked = (float(flies[0]), float(flies[1]), float(flies[2]))
-    hurried = asked is not waiting
-    nominal_ned_m_s = ned_from_game(_at_nominal_speed(asked, game, settings))
+    hurried, played = asked is not waiting, StrategyMemory(np.array(asked), played_s + dt_s)
+    (x, y, z), ball, reached_m_s = asked, isinstance(game.pursuer, Ball), game.pursuer.horizontal_m_s
+    full_m_s = settings.game.pursuer.horizontal_m_s
+    if math.hypot(x, y, z if ball else 0.0) >= reached_m_s * (1.0 - 1e-6):
+        # It is flown at the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for
+        # its height, or keeps up with the evader, asks for less than the game's speed.
+        scale = full_m_s / reached_m_s
+        x, y, z = scale * x, scale * y, scale * z if ball else z
+    nominal_ned_m_s = ned_from_game((x, y, z))
     asked_ned_m_s = held_back(nominal_ned_m_s, walls, envelope)
-    max_speed_ratio = envelope.speed_m_s / settings.ground_speed_m_s
-    at_wall = memory.limits is not None and memory.limits.held_back
-    pace = Pace(dt_s, max_speed_ratio, envelope.speed_m_s + evader.speed_bound_m_s, hurried, at_wall)
+    at_wall, most_m_s = memory.limits is not None and memory.limits.held_back, envelope.speed_m_s
+    pace = Pace(dt_s, most_m_s / full_m_s, most_m_s + evader.speed_bound_m_s, hurried, at_wall)
     followed = follow(asked_ned_m_s, here, gaps, settings.following, memory.follow, pace)
     unslowed = followed.unslowed and hurried and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
     flown = followed.flown_ned_m_s
@@ -150,7 +151,6 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         active_limits=tuple(map(str, limited.active)),
         reason=int(Reason.TOO_OLD) if too_old else certificate.reason,
     )
-    played = StrategyMemory(np.array(asked), played_s + dt_s)
     kept = CycleMemory(
         followed.memory, limited.memory, None, yaw_rad, strategy=played, optimal_game_m_s=optimal, speed=speed
     )
@@ -172,7 +172,7 @@ def game_played(
         ConfigError: If the evader is too fast for this vehicle.
     """
     age_s = min(max(evader_age_s, 0.0), settings.evader_timeout_s)
-    reached_m_s = max(speed_share, 1e-3) * settings.ground_speed_m_s
+    reached_m_s = max(speed_share, 1e-3) * settings.game.pursuer.horizontal_m_s
     game = settings.game.against(evader_speed_m_s, age_s, reached_m_s)
     too_old = age_s > guaranteed_age_s(game)
     if settings.target_game_m is not None:
@@ -182,17 +182,6 @@ def game_played(
     elif too_old:
         game = settings.game.against(evader_speed_m_s, 0.0, reached_m_s)
     return game, too_old
-
-
-def _at_nominal_speed(asked: Vector, game: Game, settings: CycleSettings) -> Vector:
-    """Scale a velocity of a slower game up to the configured speed, which shows whether the vehicle can fly faster."""
-    reached_m_s, nominal_m_s = game.pursuer.horizontal_m_s, settings.ground_speed_m_s
-    if reached_m_s == nominal_m_s:
-        return asked
-    ball, scale, (x, y, z) = isinstance(game.pursuer, Ball), nominal_m_s / reached_m_s, asked
-    if math.hypot(x, y, z if ball else 0.0) < reached_m_s * (1.0 - 1e-6):
-        return asked  # it waits for its height, or keeps up with the evader
-    return (scale * x, scale * y, scale * z if ball else z)
 
 
 def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:

@@ -200,7 +200,7 @@ class Playing:
             needed = math.nan if settings.reserve is None else heard.battery_needed
             self.certificate = output.certificate._replace(battery_needed=needed)
             if state is State.ENGAGED:
-                aimed, speed_m_s = settings.cycle.target_game_m is not None, settings.cycle.ground_speed_m_s
+                aimed, speed_m_s = settings.cycle.target_game_m is not None, settings.cycle.game.pursuer.horizontal_m_s
                 slack_s, certificate = settings.guarantee_slack_s, self.certificate
                 self._monitor, self.alarm = watch(
                     self._monitor, now_s, certificate, with_target=aimed, speed_m_s=speed_m_s, slack_s=slack_s

@@ -45,7 +45,7 @@ class Tracking:
         speeds = {"": declared_m_s, **settings.evaders}
         self._free = {name: TrackSettings(declared_speed_m_s=own, sigmas=sigmas) for name, own in speeds.items()}
         # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
-        way_m_s = max(declared_m_s, settings.cycle.ground_speed_m_s)
+        way_m_s = max(declared_m_s, settings.cycle.game.pursuer.horizontal_m_s)
         self._bounded = {
             name: replace(free, jump_m_s=declared_m_s, way_m_s=way_m_s) for name, free in self._free.items()
         }

@@ -83,7 +83,7 @@ def isochron(game: Game, pursuer_m: Vector | Array, evader_m: Vector | Array, po
 
 def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:
     """The isochron (points, 2) of the cycle's game. It contains the meeting point."""
-    bound_m_s = settings.ground_speed_m_s / certificate.speed_ratio
+    bound_m_s = settings.game.pursuer.horizontal_m_s / certificate.speed_ratio
     game, _ = game_played(settings, bound_m_s, certificate.evader_age_s)
     game = replace(game, target_velocity_m_s=(0.0, 0.0))  # a straight run does not depend on the target
     return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
