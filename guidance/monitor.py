@@ -128,7 +128,12 @@ def watch(
         return memory._replace(oldest_s=age_s), Alarm(Violation.STALE, age_s)
     if latest.reason == Reason.TOO_OLD:  # no promise now; it starts anew with the next report
         memory, latest = memory.restarted()._replace(lost=None), latest._replace(meeting_time_s=0.0)
-    memory, alarm = _reach(memory, latest, speed_m_s)
+    alarm, reachable_m_s = None, latest.reachable_speed_m_s
+    if reachable_m_s < (1.0 - SLOWER) * (memory.reachable_m_s or speed_m_s):
+        alarm = None if memory.told_slow else Alarm(Violation.TOO_SLOW, reachable_m_s, speed_m_s)
+        memory = memory.restarted()._replace(reachable_m_s=reachable_m_s, told_slow=True)
+    elif reachable_m_s > memory.reachable_m_s:
+        memory = memory._replace(reachable_m_s=reachable_m_s)
     if alarm is None and with_target:
         memory, alarm = _cross(memory, now_s, latest)
     if alarm is not None or (with_target and (memory.lost or latest.winner == Winner.EVADER)):
@@ -156,15 +161,6 @@ def _watch_promise(
         return memory._replace(best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None), None
     memory, lasts = _lasting(memory, now_s)
     return (memory._replace(best=cost, since_s=None), Alarm(violation, lost)) if lasts else (memory, None)
-
-
-def _reach(memory: MonitorMemory, certificate: Certificate, speed_m_s: float) -> tuple[MonitorMemory, Alarm | None]:
-    """Report once that the vehicle is too slow; start the promise anew whenever its reachable speed falls."""
-    reachable_m_s, largest_m_s = certificate.reachable_speed_m_s, memory.reachable_m_s
-    if not reachable_m_s < (1.0 - SLOWER) * (largest_m_s or speed_m_s):
-        return memory if reachable_m_s <= largest_m_s else memory._replace(reachable_m_s=reachable_m_s), None
-    told, memory = memory.told_slow, memory.restarted()._replace(reachable_m_s=reachable_m_s, told_slow=True)
-    return memory, None if told else Alarm(Violation.TOO_SLOW, reachable_m_s, speed_m_s)
 
 
 def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tuple[MonitorMemory, Alarm | None]:

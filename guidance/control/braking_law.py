@@ -265,10 +265,6 @@ class Constraint(NamedTuple):
     vertical_s: float = 1.0
     about_m: Point | None = None
 
-    def closed(self) -> "Constraint":
-        """Return the constraint that allows nothing towards the wall."""
-        return self._replace(distance_m=0.0, about_m=None)
-
     def tangent(self, velocity_ned_m_s: Vector) -> "Constraint":
         """Return the half-space that touches the circle on the way to the stop point."""
         north, east = self.about_m or (0.0, 0.0)

@@ -119,26 +119,6 @@ class Pace(NamedTuple):
     held_back: bool = False
 
 
-def catch_up(desired_ned_m_s: Vector, flown_ned_m_s: Vector, deficit_m: float, pace: Pace) -> tuple[Vector, float]:
-    """Increase a velocity to work off the along-track deficit over the ground; return it and the deficit, m.
-
-    Args:
-        desired_ned_m_s: Velocity that the game asks for.
-        flown_ned_m_s: Velocity of the vehicle.
-        deficit_m: From the last call; 0 at engagement.
-        pace: Of this cycle, with a speed limit of at least the game's speed.
-    """
-    speed = math.hypot(*desired_ned_m_s[:2])
-    if speed <= 0.0:
-        return desired_ned_m_s, deficit_m
-    along = (desired_ned_m_s[0] * flown_ned_m_s[0] + desired_ned_m_s[1] * flown_ned_m_s[1]) / speed
-    deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * pace.dt_s))
-    over = max(0.0, along / speed - pace.max_speed_ratio)
-    scale = max(0.0, min(pace.max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over)
-    north, east, down = desired_ned_m_s
-    return (scale * north, scale * east, scale * down), deficit_m
-
-
 class Gaps(NamedTuple):
     """Horizontal distance to the disc's rim (negative inside), height above the disc, unit vector to the evader."""
 
@@ -148,19 +128,31 @@ class Gaps(NamedTuple):
     towards_east: float
 
 
-def unhurried(desired_ned_m_s: Vector, gaps: Gaps, deficit_m: float, meeting_m_s: float) -> Vector:
-    """Reduce the vertical speed of a vehicle that is behind to what reaches the disc's height before any meeting.
+def catch_up(
+    desired_ned_m_s: Vector, flown_ned_m_s: Vector, deficit_m: float, gaps: Gaps, pace: Pace
+) -> tuple[Vector, float]:
+    """Increase a velocity to work off the along-track deficit over the ground; return it and the deficit, m.
+
+    The vertical speed of a vehicle that is behind is reduced to what reaches the disc's height before any meeting.
 
     Args:
-        desired_ned_m_s: Velocity desired.
+        desired_ned_m_s: Velocity that the game asks for.
+        flown_ned_m_s: Velocity of the vehicle.
+        deficit_m: From the last call; 0 at engagement.
         gaps: To the disc.
-        deficit_m: Along-track deficit.
-        meeting_m_s: Sum of the largest speeds of vehicle and evader.
+        pace: Of this cycle, with a speed limit of at least the game's speed.
     """
     north, east, down = desired_ned_m_s
-    enough_m_s = abs(gaps.height_m) * meeting_m_s / max(gaps.ground_m, _TOUCH_M)
+    speed = math.hypot(north, east)
+    if speed > 0.0:
+        along = (north * flown_ned_m_s[0] + east * flown_ned_m_s[1]) / speed
+        deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * pace.dt_s))
+        over = max(0.0, along / speed - pace.max_speed_ratio)
+        scale = max(0.0, min(pace.max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over)
+        north, east, down = scale * north, scale * east, scale * down
+    enough_m_s = abs(gaps.height_m) * pace.meeting_m_s / max(gaps.ground_m, _TOUCH_M)
     spare_m_s = min(1.0, deficit_m / UNHURRIED_M) * max(0.0, abs(down) - enough_m_s)
-    return (north, east, down - math.copysign(spare_m_s, down))
+    return (north, east, down - math.copysign(spare_m_s, down)), deficit_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,8 +274,7 @@ def follow(
     north, east, down = desired_ned_m_s
     wanted, deficit_m = (north, east, down * pace.max_speed_ratio), 0.0
     if pace.hurried:
-        wanted, deficit_m = catch_up(desired_ned_m_s, flown, memory.deficit_m, pace)
-        wanted = unhurried(wanted, gaps, deficit_m, pace.meeting_m_s)
+        wanted, deficit_m = catch_up(desired_ned_m_s, flown, memory.deficit_m, gaps, pace)
     desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, following.approach)
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it

@@ -28,7 +28,7 @@ from typing import Final, NamedTuple
 from guidance.control.braking_law import STILL, approach_speed
 from guidance.control.limits import Agility, Envelope
 from guidance.control.polygon import Point
-from guidance.frames import Bounds, Vector, clamp, difference, usable
+from guidance.frames import Vector, usable
 
 LONGEST_STEP_S: Final = 0.1
 _SLOW_M_S: Final = 1.0
@@ -38,9 +38,10 @@ _SLOW_M_S: Final = 1.0
 def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vector:
     """Move from the previous vector towards a new one by at most a change, over the ground and vertically."""
     (north, east, down), (was_north, was_east, was_down) = vector_ned, previous_ned
-    bounds = Bounds(largest_change, largest_change, largest_change)
-    north, east, down = clamp((north - was_north, east - was_east, down - was_down), bounds)
-    return (was_north + north, was_east + east, was_down + down)
+    north, east, down = north - was_north, east - was_east, min(largest_change, max(-largest_change, down - was_down))
+    size = math.hypot(north, east)
+    share = largest_change / size if size > largest_change else 1.0
+    return (was_north + share * north, was_east + share * east, was_down + down)
 
 
 def shape(
@@ -59,7 +60,8 @@ def shape(
         dt_s: Duration of the step.
         gain_per_s: Largest gain from the missing velocity to the acceleration; infinite for none.
     """
-    north, east, down = difference(desired_m_s, velocity_m_s)
+    (north, east, down), (now_north, now_east, now_down) = desired_m_s, velocity_m_s
+    north, east, down = north - now_north, east - now_east, down - now_down
     size, height = math.hypot(north, east), abs(down)
     level = min(approach_speed(size, most.jerk_m_s3, dt_s), most.acceleration_m_s2)
     steep = min(approach_speed(height, most.jerk_m_s3, dt_s), most.vertical_acceleration_m_s2)
@@ -68,7 +70,6 @@ def shape(
     share = level / size if size > 0.0 else 0.0
     wanted = (north * share, east * share, math.copysign(steep, down))
     a_north, a_east, a_down = slewed = slew(wanted, acceleration_m_s2, most.jerk_m_s3 * dt_s)
-    now_north, now_east, now_down = velocity_m_s
     return (now_north + a_north * dt_s, now_east + a_east * dt_s, now_down + a_down * dt_s), slewed
 
 
@@ -154,8 +155,7 @@ def serve(
     expected = (north, east, down)
     drag_per_s, trim = gains.drag_per_s if memory.drag_per_s is None else memory.drag_per_s, memory.trim_ned_m_s2
     if not held_back:
-        error = difference(expected, flown_ned_m_s)
-        drag_per_s, trim = _learned(drag_per_s, trim, expected, error, gains, dt_s)
+        drag_per_s, trim = _learned(drag_per_s, trim, expected, flown_ned_m_s, gains, dt_s)
     a_north, a_east, a_down = acceleration
     a_north, a_east = a_north + drag_per_s * reference[0] + trim[0], a_east + drag_per_s * reference[1] + trim[1]
     memory = ServoMemory(reference, acceleration, expected, drag_per_s, trim)
@@ -163,23 +163,23 @@ def serve(
 
 
 def _learned(
-    drag_per_s: float, trim_ned_m_s2: Vector, expected: Vector, error: Vector, gains: ServoGains, dt_s: float
+    drag_per_s: float, trim_ned_m_s2: Vector, expected: Vector, flown: Vector, gains: ServoGains, dt_s: float
 ) -> tuple[float, Vector]:
     """Return drag and trim after one velocity error, within their bounds.
 
     A large error usually means that the vehicle is at its limits, so it counts less.
     """
-    off_m_s, within_m_s = math.hypot(error[0], error[1]), gains.learning_within_m_s
-    lesson_s = dt_s
+    error_north, error_east = expected[0] - flown[0], expected[1] - flown[1]
+    off_m_s, within_m_s, lesson_s = math.hypot(error_north, error_east), gains.learning_within_m_s, dt_s
     if off_m_s > within_m_s:
         lesson_s = 0.0 if off_m_s > 3.0 * within_m_s else dt_s * (within_m_s / off_m_s) ** 2
     speed = math.hypot(expected[0], expected[1])
     if speed >= _SLOW_M_S:
-        missing = (error[0] * expected[0] + error[1] * expected[1]) / speed
+        missing = (error_north * expected[0] + error_east * expected[1]) / speed
         drag_per_s += gains.drag_learning_per_s2 * missing * lesson_s / speed
         drag_per_s = min(gains.drag_limit_per_s, max(0.0, drag_per_s))
     gain = gains.trim_learning_per_s2 * lesson_s
-    north, east = trim_ned_m_s2[0] + gain * error[0], trim_ned_m_s2[1] + gain * error[1]
+    north, east = trim_ned_m_s2[0] + gain * error_north, trim_ned_m_s2[1] + gain * error_east
     size = math.hypot(north, east)
     share = gains.trim_limit_m_s2 / size if size > gains.trim_limit_m_s2 else 1.0
     return drag_per_s, (share * north, share * east, 0.0)

@@ -95,12 +95,13 @@ def limit(
         already_shaped: Whether the servo has shaped the velocity; then its jerk is not limited.
     """
     active: list[Limiter] = []
-    if memory is None or not usable(*memory[0], *memory[1], *memory[2], memory.yaw_rad):
-        memory = start(situation, envelope)
+    memory = memory or start(situation, envelope)
     place, flown, yaw_rad, evader, _, gaining, _ = situation
+    known, last = (*place, *flown, yaw_rad, *(evader or ())), (*memory[0], *memory[1], *memory[2], memory.yaw_rad)
     asked = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0)
-    if not usable(*place, *flown, yaw_rad, *(evader or ()), *gaining, *asked):
-        if not usable(*place, *flown, yaw_rad, *(evader or ())):
+    if not usable(*known, *gaining, *asked, *last):
+        memory = memory if usable(*last) else start(situation, envelope)
+        if not usable(*known):
             return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
         situation = situation._replace(acceleration_ned_m_s2=gaining if usable(*gaining) else STILL)
         if not usable(*asked):
@@ -117,8 +118,8 @@ def limit(
     _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     velocity, holding = obey(shaped, constraints_of(shaped, situation, walls, envelope))
     active.extend(dict.fromkeys(one.limiter for one in holding))
-    closed = tuple(one.closed() for one in holding)
     at_speed = _at_speed_limit(velocity, flown, envelope)
+    closed = tuple(one._replace(distance_m=0.0, about_m=None) for one in (*holding, *at_speed))
 
     wanted = command.acceleration_ned_m_s2
     if wanted is not None:
@@ -126,12 +127,18 @@ def limit(
         wanted = slew(clamp(wanted, envelope.accelerations), memory.feed_forward_ned_m_s2, jerk_m_s2)
     feed_forward = braked(wanted, situation, walls, envelope)
     if feed_forward is not None:
-        at_wall = _at_walls(holding, math.dist(velocity, shaped), envelope)
-        feed_forward, _ = obey(clamp(feed_forward, envelope.accelerations), at_wall + at_speed)
+        # Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag,
+        # so it goes as the wall takes speed away: all of it at `EASED_M_S`.
+        eased_m_s2 = envelope.accelerations.ground * max(0.0, 1.0 - math.dist(velocity, shaped) / EASED_M_S)
+        at_walls = (
+            Constraint(one.limiter, one.normal_ned, eased_m_s2) if one.limiter is Limiter.STAND_OFF else one
+            for one in closed[: len(holding)]
+        )
+        feed_forward, _ = obey(clamp(feed_forward, envelope.accelerations), (*at_walls, *at_speed))
         asked_for = command.acceleration_ned_m_s2 or STILL
         _note(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, asked_for)
     turned_rad = None if command.yaw_rad is None else _turn(command.yaw_rad, memory.yaw_rad, envelope, dt_s, active)
-    gained, _ = obey(acceleration, (*closed, *(one.closed() for one in at_speed)))
+    gained, _ = obey(acceleration, closed)
     heading_rad = yaw_rad if turned_rad is None else turned_rad
     sent = LimitMemory(velocity, gained, feed_forward or STILL, heading_rad, bool(holding))
     return Limited(Setpoint(velocity, feed_forward, turned_rad), tuple(active), sent)
@@ -163,19 +170,6 @@ def _turn(wanted_rad: float, before_rad: float, envelope: Envelope, dt_s: float,
     if abs(allowed - turn) > NOTED:
         active.append(Limiter.YAW)
     return math.remainder(before_rad + allowed, math.tau)
-
-
-def _at_walls(holding: tuple[Constraint, ...], taken_m_s: float, envelope: Envelope) -> tuple[Constraint, ...]:
-    """Return constraints on the feed-forward towards the walls that hold the velocity back.
-
-    Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag, so it
-    goes as the wall takes speed away: all of it at `EASED_M_S`.
-    """
-    left_m_s2 = envelope.accelerations.ground * max(0.0, 1.0 - taken_m_s / EASED_M_S)
-    return tuple(
-        Constraint(one.limiter, one.normal_ned, left_m_s2) if one.limiter is Limiter.STAND_OFF else one.closed()
-        for one in holding
-    )
 
 
 def _at_speed_limit(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope) -> tuple[Constraint, ...]:

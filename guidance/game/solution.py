@@ -171,7 +171,7 @@ def solve_state(
     plain: list[Any] = [
         tuple([v + 0.0 for v in part]) if isinstance(part, tuple) else part + 0.0 for part in play[1:-1]
     ]
-    return StateSolution(int(play.winner), *plain, int(reason))
+    return StateSolution._make((int(play.winner), *plain, int(reason)))
 
 
 def _row_of_one(game: Game, known: tuple[Place | None, ...]) -> StateSolution:
