@@ -108,20 +108,13 @@ def ask(
 
 def show(answer: Mapping[str, Any]) -> int:
     """Say in a line what became of an order, in red where it was refused; return the exit code."""
-    words = answer_words(answer)
-    if answer["accepted"]:
-        print(words)  # noqa: T201 - the command's answer
-        return 0
-    print(f"\033[1;31m{words}\033[0m" if sys.stdout.isatty() else words)  # noqa: T201
-    return FlightError.exit_code
-
-
-def answer_words(answer: Mapping[str, Any]) -> str:
-    """Say in a line what became of an order."""
     name, state = answer.get("name", "the daemon"), answer.get("state", "")
     if answer["accepted"]:
-        return f"{name}: {answer['order']} accepted, {state}"
-    return f"{name}: {answer['order']} refused, {state}: {answer.get('reason', '')}"
+        print(f"{name}: {answer['order']} accepted, {state}")  # noqa: T201 - the command's answer
+        return 0
+    words = f"{name}: {answer['order']} refused, {state}: {answer.get('reason', '')}"
+    print(f"\033[1;31m{words}\033[0m" if sys.stdout.isatty() else words)  # noqa: T201
+    return FlightError.exit_code
 
 
 def _end(words: str, code: int) -> None:

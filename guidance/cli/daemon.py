@@ -43,10 +43,9 @@ def run(
             require("--panel", "panel")
             endpoint = own.control.endpoint
             if own.control.by_tls:
-                raise ConfigError(
-                    f"--panel with control.endpoint = {endpoint!r}: that router judges who may order; leave it out, "
-                    f"and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
-                )
+                refused = f"--panel with control.endpoint = {endpoint!r}: that router judges who may order"
+                mend = f"leave it out, and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
+                raise ConfigError(f"{refused}; {mend}")
             closing.callback(panel_beside(endpoint, own.record.folder, own.control.token_file).close)
         run_vehicle(path, own)
 
@@ -126,10 +125,10 @@ def _flown(status: Status) -> Iterator[tuple[str, Cell]]:
     if "height_m" not in status:
         return
     north, east, down = status["velocity_ned_m_s"]
-    yield "height", f"{_tenths(status['height_m'])} m above home"
+    yield "height", f"{status['height_m']:z.1f} m above home"
     n, e, _ = status["position_ned_m"]
-    yield "position", f"{_tenths(n)} m north, {_tenths(e)} m east of the origin"
-    yield "speed", f"{math.hypot(north, east):.1f} m/s level, {_tenths(-down)} m/s up"
+    yield "position", f"{n:z.1f} m north, {e:z.1f} m east of the origin"
+    yield "speed", f"{math.hypot(north, east):.1f} m/s level, {-down:z.1f} m/s up"
     yield "battery", _said(status, "battery", "{:.0%}", "not told")
 
 
@@ -153,10 +152,6 @@ def _to_do(status: Status) -> Iterator[Text]:
         wanted = f", wanted {row['wanted']}" if row["wanted"] else ""
         advice = f": {row['advice']}" if row["advice"] else ""
         yield Text(f"{row['verdict']:6}  {row['name']} is {row['found']}{wanted}{advice}", style)
-
-
-def _tenths(value: float) -> str:
-    return f"{round(value, 1) + 0.0:.1f}"  # no -0.0
 
 
 def _said(values: Status, key: str, form: str = "{:.1f}", unknown: str = "-") -> str:

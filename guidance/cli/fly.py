@@ -1,7 +1,6 @@
 """`guidance fly`: a pursuit, flown: a live line, then a table, the record and a picture."""
 
 import contextlib
-import json
 import math
 import re
 import signal
@@ -19,7 +18,7 @@ from rich.text import Text
 
 from guidance.cli import INTERRUPTED, arguments
 from guidance.cli.arguments import may_fly, refuse
-from guidance.cli.players import tell_players
+from guidance.cli.players import rows_json, tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require
@@ -31,7 +30,7 @@ from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, Stoppe
 from guidance.session.fly import NOBODY, Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
 from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, MissionResult, ending_words, outcome_of_flight, team_rows
-from guidance.sim.outcome import Outcome, outcome_json
+from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamOutcome, TeamScenario
 
@@ -95,11 +94,9 @@ def fly(
     if fast:
         refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    with contextlib.ExitStack() as closing:
-        team = isinstance(load_any(scenario)[1], TeamScenario)
-        page = panel or (team and not (fast or as_json) and how_to_add("panel") is None)
-        folder = Path("flights") if out is None else out.parent
-        beside = _Beside(closing, view=view, panel=page, folder=folder)
+    team = isinstance(load_any(scenario)[1], TeamScenario)
+    page = panel or (team and not (fast or as_json) and how_to_add("panel") is None)
+    with _Beside(view=view, panel=page, folder=Path("flights") if out is None else out.parent) as beside:
         try:
             mock = MockOptions(fast=fast, link=link, port=port)
             how = Asked(tuple(vehicle), autopilot, link, end) if vehicle else mock
@@ -107,7 +104,7 @@ def fly(
             code = fly_scenario(scenario, how, out, seed, onlooker, as_json=as_json)
         except KeyboardInterrupt:
             nothing = "nothing was armed" if vehicle else "nothing was recorded"
-            kept = f"the record so far is {beside.records[0]}" if beside.records else nothing
+            kept = nothing if beside.recorded is None else f"the record so far is {beside.recorded}"
             typer.echo(f"interrupted: {'' if vehicle else 'the mock was ended; '}{kept}", err=True)
             raise typer.Exit(INTERRUPTED) from None
         if view or panel:
@@ -115,20 +112,21 @@ def fly(
     raise typer.Exit(code)
 
 
-class _Beside:
-    """The viewer and the page beside a flight, each if asked for."""
+class _Beside(contextlib.ExitStack):
+    """The viewer and the page beside a flight, each if asked for; they end with this context."""
 
-    def __init__(self, closing: contextlib.ExitStack, *, view: bool, panel: bool, folder: Path) -> None:
+    def __init__(self, *, view: bool, panel: bool, folder: Path) -> None:
+        super().__init__()
         for asked, what, extra in ((view, "the view", "viz"), (panel, "--panel", "panel")):
             if asked:
                 require(what, extra)
-        self._closing, self._view, self._panel, self._folder = closing, view, panel, folder
-        self._running: list[CommandBeside] = []
-        self.records: list[Path] = []
+        self._view, self._panel, self._folder = view, panel, folder
+        self._running = list[CommandBeside]()
+        self.recorded: Path | None = None
 
     def record(self, path: Path) -> None:
         """Show a record that is being written."""
-        self.records.append(path)
+        self.recorded = self.recorded or path
         if self._view:
             self._add(CommandBeside("view", str(path), "--follow", "--port", "0", "--web-port", "0"))
 
@@ -138,8 +136,7 @@ class _Beside:
             self._add(panel_beside(endpoint, self._folder))
 
     def _add(self, one: CommandBeside) -> None:
-        self._running.append(one)
-        self._closing.callback(one.close)
+        self._running.append(self.enter_context(contextlib.closing(one)))
 
     def stay(self) -> None:
         """Keep the viewer and the page open until Ctrl-C."""
@@ -170,16 +167,18 @@ def fly_scenario(
     urls, there = () if isinstance(how, MockOptions) else how.urls, console(stderr=as_json)
     words = "virtual time" if how.way == "fast" else ", ".join((how.link, *urls))
     there.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {words})")
-    with _advised(name, urls):
+    try:
         result, rows, folder = fly_rows(there, scenario, path.stem, how, out, onlooker)
-    flights, row = [*result.vehicles.values()], [outcome_json(one) for one in rows]
+    except FlightError as error:
+        raise FlightError(_advised(str(error), name, urls)) from error
+    flights = [*result.vehicles.values()]
     if isinstance(scenario, TeamScenario):
         kept = bool(rows) and rows[0].captured >= rows[0].guaranteed
     else:
         report(there, flights[0], rows[0], folder)
         kept = flights[0].captured
     if as_json:
-        typer.echo(json.dumps(row if isinstance(scenario, TeamScenario) else row[0], indent=2))
+        typer.echo(rows_json(scenario, rows), nl=False)
     if urls and any(one.interrupted for one in flights):
         ended = ", ".join(dict.fromkeys(str(one.ended) for one in flights))
         there.print(f"interrupted: the vehicle was told to land, and is {ended}")
@@ -195,7 +194,7 @@ def fly_rows(
         result = flown(there, scenario, folder, how, onlooker)
         if not isinstance(scenario, TeamScenario):
             return result, [outcome_of_flight(one, how.way) for one in result.vehicles.values()], folder
-        return result, _report_team(there, scenario, how.way, result, folder), folder
+        return result, _tell_team(there, scenario, how.way, result, folder), folder
 
 
 def flown(there: Console, scenario: Played, folder: Path, how: Way, onlooker: Onlooker = NOBODY) -> MissionResult:
@@ -248,16 +247,12 @@ def noted_ctrl_c(show: Show) -> Iterator[Show]:
         signal.signal(signal.SIGINT, before)
 
 
-@contextlib.contextmanager
-def _advised(name: str, urls: Sequence[str]) -> Iterator[None]:
-    """Add the URLs, if there are any, to a refusal, and the commands that set the vehicles up."""
-    try:
-        yield
-    except FlightError as error:
-        scenario = f"{name} " if len(urls) == 1 else ""  # `check` plays no teams
-        mend = "".join(f"\nto have it set up: guidance check {scenario}--vehicle {url} --apply" for url in urls)
-        advice = mend if str(error).startswith("preflight refuses") else ""
-        raise FlightError(f"{' '.join(urls)}: {error}{advice}" if urls else str(error)) from error
+def _advised(refusal: str, name: str, urls: Sequence[str]) -> str:
+    """Return a refusal with the URLs, if there are any, and the commands that set the vehicles up."""
+    scenario = f"{name} " if len(urls) == 1 else ""  # `check` plays no teams
+    mend = "".join(f"\nto have it set up: guidance check {scenario}--vehicle {url} --apply" for url in urls)
+    advice = mend if refusal.startswith("preflight refuses") else ""
+    return f"{' '.join(urls)}: {refusal}{advice}" if urls else refusal
 
 
 class LiveLine:
@@ -308,18 +303,14 @@ def words(progress: Progress) -> str:
     words = f"{begin}{progress.state:<11} in {progress.mode:<8}"
     if reason := _reason(progress):
         return f"{words} {reason}"
-    certificate, unit = progress.certificate, progress.unit
+    game, unit = progress.certificate, progress.unit
     if progress.evader:
-        to_go = (
-            "" if certificate is None else f", {certificate.gap_m:5.1f} m to go, value {certificate.value:5.1f} {unit}"
-        )
+        to_go = "" if game is None else f", {game.gap_m:5.1f} m to go, value {game.value:5.1f} {unit}"
         return f"{words} {progress.evader}{to_go}{progress.promise and f'; {progress.promise}'}"
-    if certificate is None:
+    if game is None:
         return words
-    return (
-        f"{words} range {certificate.gap_m:5.1f} m, {certificate.height_gap_m:5.1f} m up"
-        f"  value to go {certificate.value:5.1f} {unit}, time needed {certificate.time_needed_s:5.1f} s"
-    )
+    times = f"value to go {game.value:5.1f} {unit}, time needed {game.time_needed_s:5.1f} s"
+    return f"{words} range {game.gap_m:5.1f} m, {game.height_gap_m:5.1f} m up  {times}"
 
 
 def _named(progress: Progress, words: str) -> str:
@@ -345,14 +336,11 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
     """Print the outcome of a flight and draw its picture."""
     there.print(_table(result, outcome))
     if outcome.run == "fast":
-        speed = result.duration_s / result.wall_s
-        there.print(
-            f"{result.duration_s:.1f} s of flight in {result.wall_s:.2f} s: {speed:.0f} times faster than real time"
-        )
+        flown_s, wall_s = result.duration_s, result.wall_s
+        there.print(f"{flown_s:.1f} s of flight in {wall_s:.2f} s: {flown_s / wall_s:.0f} times faster than real time")
     there.print(f"record   {folder / RECORD}", soft_wrap=True)
     with contextlib.suppress(OSError):  # the picture reports a full disk
-        row = json.dumps(outcome_json(outcome), indent=2) + "\n"
-        private_file(folder / OUTCOME).write_text(row, encoding="utf-8")
+        private_file(folder / OUTCOME).write_text(rows_json(result.scenario, [outcome]), encoding="utf-8")
     title = f"{outcome.scenario}: {ending_words(outcome)}, {score(outcome)}"
     advice = how_to_add("plot")
     if advice is None:
@@ -362,10 +350,7 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
             draw_flight(folder / RECORD, folder / PICTURE, title)
         except (ConfigError, OutputError) as error:
             advice = str(error)
-    if advice is None:
-        there.print(f"picture  {folder / PICTURE}", soft_wrap=True)
-    else:
-        there.print(Text(f"picture  {advice}", "yellow"), soft_wrap=True)
+    there.print(Text(f"picture  {advice or folder / PICTURE}", "yellow" if advice else ""), soft_wrap=True)
 
 
 def score(outcome: Outcome) -> str:
@@ -398,22 +383,20 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
     return pairs(rows.items(), title=title, right=True)
 
 
-def _report_team(
+def _tell_team(
     there: Console, scenario: TeamScenario, way: str, result: MissionResult, folder: Path
-) -> Sequence[TeamOutcome]:
+) -> list[TeamOutcome]:
     """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
     rows, wanted = team_rows(scenario, way, result), scenario.flight
     tell_players(rows, there, result)
     least_m = result.least_distance_m(wanted.separation_height_m)
     kept = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
-    there.print(
-        f"least distance of two vehicles less than {wanted.separation_height_m:g} m apart in height: {kept} "
-        f"({wanted.separation_m:g} m wanted)",
-    )
+    level = f"less than {wanted.separation_height_m:g} m apart in height"
+    there.print(f"least distance of two vehicles {level}: {kept} ({wanted.separation_m:g} m wanted)")
     flights = result.vehicles.values()
     duration_s, wall_s = max(one.duration_s for one in flights), max(one.wall_s for one in flights)
     there.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s")
     there.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True)
     with writing(folder):
-        private_file(folder / OUTCOME).write_text(json.dumps([outcome_json(row) for row in rows], indent=2) + "\n")
+        private_file(folder / OUTCOME).write_text(rows_json(scenario, rows), encoding="utf-8")
     return rows

@@ -1,12 +1,16 @@
-"""The tables of a team game: a line for each vehicle, one for each evader, and the team's row."""
+"""The outcome of a run as JSON, and the tables of a team game: for each vehicle, for each evader, and for the team."""
 
+import json
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Console
 
 from guidance.screen import Cell, sheet
-from guidance.sim.teams import TeamOutcome, summary_of
+from guidance.sim.outcome import outcome_json
+from guidance.sim.scenario import Scenario
+from guidance.sim.teams import TeamOutcome, TeamScenario, summary_of
 
 if TYPE_CHECKING:
     from guidance.session.result import MissionResult
@@ -14,6 +18,12 @@ if TYPE_CHECKING:
 _ROLES: Final = ("first", "second")
 _NUMBERS: Final = ("game_time_s", "predicted", "achieved", "regret")
 _FLOWN: Final = ("ended", "alarms", "limits")
+
+
+def rows_json(scenario: Scenario | TeamScenario, rows: Sequence[Any]) -> str:
+    """Return the rows of a run as JSON: of a team a list, else one object."""
+    plain = [outcome_json(row) for row in rows]
+    return json.dumps(plain if isinstance(scenario, TeamScenario) else plain[0], indent=2) + "\n"
 
 
 def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "MissionResult | None" = None) -> None:
@@ -63,5 +73,5 @@ def as_text(value: Any, unit: str = "") -> str:  # noqa: ANN401 - any column
     if isinstance(value, tuple):
         return ", ".join(value) or "none"
     if isinstance(value, float):
-        return "-" if value != value else f"{round(value, 3) + 0.0:.3f} {unit}".rstrip()  # noqa: PLR0124 - NaN
+        return "-" if math.isnan(value) else f"{value:z.3f} {unit}".rstrip()
     return str(value) or "-"

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from guidance.cli import arguments
 from guidance.cli.arguments import CommandGroup, agree, may_fly, refuse
-from guidance.cli.players import as_text, tell_players
+from guidance.cli.players import as_text, rows_json, tell_players
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
@@ -23,7 +23,7 @@ from guidance.screen import console, pairs, sheet
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play
-from guidance.sim.outcome import outcome_json, winner_name
+from guidance.sim.outcome import winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
@@ -101,9 +101,7 @@ def run(
                 where = f"{config}: {how.config.vehicle.url}"
                 agree(f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
         rows = _fly(played, path.stem, how, out, there)
-    verdicts = _verdicts(played, rows, there)
-    row = [outcome_json(one) for one in rows]
-    text = json.dumps(row if isinstance(played, TeamScenario) else row[0], indent=2) + "\n"
+    verdicts, text = _verdicts(played, rows, there), rows_json(played, rows)
     if json_file == _STANDARD_OUTPUT:
         sys.stdout.write(text)
     elif json_file is not None:
@@ -163,20 +161,16 @@ def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Con
         units = {name: _unit(name) for name in row} | {"regret": "s" if scenario.game == "pe" else "m"}
         there.print(pairs((name, as_text(row[name], units[name])) for name in row if name != "scenario"))
         verdicts = scenario.expect.of(row)
-    cells = [
-        (one.column, one.expected, as_text(one.value), Text("holds", "green") if one.held else Text("FAILS", "red"))
-        for one in verdicts
-    ]
+    judged = {True: Text("holds", "green"), False: Text("FAILS", "red")}
+    cells = [(one.column, one.expected, as_text(one.value), judged[one.held]) for one in verdicts]
     if cells:
         there.print(sheet(("column", "expected", "came out", "verdict"), cells, left=range(4), title="expected"))
     return verdicts
 
 
 def _unit(column: str) -> str:
-    """Return the unit that ends the name of a column, or that its name implies."""
-    if column.endswith("_m_s"):
-        return "m/s"
-    return {"s": "s", "m": "m"}.get(column.rpartition("_")[2], "")
+    """Return the unit that ends the name of a column."""
+    return next((unit for end, unit in (("_m_s", "m/s"), ("_m", "m"), ("_s", "s")) if column.endswith(end)), "")
 
 
 @scenario.command(name="list")

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -64,16 +64,15 @@ def view(
     if with_parent:
         end_with_parent()
     require("the view", "viz")
-    from guidance.viz.view import RecordFile  # noqa: PLC0415
-    from guidance.viz.view import view as show  # noqa: PLC0415
+    from guidance.viz import view as viewer  # noqa: PLC0415
 
-    sources: dict[str, RecordFile | LiveFlight]
-    if file is not None:
-        records = sorted(file.glob(f"*/{RECORD}")) or [file]
-        sources = {path.parent.name: RecordFile(path, live=follow) for path in records}
+    if file is None:
+        flight = LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)
+        sources: dict[str, viewer.Source] = {"": flight}
     else:
-        sources = {"": LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)}
-    count = show(sources, save, (port, web_port), typer.echo, ended)
+        records = sorted(file.glob(f"*/{RECORD}")) or [file]
+        sources = {path.parent.name: viewer.RecordFile(path, live=follow) for path in records}
+    count = viewer.view(sources, save, (port, web_port), typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 
 
@@ -105,12 +104,10 @@ def panel(
     require("guidance panel", "panel")
     from guidance.viz.panel.server import PanelOptions, serve_panel  # noqa: PLC0415 - slow import
 
-    endpoints = endpoint or [ENDPOINT]
-    options = PanelOptions(
-        endpoints, token_file, host, port, look, records, certificate, key, password_file, tiles, zenoh
-    )
     if with_parent:
         end_with_parent()
+    secured = (certificate, key, password_file)
+    options = PanelOptions(endpoint or [ENDPOINT], token_file, host, port, look, records, *secured, tiles, zenoh)
     serve_panel(options, typer.echo)
 
 
@@ -125,11 +122,9 @@ class CommandBeside:
     """
 
     def __init__(self, *arguments: str, say: Callable[[str], None] = typer.echo) -> None:
-        pipe = subprocess.PIPE
         # A separate session, so that Ctrl-C reaches only the parent.
-        self.child: Final = subprocess.Popen(
-            command(arguments), stdin=pipe, stdout=pipe, start_new_session=True, text=True, errors="replace"
-        )
+        piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "errors": "replace"}
+        self.child: Final = subprocess.Popen(command(arguments), start_new_session=True, **piped)
         self._relaying = threading.Thread(target=self._relay, args=(say,), name=arguments[0], daemon=True)
         self._relaying.start()
 

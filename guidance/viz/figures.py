@@ -120,8 +120,8 @@ def legend_below(figure: Figure, *axes: Any, columns: int = 4, title: str = "") 
     for one in axes:
         for line, name in zip(*one.get_legend_handles_labels(), strict=True):
             named.setdefault(name, line)
-    style: dict[str, Any] = {"frameon": False, "fontsize": 9, "title": title or None}
-    figure.legend(named.values(), named, loc="outside lower center", ncols=columns, **style)
+    style: dict[str, Any] = {"ncols": columns, "frameon": False, "fontsize": 9, "title": title or None}
+    figure.legend(named.values(), named, loc="outside lower center", **style)
 
 
 def legend_beside(axes: Any) -> None:  # noqa: ANN401
@@ -380,8 +380,8 @@ def _draw_players(axes: Any, teams: Teams, played: TeamRollout) -> None:  # noqa
     beside: dict[str, Any] = {"textcoords": "offset points", "fontsize": 10, "zorder": 7, "fontweight": "bold"}
     beside["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
     for i, (x, y, z) in enumerate(teams.pursuers_m):
-        track = np.array([sample.pursuers_m[0, i] for sample in played.path])
-        axes.plot(*track[:, :2].T, color=_PURSUER, linewidth=4.0, alpha=0.3, label="pursuer as played")
+        track = np.array([sample.pursuers_m[0, i, :2] for sample in played.path])
+        axes.plot(*track.T, color=_PURSUER, linewidth=4.0, alpha=0.3, label="pursuer as played")
         axes.plot([x], [y], "^", color=_PURSUER, markersize=12, **own, label="pursuer, and its height")
         axes.annotate(f"P{i} · {z:g} m", (x, y), xytext=(9, -4), color=_PURSUER, **beside)
     for j, (x, y, _) in enumerate(teams.evaders_m):

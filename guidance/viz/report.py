@@ -44,7 +44,6 @@ Line = tuple[str, Array, Array, Style, str | None]
 Drawn = Iterable[tuple[str, Figure]]
 """Pictures by name, drawn one after the other."""
 
-_THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
 _SHADES = ("0.96", "0.86", "0.91", "0.82")
 
 
@@ -112,7 +111,7 @@ def game(story: Story) -> Figure:
     if story.engaged is not None:
         engaged = story.engaged.certificate
         promised = engaged.assured_distance_m if story.with_target else engaged.time_needed_s
-        axes[2].axhline(promised, **_THIRD, label="promised at engagement")
+        axes[2].axhline(promised, color="0.15", linewidth=1.0, linestyle=":", label="promised at engagement")
     for number, (alarm_s, _) in enumerate(story.alarms):
         axes[2].axvline(alarm_s, **MARK | {"color": "0.0", "linestyle": "-"}, label=None if number else "alarm")
     legend_beside(axes[2])
@@ -163,18 +162,17 @@ def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figur
     for panel, now_s, values, style, label in lines:
         axes[panels.index(panel)].plot(now_s, values, **style, label=label)
     for one, panel in zip(axes, panels, strict=True):
-        one.set_ylabel(panel)
+        one.set(ylabel=panel, xmargin=0.01)
         one.grid(visible=True, linewidth=0.3)
-        one.margins(x=0.01)
         if one.get_legend_handles_labels()[0]:
             legend_beside(one)
     axes[-1].set_xlabel("time, s")
-    moments = (("engaged", story.engaged), ("captured", story.captured))
-    for name, moment_s in ((name, one.now_s) for name, one in moments if one is not None):
-        for one in axes:
-            one.axvline(moment_s, **MARK)
-        above = axes[0].get_xaxis_transform()
-        axes[0].text(moment_s, 1.01, name, transform=above, ha="center", va="bottom", fontsize=9)
+    above: dict[str, Any] = {"transform": axes[0].get_xaxis_transform(), "ha": "center", "va": "bottom", "fontsize": 9}
+    for name, moment in (("engaged", story.engaged), ("captured", story.captured)):
+        if moment is not None:
+            axes[0].text(moment.now_s, 1.01, name, **above)
+            for one in axes:
+                one.axvline(moment.now_s, **MARK)
     return figure, axes
 
 
@@ -206,18 +204,16 @@ def plan(team: TeamStory) -> Figure:
     figure = figures.figure_of(10.0, 7.5)
     axes: Any = figure.subplots()
     game, flight = team.first.settings.cycle.game, team.first.flight
-    vehicles = {name: story.column("pursuer_m") for name, story in team.flights.items()}
-    evaders = {
-        name: np.array([place for one in team.flights.values() for _, place in one.evaders.get(name, ())])
-        for name in team.evaders
-    }
     # reports of one evader to several vehicles are dots: joined, they would go to and fro
     dots = EVADER | {"linestyle": "none", "marker": ".", "markersize": 2}
-    for tracks, style, kind in ((vehicles, PURSUER, "vehicle"), (evaders, dots, "evader")):
-        for name, track in tracks.items():
-            known = thinned(track[np.isfinite(track).all(axis=1)])
-            axes.plot(*known[:, :2].T, **style, label=kind)
-            axes.annotate(name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"])
+    tracks = [(name, story.column("pursuer_m"), PURSUER, "vehicle") for name, story in team.flights.items()]
+    for name in team.evaders:
+        reported = [place for one in team.flights.values() for _, place in one.evaders.get(name, ())]
+        tracks.append((name, np.array(reported), dots, "evader"))
+    for name, track, style, kind in tracks:
+        known = thinned(track[np.isfinite(track).all(axis=1)])
+        axes.plot(*known[:, :2].T, **style, label=kind)
+        axes.annotate(name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"])
     for capture in team.captures.values():
         axes.plot(*circle(capture.place_m, game.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture")
     figures.draw(axes, figures.target_of(team.first.settings.cycle.target_game_m, game.target_extent), 2)
@@ -233,8 +229,7 @@ def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
     """Return the seconds with data and the largest value in each, which turns a sawtooth into a line."""
     known = np.isfinite(values)
     seconds, starts = np.unique(np.floor(now_s[known]), return_index=True)
-    worst = np.maximum.reduceat(values[known], starts) if len(starts) else np.zeros(0)
-    return seconds, worst
+    return seconds, np.maximum.reduceat(values[known], starts) if len(starts) else np.zeros(0)
 
 
 def playing_span(story: Story) -> slice:
@@ -338,9 +333,10 @@ def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str,
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     page = folder / "report.html"
-    of = [(one.path.name, one.survey) for one in flights]
-    what = [f"{name}, {survey.messages.total()} messages, {survey.duration_s:.3f} s" for name, survey in of]
-    mark = "\n".join(f'<meta name="record" content="{escape(each)}">' for each in what)
+    told = (
+        f"{one.path.name}, {one.survey.messages.total()} messages, {one.survey.duration_s:.3f} s" for one in flights
+    )
+    mark = "\n".join(f'<meta name="record" content="{escape(each)}">' for each in told)
     with writing(folder):
         if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
             raise OutputError(f"{page}: is the report of another record; give --out another folder")

@@ -5,8 +5,9 @@ A story is of one flight, or of the flights of a team.
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import filterfalse
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,7 +28,8 @@ from guidance.session.flight_files import recorded_settings
 from guidance.session.result import least_distance_m
 from guidance.team.messages import Promise, RolesMessage
 
-Rows = list[tuple[str, str]]
+Rows = Iterator[tuple[str, str]]
+"""Names and values of a table."""
 
 
 class Played(NamedTuple):
@@ -127,16 +129,12 @@ def story_of(path: Path) -> Story:
 
 
 def opening(story: Story) -> str:
-    """Return the report's first paragraph: vehicle and place, promise, outcome, limits."""
-    return " ".join(filter(None, (_who(story), _promise(story), _happened(story), _limited(story))))
-
-
-def _who(story: Story) -> str:
-    """Say who flew, when and where."""
+    """Return the report's first paragraph: vehicle, time and place, promise, outcome, limits."""
     started, home = story.survey.metadata.get("started_utc", ""), story.flight.vehicle.latest.get(Home)
     when = f"on {started[:10]} at {started[11:16]} UTC" if started else "in virtual time"
     where = "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
-    return f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {story.lasted_s:.0f} s."
+    who = f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {story.lasted_s:.0f} s."
+    return " ".join(filter(None, (who, _promise(story), _happened(story), _limited(story))))
 
 
 def _promise(story: Story) -> str:
@@ -170,8 +168,8 @@ def _happened(story: Story) -> str:
 def _limited(story: Story) -> str:
     """Say which limits changed the commands, and whether a promise was broken."""
     acting = Counter(name for one in story.game for name in one.certificate.active_limits).most_common(3)
-    shares = [(name, count / len(story.game)) for name, count in acting if count >= 0.01 * len(story.game)]
-    named = ", ".join(f"{name} ({share:.0%} of the game)" for name, share in shares)
+    cycles = len(story.game)
+    named = ", ".join(f"{name} ({count / cycles:.0%} of the game)" for name, count in acting if count >= 0.01 * cycles)
     limits = f"Limits that changed its commands: {named}." if named else "No limit changed its commands."
     slowest_m_s = _slowest_m_s(story)
     reached = "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."
@@ -180,7 +178,8 @@ def _limited(story: Story) -> str:
 
 
 def summary(story: Story) -> Rows:
-    """Return the rows of the summary table."""
+    """Yield the rows of the summary table."""
+    yield from _game(story)
     survey = story.survey
     speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
     playing = np.isin([row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION])
@@ -188,66 +187,54 @@ def summary(story: Story) -> Rows:
     torn = "whole" if survey.torn is None else f"torn ({survey.torn})"
     missing = f", {survey.missing} messages missing in between" if survey.missing else ""
     made = [f"{name} {text}" for name, text in survey.metadata.items() if name not in {"scenario", "config", "seed"}]
-    return [
-        *_game(story),
-        ("record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"),
-        ("setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"),
-        ("highest speed", f"{max(filter(math.isfinite, speeds), default=math.nan):.2f} m/s"),
-        ("lowest height during the game", f"{lowest_m:.2f} m above the evader's plane"),
-        ("guarantee alarms", f"{len(story.alarms)}"),
-        ("age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))),
-        ("age of the evader's last report", _spread_ms(story.column("evader_age_s"))),
-        ("delay of cycles", _spread_ms(story.column("late_s"))),
-        ("working time of cycles", _spread_ms(story.column("worked_s"))),
-        ("events", f"{survey.messages[EVENT_TOPIC]}"),
-        ("record", f"{torn}{missing}, {sum(survey.messages.values())} messages"),
-        ("seed", survey.metadata.get("seed", "–")),
-        ("made by", ", ".join(made)),
-    ]
+    yield "record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"
+    yield "setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"
+    yield "highest speed", f"{max(filter(math.isfinite, speeds), default=math.nan):.2f} m/s"
+    yield "lowest height during the game", f"{lowest_m:.2f} m above the evader's plane"
+    yield "guarantee alarms", f"{len(story.alarms)}"
+    yield "age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))
+    yield "age of the evader's last report", _spread_ms(story.column("evader_age_s"))
+    yield "delay of cycles", _spread_ms(story.column("late_s"))
+    yield "working time of cycles", _spread_ms(story.column("worked_s"))
+    yield "events", f"{survey.messages[EVENT_TOPIC]}"
+    yield "record", f"{torn}{missing}, {survey.messages.total()} messages"
+    yield "seed", survey.metadata.get("seed", "–")
+    yield "made by", ", ".join(made)
 
 
 def _game(story: Story) -> Rows:
     cycle, unit = story.settings.cycle, "m from T" if story.with_target else "s"
     standoff = f"{cycle.game.standoff.radius_m:g} m around, {cycle.game.standoff.height_m:g} m above the evader's plane"
     outcome = "captured" if story.captured else "not captured" if story.engaged else "no game was played"
-    rows = [
-        ("outcome", f"{outcome}; ended {story.rows[-1].state}"),
-        ("game", "target-attacker-defender" if story.with_target else "pursuit-evasion"),
-        ("policy", cycle.strategy.name),
-        ("autopilot", story.settings.autopilot.name),
-        ("stand-off", standoff),
-    ]
+    yield "outcome", f"{outcome}; ended {story.rows[-1].state}"
+    yield "game", "target-attacker-defender" if story.with_target else "pursuit-evasion"
+    yield "policy", cycle.strategy.name
+    yield "autopilot", story.settings.autopilot.name
+    yield "stand-off", standoff
     if story.engaged is None:
-        return rows
+        return
     engaged = story.engaged.certificate
     # The value of the outcome: capture at the tolerance around the disc, without wind.
     game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
-    places = [np.array(engaged.pursuer_game_m), np.array((*engaged.evader_game_m[:2], 0.0))]
-    target = [] if cycle.target_game_m is None else [np.array(cycle.target_game_m)]
-    predicted = float(solve(game, *places, *target).value)
-    rows += [
-        ("value predicted at engagement", f"{predicted:.2f} {unit}"),
-        ("time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"),
-        ("speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"),
-    ]
+    P, E, target_m = np.array(engaged.pursuer_game_m), np.array((*engaged.evader_game_m[:2], 0.0)), cycle.target_game_m
+    predicted = float(solve(game, P, E, None if target_m is None else np.array(target_m)).value)
+    yield "value predicted at engagement", f"{predicted:.2f} {unit}"
+    yield "time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"
+    yield "speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"
     if story.with_target:
-        rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
-    if story.captured is None:
-        return rows
-    flown, lasted_s = _flown(story, story.captured), story.game_lasted_s
-    return [
-        *rows,
-        ("flown", f"{flown:.2f} {unit}"),
-        ("flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"),
-        ("game lasted", f"{lasted_s:.2f} s"),
-        ("lasted / time needed", f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–"),
-    ]
+        yield "distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"
+    if story.captured is not None:
+        flown, lasted_s = _flown(story, story.captured), story.game_lasted_s
+        yield "flown", f"{flown:.2f} {unit}"
+        yield "flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"
+        yield "game lasted", f"{lasted_s:.2f} s"
+        yield "lasted / time needed", f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–"
 
 
 def _slowest_m_s(story: Story) -> float:
     """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
     reachable = (one.certificate.reachable_speed_m_s for one in story.game)
-    return min((each for each in reachable if not math.isnan(each)), default=math.nan)
+    return min(filterfalse(math.isnan, reachable), default=math.nan)
 
 
 def _flown(story: Story, captured: Played) -> float:
@@ -372,8 +359,7 @@ def team_opening(team: TeamStory) -> str:
 
 
 def team_summary(team: TeamStory) -> Rows:
-    """Return a row for each player."""
-    rows = []
+    """Yield a row for each player."""
     for name, flight in team.flights.items():
         heights = {role: f" ({role.above_m:g} m above)" if role.above_m else "" for _, role in _roles(flight)}
         against = ", then ".join(f"{role.evader}{heights[role]} from {now_s:.1f} s" for now_s, role in _roles(flight))
@@ -382,5 +368,5 @@ def team_summary(team: TeamStory) -> Rows:
         same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"
         ended = f"ended {flight.rows[-1].state}", f"{len(flight.alarms)} alarms"
         words = f"against {against}", *captured, *ended, f"{replayed.setpoints} setpoints replay {same}"
-        rows.append((name, "; ".join(words)))
-    return [*rows, *((name, team.verdict(name)) for name in team.evaders)]
+        yield name, "; ".join(words)
+    yield from ((name, team.verdict(name)) for name in team.evaders)

@@ -6,8 +6,9 @@ import logging
 import pytest
 from rich.console import Console
 
-from guidance.cli import answer_words
+from guidance.cli import show
 from guidance.cli.daemon import status_table
+from guidance.errors import FlightError
 from guidance.screen import aged
 from guidance.session.log import Log
 
@@ -56,10 +57,12 @@ def test_what_is_not_known_is_said_to_be_so():
     assert "for a HEARTBEAT, 3 s so far, 60 s at most" in shown(waiting, 80)
 
 
-def test_an_order_is_answered_in_a_line():
-    assert "engage accepted" in answer_words({"accepted": True, "order": "engage", "name": "px4"})
+def test_an_order_is_answered_in_a_line(capsys):
+    assert show({"accepted": True, "order": "engage", "name": "px4"}) == 0
+    assert "engage accepted" in capsys.readouterr().out
     refused = {"accepted": False, "order": "engage", "name": "px4", "state": "ready", "reason": "on the ground"}
-    assert answer_words(refused) == "px4: engage refused, ready: on the ground"
+    assert show(refused) == FlightError.exit_code
+    assert capsys.readouterr().out == "px4: engage refused, ready: on the ground\n"
 
 
 class Terminal(io.StringIO):

@@ -39,7 +39,6 @@ DEFAULT_TILES: Final = "tiles"
 
 _RETRY_S: Final = 0.1
 _MAX_ADDRESSES: Final = 1024
-_LOOPBACK_NAMES: Final = ("127.0.0.1", "localhost", "[::1]")
 
 
 class RemoteAccess(NamedTuple):
@@ -69,10 +68,9 @@ class Access:
     def __init__(self, port: int, remote: RemoteAccess | None) -> None:
         self.token, self.session = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
         self.path, self.cookie = f"/{secrets.token_urlsafe(18)}/", f"guidance-panel-{port}"
-        self.tls = None if remote is None else remote.tls
-        self._password = "" if remote is None else remote.password
+        self.tls, self._password = (None, "") if remote is None else remote
         self.needs_password, self.scheme = remote is not None, "http" if remote is None else "https"
-        self._hosts = frozenset(f"{name}:{port}" for name in _LOOPBACK_NAMES)
+        self._hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
 
     def use_token(self, token: str) -> bool:
         """Check the token of a URL. A correct one is replaced by a new one."""
@@ -155,9 +153,9 @@ def remote_access(
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
         context.load_cert_chain(certificate, key)
-    except (OSError, ssl.SSLError) as error:
-        said = f"--certificate {certificate}, --key {key}"
-        raise ConfigError(f"{said}: cannot be used ({error}); give PEM files") from error
+    except OSError as error:  # ssl.SSLError is one
+        said = f"--certificate {certificate}, --key {key}: cannot be used"
+        raise ConfigError(f"{said} ({error}); give PEM files") from error
     password = text_of(password_file, f"--password-file {password_file}", secret=True).partition("\n")[0].strip()
     if len(password) < MIN_PASSWORD_LENGTH:
         said = f"its first line has {len(password)} characters; give at least {MIN_PASSWORD_LENGTH}"
@@ -194,8 +192,8 @@ def listen(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as error:
-        reason = f"{error.strerror}; choose another, or port 0 for a free one"
-        raise LinkError(f"--host {host} --port {port}: {reason}") from error
+        mend = "choose another, or port 0 for a free one"
+        raise LinkError(f"--host {host} --port {port}: {error.strerror}; {mend}") from error
 
 
 class Listener:
