@@ -46,6 +46,7 @@ COLOURS: Final[Mapping[str, Colour]] = {
 }
 PURSUER, EVADER, DISC, ISOCHRON, MEETING, FENCE = COLOURS
 GUARANTEE: Final = "plots/guarantee"
+VALUE: Final = f"{GUARANTEE}/value"
 EVENTS: Final = "events"
 TIMELINE: Final = "flight"
 
@@ -136,7 +137,7 @@ class Painter:
 
     def _begin(self) -> None:
         """Start a flight."""
-        self._pending: list[tuple[Cycle, float]] = []  # with the guarantee
+        self._pending: list[tuple[float, dict[str, Any]]] = []  # of each cycle, what is drawn of it by path
         self._tails, self._fenced = dict[str, Array](), False
         self._engaged_s: float | None = None
 
@@ -166,19 +167,17 @@ class Painter:
         pending, self._pending = self._pending, []
         if not pending:
             return
-        now_s = np.array([cycle.now_s for cycle, _ in pending])
-        self._send(PURSUER, now_s, np.array([cycle.pursuer_m for cycle, _ in pending]))
-        self._send(EVADER, now_s, np.array([cycle.evader_m for cycle, _ in pending]))
-        for curve in CURVES:
-            self._send(curve.path, now_s, np.array([curve.of(cycle) for cycle, _ in pending]))
-        self._send(f"{GUARANTEE}/value", now_s, np.array([guarantee for _, guarantee in pending]))
+        now_s = np.array([at_s for at_s, _ in pending])
+        for name in pending[0][1]:
+            self._send(name, now_s, np.array([drawn[name] for _, drawn in pending]))
 
     def _add(self, row: CycleEntry) -> None:
-        certificate, home_m = row.certificate, self._flight.home_m
+        certificate, home_m, cycle = row.certificate, self._flight.home_m, self._flight.cycle
         if certificate is not None and self._engaged_s is None:
             self._engaged_s = row.now_s
         self.cycles += 1
-        self._pending.append((self._flight.cycle, self._guaranteed(row.now_s, certificate)))
+        drawn = {PURSUER: cycle.pursuer_m, EVADER: cycle.evader_m, **{one.path: one.of(cycle) for one in CURVES}}
+        self._pending.append((cycle.now_s, {**drawn, VALUE: self._guaranteed(row.now_s, certificate)}))
         if not self._fenced and home_m is not None:
             self._fenced = True
             if edges := [lifted(edge, home_m[2]) for edge in fence_edges(self._flight.envelope, home_m)]:
@@ -207,7 +206,7 @@ class Painter:
         cycle = self._flight.settings.cycle
         target_m = cycle.target_game_m
         label = "V + t since engagement, s" if target_m is None else "L, m from T"
-        for path, name, colour in ((f"{GUARANTEE}/value", label, COLOURS[PURSUER]), *(curve[:3] for curve in CURVES)):
+        for path, name, colour in ((VALUE, label, COLOURS[PURSUER]), *(curve[:3] for curve in CURVES)):
             names = [" ".join(filter(None, (self._vehicle, name)))]
             self._log(None, path, rr.SeriesLines(names=names, colors=[colour]))
         if target_m is not None:

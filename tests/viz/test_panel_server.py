@@ -61,9 +61,9 @@ async def opened(monkeypatch):
         async def open_one(*, look=False, security=None, tiles=""):
             listening = closing.enter_context(socket.create_server(("127.0.0.1", 0)))
             port, hub, clock, printed = listening.getsockname()[1], StubHub(), VirtualClock(), []
-            access = Access(port, security)
+            access = Access("127.0.0.1", port, security, clock, printed.append)
             options = PanelOptions([], look=look, tiles=str(tiles))
-            server = PanelServer(hub, access, clock, options, printed.append)
+            server = PanelServer(hub, access, clock, options)
             await closing.enter_async_context(server.serving(listening))
             origin = f"{access.scheme}://127.0.0.1:{port}"
             client = ClientSession(f"{origin}{access.path}", cookie_jar=CookieJar(unsafe=True))

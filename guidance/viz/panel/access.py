@@ -8,16 +8,17 @@ Orders and the WebSocket must also come from a page of this origin.
 """
 
 import asyncio
+import contextlib
 import hmac
 import ipaddress
 import re
 import secrets
 import socket
 import ssl
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Final, NamedTuple
-from urllib.parse import urlsplit
+from typing import Any, Final, NamedTuple
+from urllib.parse import parse_qs, urlsplit
 
 from aiohttp import web
 
@@ -37,8 +38,12 @@ LOGIN_DEADLINE_S: Final = 10.0
 DEFAULT_TILES: Final = "tiles"
 """Folder of map tiles; it need not exist."""
 
+PAGE: Final = Path(__file__).with_name("page")
+_PUBLIC: Final = frozenset({"/", "/login", "/door.css"})
 _RETRY_S: Final = 0.1
 _MAX_ADDRESSES: Final = 1024
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class RemoteAccess(NamedTuple):
@@ -49,51 +54,101 @@ class RemoteAccess(NamedTuple):
 
 
 class Access:
-    """Access rules of one panel.
+    """Access rules of one panel, and its door: the pages that exchange a token or the password for the cookie.
 
     Args:
-        port: Port of the page.
+        host: Address of the page.
+        port: Its port.
         remote: TLS and password; None for loopback.
+        clock: Time of password attempts.
+        say: Prints a line.
 
     Attributes:
-        token: Opens the page once; replaced when it is used.
+        token: Opens the page once on loopback; replaced when it is used.
         path: Secret path of the page, with both slashes.
-        cookie: Name of the cookie.
-        session: Value of the cookie.
-        tls: TLS context of the server; None for http.
+        tls: TLS context of the server; None for http, where no password is set.
         scheme: http or https.
-        needs_password: Whether a password replaces the token.
+        listener: Passes on the connections; set when they are served.
     """
 
-    def __init__(self, port: int, remote: RemoteAccess | None) -> None:
-        self.token, self.session = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-        self.path, self.cookie = f"/{secrets.token_urlsafe(18)}/", f"guidance-panel-{port}"
-        self.tls, self._password = (None, "") if remote is None else remote
-        self.needs_password, self.scheme = remote is not None, "http" if remote is None else "https"
+    listener: "Listener"
+
+    def __init__(
+        self, host: str, port: int, remote: RemoteAccess | None, clock: Clock, say: Callable[[str], None]
+    ) -> None:
+        self.token, self._session = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+        self.path, self._cookie = f"/{secrets.token_urlsafe(18)}/", f"guidance-panel-{port}"
+        self.tls = None if remote is None else remote.tls
+        self._password = "" if remote is None else remote.password
+        self.scheme = "http" if remote is None else "https"
         self._hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
+        self._address = f"{self.scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
+        self._throttle, self._say = PasswordThrottle(clock), say
 
-    def use_token(self, token: str) -> bool:
-        """Check the token of a URL. A correct one is replaced by a new one."""
-        if self.needs_password or not hmac.compare_digest(token.encode(), self.token.encode()):
-            return False
+    def announce(self, remark: str = "") -> None:
+        """Print the URL of the page. Its token works once, so each use prints the next."""
+        query = f"?token={self.token}" if self.tls is None else "  (asks for the password)"
+        with contextlib.suppress(OSError):  # the output is closed
+            self._say(f"panel    {self._address}{query}{remark}")
+
+    @web.middleware
+    async def guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Explain a refusal to a person; scripts get the status only."""
+        status = self._refusal(request)
+        if status is None:
+            return await handler(request)
+        is_page = request.method == "GET" and request.headers.get("Accept", "").startswith("text/html")
+        return self._door(status) if status == 403 and is_page else web.Response(status=status)
+
+    def _refusal(self, request: web.Request) -> int | None:
+        """Return the status of a refused request, None if it is allowed."""
+        host, cookie = request.host, request.cookies.get(self._cookie, "")
+        if self.tls is None and host not in self._hosts:  # over TLS the browser checks the certificate's name
+            return 421
+        if hmac.compare_digest(cookie.encode(), self._session.encode()):
+            self.listener.admit(request.protocol)
+        elif request.path not in _PUBLIC:
+            return 403
+        is_same_origin = bool(host) and request.headers.get("Origin") == f"{self.scheme}://{host}"
+        protected = request.method != "GET" or request.path == f"{self.path}live"
+        return 403 if protected and not is_same_origin else None
+
+    def _door(self, status: int, reason: str = "") -> web.Response:
+        """Return the login page, or the page that asks for a new URL where no password is set."""
+        text = (PAGE / ("denied.html" if self.tls is None else "login.html")).read_text(encoding="utf-8")
+        if reason:
+            text = text.replace(" hidden></p>", f">{reason}</p>", 1)
+        return web.Response(status=status, text=text, content_type="text/html")
+
+    async def enter(self, request: web.Request) -> web.StreamResponse:
+        """Exchange the token of the URL for the cookie."""
+        if self.tls is not None:
+            return self._door(200)
+        if not hmac.compare_digest(request.query.get("token", "").encode(), self.token.encode()):
+            return self._door(403)
         self.token = secrets.token_urlsafe(24)
-        return True
+        self.announce("  (for another browser)")
+        return self._let_in()
 
-    def is_password(self, password: str) -> bool:
-        """Check a password."""
-        return self.needs_password and hmac.compare_digest(password.encode(), self._password.encode())
+    async def login(self, request: web.Request) -> web.StreamResponse:
+        """Exchange the password for the cookie."""
+        if self.tls is None:
+            return web.Response(status=404)
+        address = request.remote or ""
+        if self._throttle.is_blocked(address):
+            return self._door(429, "Wait a second between two passwords.")
+        form = parse_qs((await request.read()).decode(errors="replace"))
+        if hmac.compare_digest(form.get("password", [""])[0].encode(), self._password.encode()):
+            return self._let_in()
+        self._throttle.block(address)
+        return self._door(403, "That was not the password.")
 
-    def has_cookie(self, cookies: Mapping[str, str]) -> bool:
-        """Check the cookie of a request."""
-        return hmac.compare_digest(cookies.get(self.cookie, "").encode(), self.session.encode())
-
-    def accepts_host(self, host: str) -> bool:
-        """Check the Host header. Any name is allowed over TLS, because the browser checks the certificate."""
-        return self.needs_password or host in self._hosts
-
-    def is_same_origin(self, host: str, origin: str) -> bool:
-        """Check that a request comes from a page of this panel."""
-        return bool(host) and origin == f"{self.scheme}://{host}"
+    def _let_in(self) -> web.Response:
+        answer = web.Response(status=303, headers={"Location": self.path})
+        # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
+        rules: Any = {"path": self.path, "httponly": True, "samesite": "Lax", "secure": self.tls is not None}
+        answer.set_cookie(self._cookie, self._session, **rules)
+        return answer
 
 
 class PasswordThrottle:
