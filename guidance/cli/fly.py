@@ -27,7 +27,7 @@ from guidance.flight import State
 from guidance.screen import aged, console, live, pairs, redraws
 from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, Stopped, flight_folder
-from guidance.session.fly import NOBODY, Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
+from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
 from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, MissionResult, ending_words, outcome_of_flight, team_rows
 from guidance.sim.outcome import Outcome
@@ -107,8 +107,11 @@ def fly(
             kept = nothing if beside.recorded is None else f"the record so far is {beside.recorded}"
             typer.echo(f"interrupted: {'' if vehicle else 'the mock was ended; '}{kept}", err=True)
             raise typer.Exit(INTERRUPTED) from None
-        if view or panel:
-            beside.stay()
+        if beside.running and (view or panel):
+            with contextlib.suppress(KeyboardInterrupt):
+                typer.echo("the view stays: Ctrl-C ends it")
+                for one in beside.running:
+                    one.child.wait()
     raise typer.Exit(code)
 
 
@@ -121,7 +124,7 @@ class _Beside(contextlib.ExitStack):
             if asked:
                 require(what, extra)
         self._view, self._panel, self._folder = view, panel, folder
-        self._running = list[CommandBeside]()
+        self.running = list[CommandBeside]()
         self.recorded: Path | None = None
 
     def record(self, path: Path) -> None:
@@ -136,15 +139,7 @@ class _Beside(contextlib.ExitStack):
             self._add(panel_beside(endpoint, self._folder))
 
     def _add(self, one: CommandBeside) -> None:
-        self._running.append(self.enter_context(contextlib.closing(one)))
-
-    def stay(self) -> None:
-        """Keep the viewer and the page open until Ctrl-C."""
-        if self._running:
-            with contextlib.suppress(KeyboardInterrupt):
-                typer.echo("the view stays: Ctrl-C ends it")
-                for one in self._running:
-                    one.child.wait()
+        self.running.append(self.enter_context(contextlib.closing(one)))
 
 
 def fly_scenario(
@@ -189,18 +184,13 @@ def fly_scenario(
 def fly_rows(
     there: Console, scenario: Played, stem: str, how: Way, out: Path | None, onlooker: Onlooker
 ) -> tuple[MissionResult, Sequence[Any], Path]:
-    """Fly a scenario in a folder of its name or in `out`; return the result, its rows and the folder."""
-    with flight_folder(out, stem) as folder:
-        result = flown(there, scenario, folder, how, onlooker)
-        if not isinstance(scenario, TeamScenario):
-            return result, [outcome_of_flight(one, how.way) for one in result.vehicles.values()], folder
-        return result, _tell_team(there, scenario, how.way, result, folder), folder
-
-
-def flown(there: Console, scenario: Played, folder: Path, how: Way, onlooker: Onlooker = NOBODY) -> MissionResult:
     """Fly a scenario with the live line; say what is left out, how it is ordered, and what was not recorded.
 
-    A vehicle of a file has a log instead of the live line. Arguments as of `fly_scenario`.
+    A vehicle of a file has a log instead of the live line. Arguments as of `fly_scenario`; without `out`, the folder
+    is a new one called like `stem`.
+
+    Returns:
+        The result, its rows and the folder.
     """
     whom, on_control = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else "", onlooker.on_control
 
@@ -210,20 +200,22 @@ def flown(there: Console, scenario: Played, folder: Path, how: Way, onlooker: On
             there.print(f"orders   guidance ctl ORDER{whom}{where}", soft_wrap=True)
         on_control(endpoint)
 
-    for what in left_out(scenario, how):
-        there.print(f"{what}: only a mock can have that; the vehicle flies without")
-    with contextlib.ExitStack() as stack:
-        if not isinstance(how, ByFile):
-            line = LiveLine(there)
-            stack.enter_context(live(there, line.line, every_s=0.1))
-            show = stack.enter_context(noted_ctrl_c(line.show)) if isinstance(how, MockOptions) else line.show
-            control = None if how.way == "fast" else ENDPOINT
-            onlooker = onlooker._replace(show=show, control=control, on_control=tell_endpoint)
-        result = fly_recorded(scenario, folder, how, onlooker)
-    dropped = sum(one.record_dropped for one in result.vehicles.values())
-    if dropped:
-        there.print(f"[yellow]the disk was too slow: {dropped} messages are not in the record[/yellow]")
-    return result
+    with flight_folder(out, stem) as folder:
+        for what in left_out(scenario, how):
+            there.print(f"{what}: only a mock can have that; the vehicle flies without")
+        with contextlib.ExitStack() as stack:
+            if not isinstance(how, ByFile):
+                line = LiveLine(there)
+                stack.enter_context(live(there, line.line, every_s=0.1))
+                show = stack.enter_context(noted_ctrl_c(line.show)) if isinstance(how, MockOptions) else line.show
+                control = None if how.way == "fast" else ENDPOINT
+                onlooker = onlooker._replace(show=show, control=control, on_control=tell_endpoint)
+            result = fly_recorded(scenario, folder, how, onlooker)
+        if dropped := sum(one.record_dropped for one in result.vehicles.values()):
+            there.print(f"[yellow]the disk was too slow: {dropped} messages are not in the record[/yellow]")
+        if isinstance(scenario, TeamScenario):
+            return result, _tell_team(there, scenario, how.way, result, folder), folder
+        return result, [outcome_of_flight(one, how.way) for one in result.vehicles.values()], folder
 
 
 @contextlib.contextmanager

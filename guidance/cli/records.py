@@ -125,16 +125,13 @@ def replay(
 
 
 def _difference(what: str, difference: Difference) -> str:
-    count = max(1, difference.cycles)
-    return (
-        f"{what} over {difference.cycles} cycles: {difference.speed_sum_m_s / count:.2f} m/s apart on average, "
-        f"{difference.speed_max_m_s:.2f} at most; {math.degrees(difference.angle_sum_rad / count):.1f}° on average, "
-        f"{math.degrees(difference.angle_max_rad):.1f}° at most"
-    )
+    cycles, sum_rad, greatest_rad, sum_m_s, greatest_m_s = difference
+    speeds = f"{sum_m_s / max(1, cycles):.2f} m/s apart on average, {greatest_m_s:.2f} at most"
+    angles = f"{math.degrees(sum_rad / max(1, cycles)):.1f}° on average, {math.degrees(greatest_rad):.1f}° at most"
+    return f"{what} over {cycles} cycles: {speeds}; {angles}"
 
 
 def _first(step: ReplayedCycle) -> str:
-
     recorded, present = CYCLE.plain(step.row), CYCLE.plain(cycle_entry(step.row.now_s, step.row.inputs, step.outputs))
     lines = [f"at {step.row.now_s:.6f} s, in state {step.row.state}:"]
     for name in step.differing:
@@ -170,8 +167,7 @@ def report(
         own = file.parent if file.name == RECORD else file.with_suffix("")
         folder = own if out is None else out if len(files) == 1 else out / own.name
         with record_errors(file):
-            if of_vehicles:
-                paths = write_team_report(of_vehicles, folder)
-            else:
-                paths = write_report(file, folder, animate=animate)
+            paths = (
+                write_team_report(of_vehicles, folder) if of_vehicles else write_report(file, folder, animate=animate)
+            )
         typer.echo("\n".join(map(str, paths)))

@@ -220,8 +220,6 @@ def schema_of(kind: str) -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **content, "title": kind.capitalize()}
 
 
-_VALID: Final = datetime.timedelta(days=365)
-
 zenoh = typer.Typer(cls=CommandGroup, help="Certificates and a router for Zenoh between machines.")
 
 
@@ -244,7 +242,7 @@ def keys(
     from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
 
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
-    validity = Validity(begin - datetime.timedelta(hours=1), begin + _VALID)
+    validity = Validity(begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=365))
     with writing(out):
         written = make_keys(out, names, ["localhost", "127.0.0.1", *(host or ())], validity)
     for path in written:

@@ -126,7 +126,7 @@ def test_a_refused_vehicle_is_told_a_command_that_check_takes(name, count, monke
     def refuse(*_):
         raise FlightError("preflight refuses: GF_ACTION")
 
-    monkeypatch.setattr(fly, "flown", refuse)
+    monkeypatch.setattr(fly, "fly_recorded", refuse)
     urls = tuple(f"udpin://127.0.0.1:{14540 + place}" for place in range(count))
     with pytest.raises(FlightError, match="GF_ACTION") as refusal:
         fly.fly_scenario(name, Asked(urls), tmp_path / "flight", None, NOBODY, as_json=False)

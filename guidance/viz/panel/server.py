@@ -25,7 +25,7 @@ NICE: Final = 5
 """Lower priority than the flight, but not the lowest: orders pass through the panel."""
 
 SEND_INTERVAL_S: Final = 0.1
-MAXPAGES: Final = 64
+MAX_PAGES: Final = 64
 MAX_QUEUED: Final = 20
 """Unsent messages of a page, two seconds of them. A page with more is disconnected; it reconnects by itself."""
 
@@ -165,7 +165,7 @@ class PanelServer:
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         """Send data to one page until it closes: everything, then changes. It returns the operator's signs of life."""
-        if len(self._pages) >= MAXPAGES:
+        if len(self._pages) >= MAX_PAGES:
             return web.Response(status=503)
         page = web.WebSocketResponse(heartbeat=15.0, max_msg_size=_MAX_BYTES)
         await page.prepare(request)
