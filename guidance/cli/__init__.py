@@ -13,7 +13,13 @@ FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
 
 _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
-_OPTIONS: Final = frozenset({"--endpoint", "--name", "--team", "--token-file", "--zenoh"})
+_OPTIONS: Final[Mapping[str, type]] = {
+    "--endpoint": str,
+    "--name": str,
+    "--team": str,
+    "--token-file": Path,
+    "--zenoh": Path,
+}
 
 
 def main() -> None:
@@ -57,8 +63,7 @@ def _short_order(arguments: Sequence[str]) -> int | None:
     given = dict(zip(arguments[2::2], arguments[3::2], strict=True))
     if not given.keys() <= _OPTIONS:
         return None
-    options: dict[str, Any] = {option[2:].replace("-", "_"): word for option, word in given.items()}
-    options |= {name: Path(options[name]) for name in ("token_file", "zenoh") if name in options}
+    options: dict[str, Any] = {name[2:].replace("-", "_"): _OPTIONS[name](word) for name, word in given.items()}
     return max(map(show, ask(arguments[1], **options)))
 
 

@@ -48,9 +48,6 @@ _BELONGING: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Options of `guidance scenario run`, by the ways to which they belong."""
 
-_REPORTED: Final = "reported"
-"""Evader policy in the row of a run `--as vehicle`, where the evader is only reported."""
-
 _STANDARD_OUTPUT: Final = Path("-")
 
 
@@ -147,9 +144,8 @@ def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | N
     _, rows, _ = fly_rows(there, scenario, stem, how, out, Onlooker(on_record=on_record))
     if not rows:
         raise FlightError("no game: not all vehicles engaged")
-    if isinstance(how, ByFile):  # the evader is out there, and no policy of the file's is its
-        return [row._replace(evader_policy=_REPORTED) for row in rows]
-    return rows
+    # The evader of a vehicle file is out there, and no policy of the scenario's is its.
+    return [row._replace(evader_policy="reported") for row in rows] if isinstance(how, ByFile) else rows
 
 
 def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Console) -> Sequence[CheckedExpectation]:

@@ -68,10 +68,8 @@ def solve(
     refuse(ctx, "one state", "with --states", "--out")
     if pursuer is None or evader is None:
         raise ConfigError("--pursuer, --evader: both must be given, or --states")
-    given = [_numbers("--pursuer", pursuer, 3), (*_numbers("--evader", evader, 2), 0.0)]
-    if target is not None:
-        given.append((*_numbers("--target", target, 2), 0.0))
-    answer = solve_game(game, *given)
+    P, E = _numbers("--pursuer", pursuer, 3), (*_numbers("--evader", evader, 2), 0.0)
+    answer = solve_game(game, P, E, None if target is None else (*_numbers("--target", target, 2), 0.0))
     if as_json:
         sys.stdout.write(json.dumps(_as_record(answer)) + "\n")
     else:

@@ -216,8 +216,8 @@ def _game(story: Story) -> Rows:
     engaged = story.engaged.certificate
     # The value of the outcome: capture at the tolerance around the disc, without wind.
     game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
-    P, E, target_m = np.array(engaged.pursuer_game_m), np.array((*engaged.evader_game_m[:2], 0.0)), cycle.target_game_m
-    predicted = float(solve(game, P, E, None if target_m is None else np.array(target_m)).value)
+    evader = (*engaged.evader_game_m[:2], 0.0)
+    predicted = float(solve(game, engaged.pursuer_game_m, evader, cycle.target_game_m).value)
     yield "value predicted at engagement", f"{predicted:.2f} {unit}"
     yield "time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"
     yield "speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"

@@ -29,7 +29,6 @@ from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted, 
 from guidance.session.flight_files import recorded_settings
 from guidance.viz.serving import recording_server, recording_uri, web_page
 
-APPLICATION: Final = "guidance"
 REDRAWN_EVERY_S: Final = 0.1
 NICE: Final = 10
 """Niceness of a live viewer, so that the flight's loop has priority."""
@@ -299,7 +298,7 @@ def view(
             os.nice(NICE)
         told = {name: source.metadata(partial(ended.wait, REDRAWN_EVERY_S)) for name, source in sources.items()}
         first = next(iter(told.values()))
-        recording = rr.RecordingStream(APPLICATION)
+        recording = rr.RecordingStream("guidance")
         closing.callback(recording.disconnect)
         sink: Any
         if save is None:
