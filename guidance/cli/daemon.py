@@ -115,27 +115,19 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     ages = ("heartbeat_age_s", "position_age_s", "evader_silence_s")
     beat, position, evader = (_said(status, key, "{:.1f} s ago", "never") for key in ages)
     yield "heard", f"HEARTBEAT {beat}, position {position}"
-    yield from _flown(status)
+    if "height_m" in status:
+        (n, e, _), (north, east, down) = status["position_ned_m"], status["velocity_ned_m_s"]
+        yield "height", f"{status['height_m']:z.1f} m above home"
+        yield "position", f"{n:z.1f} m north, {e:z.1f} m east of the origin"
+        yield "speed", f"{math.hypot(north, east):.1f} m/s level, {-down:z.1f} m/s up"
+        yield "battery", _said(status, "battery", "{:.0%}", "not told")
     yield "evader", f"heard {evader}"
-    yield from _game(status)
+    if game := status.get("certificate"):
+        yield from _game(status, game)
     yield "record", str(status.get("recording", "-"))
 
 
-def _flown(status: Status) -> Iterator[tuple[str, Cell]]:
-    if "height_m" not in status:
-        return
-    north, east, down = status["velocity_ned_m_s"]
-    yield "height", f"{status['height_m']:z.1f} m above home"
-    n, e, _ = status["position_ned_m"]
-    yield "position", f"{n:z.1f} m north, {e:z.1f} m east of the origin"
-    yield "speed", f"{math.hypot(north, east):.1f} m/s level, {-down:z.1f} m/s up"
-    yield "battery", _said(status, "battery", "{:.0%}", "not told")
-
-
-def _game(status: Status) -> Iterator[tuple[str, Cell]]:
-    game = status.get("certificate")
-    if not game:
-        return
+def _game(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
     yield "range", f"{status['range_m']:.1f} m to the evader, {_said(game, 'gap_m')} m to the stand-off disc's rim"
     value = f"{_said(game, 'value')} {status['value_unit']}"
     promised = "value to go" if status["value_unit"] == "s" else "evader's distance from its target"

@@ -84,9 +84,8 @@ def run(
     there = console(stderr=json_file == _STANDARD_OUTPUT)
     there.print(f"[bold]{played.title}[/bold]  ({path.name}, as {way})")
     may_fly(vehicle or [], yes=yes)
-    if way == "maths":
-        rows = _play(played, there)
-    else:
+    rows: Sequence[Any]
+    if way != "maths":
         from guidance.session.fly import Asked, ByFile, MockOptions  # noqa: PLC0415 - slow imports
         from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
@@ -98,6 +97,13 @@ def run(
                 where = f"{config}: {how.config.vehicle.url}"
                 agree(f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
         rows = _fly(played, path.stem, how, out, there)
+    elif isinstance(played, TeamScenario):
+        rows = play_teams([played])[0]
+        tell_players(rows, there)
+    else:
+        if played.fault:
+            there.print("the mathematics ignores faults")
+        rows = play([played])
     verdicts, text = _verdicts(played, rows, there), rows_json(played, rows)
     if json_file == _STANDARD_OUTPUT:
         sys.stdout.write(text)
@@ -117,17 +123,6 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
             refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
     if not armed:
         refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
-
-
-def _play(scenario: Scenario | TeamScenario, there: Console) -> Sequence[Any]:
-    """Play a scenario between point masses; return its rows, of a team one for each evader."""
-    if isinstance(scenario, TeamScenario):
-        rows = play_teams([scenario])[0]
-        tell_players(rows, there)
-        return rows
-    if scenario.fault:
-        there.print("the mathematics ignores faults")
-    return play([scenario])
 
 
 def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, there: Console) -> Sequence[Any]:

@@ -217,8 +217,17 @@ class SnapshotFold:
         pursuer, evader = map(ned_from_game, (cycle.pursuer_m, cycle.evader_m))
         gaps = gaps_to_disc(pursuer, evader, self._flight.settings.cycle.game.standoff)
         before = math.isnan(cycle.gap_m)  # the disc exists also before and after the game
+        autopilot, latest = self._flight.settings.autopilot, vehicle.latest
+        heartbeat, status, gps = latest.get(Heartbeat), latest.get(SystemStatus), latest.get(GpsFix)
         snapshot: Plain = {
-            **self._vehicle(),
+            "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
+            "armed": vehicle.armed,
+            "flight_s": cycle.now_s - self._armed_s,
+            "battery": math.nan if status is None else status.battery_remaining,
+            "voltage_v": math.nan if status is None else status.voltage_v,
+            "gps": None if gps is None else {"fix": gps.fix_type, "satellites": gps.satellites},
+            "link": len(self._positions_s) / self._most_positions if self._most_positions else math.nan,
+            "yaw_rad": math.nan if latest.get(Attitude) is None else round(vehicle.yaw_rad, 3),
             "now_s": round(row.now_s, 3),
             "state": str(row.state),
             "state_words": state_words(row.state, airborne=vehicle.armed and not vehicle.on_ground),
@@ -242,32 +251,12 @@ class SnapshotFold:
         snapshot["levels"] = of_snapshot(snapshot, self._flight.settings)
         self._shown = dict(plain(snapshot))
         if certificate is not None and not certificate.no_game:
-            self._shown["game"]["isochron_m"] = self._curve(certificate, row.now_s)  # plain already, and long
+            if not 0.0 <= row.now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:  # seldom: it solves a batch of games
+                curve = isochron_at(self._flight.settings.cycle, certificate, _POINTS)
+                curve = curve[np.isfinite(curve).all(axis=-1)]
+                self._isochron = row.now_s, np.round(curve, _CENTIMETRES).tolist()
+            self._shown["game"]["isochron_m"] = self._isochron[1]  # plain already, and long
         return self._shown
-
-    def _vehicle(self) -> Plain:
-        """Return what the vehicle says of itself."""
-        vehicle, autopilot = self._flight.vehicle, self._flight.settings.autopilot
-        latest = vehicle.latest
-        heartbeat, status, gps = latest.get(Heartbeat), latest.get(SystemStatus), latest.get(GpsFix)
-        return {
-            "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
-            "armed": vehicle.armed,
-            "flight_s": self._flight.cycle.now_s - self._armed_s,
-            "battery": math.nan if status is None else status.battery_remaining,
-            "voltage_v": math.nan if status is None else status.voltage_v,
-            "gps": None if gps is None else {"fix": gps.fix_type, "satellites": gps.satellites},
-            "link": len(self._positions_s) / self._most_positions if self._most_positions else math.nan,
-            "yaw_rad": math.nan if latest.get(Attitude) is None else round(vehicle.yaw_rad, 3),
-        }
-
-    def _curve(self, certificate: Certificate, now_s: float) -> list[Any]:
-        # Computed seldom, because it solves a batch of games.
-        if not 0.0 <= now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:
-            curve = isochron_at(self._flight.settings.cycle, certificate, _POINTS)
-            finite = curve[np.isfinite(curve).all(axis=-1)]
-            self._isochron = now_s, np.round(finite, _CENTIMETRES).tolist()
-        return self._isochron[1]
 
 
 def game_of(certificate: Certificate) -> Plain:
