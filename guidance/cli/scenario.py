@@ -260,7 +260,10 @@ def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
 def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
     disc = scenario.standoff
     yield "captured", f"within {disc.tolerance_m:g} m of the disc of {disc.radius_m:g} m, {disc.height_m:g} m up"
-    yield "value", _value(scenario)
+    first = opening(stack([scenario]))
+    value, winner = float(first.value[0]), winner_name(int(first.winner[0]))
+    won = f"{value:.2f} s to capture" if scenario.game == "pe" else f"{value:.2f} m from the target, {winner} wins"
+    yield "value", f"the evader wins: the pursuer misses by {value:.2f} m" if winner == "evader" else won
     if set(scenario.sensor.model_fields_set):
         yield "sensor", ", ".join(f"{key} = {value}" for key, value in scenario.sensor if value)
     if any(scenario.wind.velocity_m_s):
@@ -285,14 +288,6 @@ def _said(expectations: Ranges) -> Iterator[str]:
             yield from (f"has {event!r}" for event in value)
         elif value is not None:
             yield str(value) if column in {"end", "winner"} else f"{column} {value}"
-
-
-def _value(scenario: Scenario) -> str:
-    first = opening(stack([scenario]))
-    value, winner = float(first.value[0]), winner_name(int(first.winner[0]))
-    if winner == "evader":
-        return f"the evader wins: the pursuer misses by {value:.2f} m"
-    return f"{value:.2f} s to capture" if scenario.game == "pe" else f"{value:.2f} m from the target, {winner} wins"
 
 
 def _place(place: tuple[float, ...]) -> str:

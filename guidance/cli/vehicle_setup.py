@@ -6,7 +6,7 @@ import json
 import signal
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Annotated, Any, Final
@@ -114,33 +114,25 @@ def check(
         raise typer.BadParameter("only with --apply", param_hint="--yes" if yes else "--advised")
     if as_json and apply and not yes:
         raise typer.BadParameter("asks a question with --apply; add --yes", param_hint="--json")
-    if vehicle is None:
-        refuse(ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link")
-    with _opened(name, vehicle, autopilot, link) as checkup:
-        rows = _judged(checkup)
-        if apply and _apply(checkup, advised=advised, yes=yes, quiet=as_json):
-            rows = _judged(checkup)
-    raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
-
-
-@contextlib.contextmanager
-def _opened(name: str | None, vehicle: str | None, autopilot: str | None, link: str) -> Iterator[Checkup]:
-    """Open the vehicle and show a waiting line."""
-    from guidance.session.fly import Asked, checkup_at  # noqa: PLC0415
+    from guidance.session.fly import Asked, checkup_at  # noqa: PLC0415 - slow imports
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
     if vehicle is not None:
         awaited, limit_s = f"a HEARTBEAT at {vehicle}", discovery.FOUND_WITHIN_S
         opening = checkup_at(load_scenario(name or "pe")[1], Asked((vehicle,), autopilot, link))
-    elif name is None:
-        raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
     else:
+        refuse(ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link")
+        if name is None:
+            raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
         own = load_vehicle(find(name, "vehicles"))
         awaited, limit_s, opening = own.vehicle.awaited, own.vehicle.connect_timeout_s, checkup_of(own)
     with contextlib.ExitStack() as closing:
         with waiting(console(stderr=True), awaited, limit_s):
             checkup = closing.enter_context(opening)
-        yield checkup
+        rows = _judged(checkup)
+        if apply and _apply(checkup, advised=advised, yes=yes, quiet=as_json):
+            rows = _judged(checkup)
+    raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
 
 
 def _judged(checkup: Checkup) -> Sequence[Finding]:
