@@ -111,23 +111,6 @@ class PanelServer:
     @contextlib.asynccontextmanager
     async def serving(self, listening: socket.socket) -> AsyncIterator[None]:
         """Serve on a listening TCP socket, which the caller closes, and print the address of the page."""
-        runner = web.AppRunner(
-            self._application(), access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEPALIVE_S
-        )
-        await runner.setup()
-        assert runner.server is not None
-        self._access.listener = listener = Listener(runner.server, self._clock, self._access.tls)
-        tasks = [asyncio.create_task(one) for one in (listener.run(listening), self._send_changes())]
-        self._access.announce()
-        try:
-            yield
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-            await runner.cleanup()
-
-    def _application(self) -> web.Application:
         path = self._access.path
         application = web.Application(middlewares=[self._access.guard], client_max_size=_MAX_BYTES)
         application.on_response_prepare.append(self._harden)
@@ -148,7 +131,19 @@ class PanelServer:
             application.add_routes(records.routes(path))
             application.on_shutdown.append(records.close)
         application.on_shutdown.append(self._shut_down)
-        return application
+        runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEPALIVE_S)
+        await runner.setup()
+        assert runner.server is not None
+        self._access.listener = listener = Listener(runner.server, self._clock, self._access.tls)
+        tasks = [asyncio.create_task(one) for one in (listener.run(listening), self._send_changes())]
+        self._access.announce()
+        try:
+            yield
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await runner.cleanup()
 
     async def _harden(self, _: web.Request, answer: web.StreamResponse) -> None:
         """Add the security headers."""
