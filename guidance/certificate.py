@@ -2,7 +2,12 @@
 
 The game's value and winner are theorems about players that change their velocity at once. The promises for this vehicle
 (`time_needed_s`, `assured_distance_m`, `vehicle_winner`) take its velocity, its acceleration and the speed that it has
-shown into account; see `guidance.control.capability`.
+shown into account.
+
+**Late start.** A vehicle that flies w, where the game asks for u, and accelerates with a, has the velocity u after
+‖u − w‖/a seconds. By then it is (u − w)·‖u − w‖/(2a) metres behind. So it does as well as a pursuer of the game that
+starts that much further back (`late_start`). Along a straight chase after an evader with speed v, capture comes
+u²/(2a(u − v)) seconds later from hover. Ground and vertical use the same law, each with its own a.
 
 In TAD the vehicle's verdict is "pursuer" if the vehicle can still guard the target: it flies there from its present
 velocity, stops above it at the disc's height, and is there before the evader, with time to spare for wrong estimates.
@@ -22,7 +27,7 @@ for it. It stays between the evader and the target, and descends as fast as its 
 import math
 from typing import Final, NamedTuple
 
-from guidance.control import Acceleration, Envelope, Gaps, late_start
+from guidance.control import Acceleration, Envelope, Gaps
 from guidance.control.braking_law import approach_speed
 from guidance.frames import Vector
 from guidance.game import Ball, Game, StateSolution, Winner, solve_state
@@ -230,6 +235,22 @@ def without_game(players: Players, here: StateSolution = _NO_SOLUTION) -> Certif
         evader_arrived=False,
         no_game=here is _NO_SOLUTION,
     )
+
+
+def late_start(position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration) -> Vector:
+    """Return where a pursuer of the game would have to start to do as well as this vehicle, m.
+
+    Args:
+        position_m: Position of the vehicle; any frame, third axis vertical.
+        desired_m_s: Velocity of the game's solution, same axes.
+        flown_m_s: Velocity of the vehicle.
+        acceleration: Of the vehicle.
+    """
+    east, north, up = (desired - flown for desired, flown in zip(desired_m_s, flown_m_s, strict=True))
+    over_ground_s = math.hypot(east, north) / (2.0 * acceleration.ground_m_s2)
+    vertical_s = abs(up) / (2.0 * acceleration.vertical_m_s2)
+    x, y, z = position_m
+    return (x - east * over_ground_s, y - north * over_ground_s, z - up * vertical_s)
 
 
 def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float) -> Vector | None:

@@ -12,10 +12,9 @@ import numpy as np
 from guidance.certificate import Certificate, Players, Vehicle, certify, without_game
 from guidance.control import Acceleration, Envelope, Situation
 from guidance.control.braking_law import Wall, held_back
-from guidance.control.capability import SpeedMemory, observe_speed
 from guidance.control.follow import Following, FollowMemory, Pace, follow, gaps_to_disc, observe_drift
 from guidance.control.polygon import Point
-from guidance.control.servo import AltitudeHold, hold_altitude, keep_station
+from guidance.control.servo import AltitudeHold, SpeedMemory, hold_altitude, keep_station, observe_speed
 from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
@@ -196,7 +195,6 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s, walls=inputs.walls)
     begun = memory.strategy.velocity_m_s is not None
     paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()
-    kept = CycleMemory(
-        FollowMemory(drift=drift), limited.memory, height, yaw_rad, place, paused, speed=memory.speed.paused()
-    )
+    speed = SpeedMemory(memory.speed.shown_m_s, memory.speed.share)  # without the present comparison
+    kept = CycleMemory(FollowMemory(drift=drift), limited.memory, height, yaw_rad, place, paused, speed=speed)
     return CycleOutput(limited.setpoint, None, kept)

@@ -6,7 +6,8 @@ from guidance.autopilots import PX4
 from guidance.control import Situation
 from guidance.control.braking_law import measure_walls
 from guidance.control.polygon import Polygon
-from guidance.cycle import CycleInputs, CycleMemory, play
+from guidance.control.servo import SpeedMemory
+from guidance.cycle import CycleInputs, CycleMemory, hover, play
 from guidance.estimation import EvaderEstimate
 from guidance.frames import GameFrame
 from tests.flight.scenes import CYCLE, ENVELOPE
@@ -39,3 +40,10 @@ def test_a_vehicle_that_a_fence_holds_back_learns_no_drag_of_it():
     assert any(held)
     for before, after, was_held in zip(learned, learned[1:], held, strict=False):
         assert not was_held or after == before
+
+
+def test_a_hover_keeps_what_was_learned_of_the_speed_and_begins_the_comparison_again():
+    learned = SpeedMemory(8.5, 0.85, (8.4, 0.0, 0.0), compared_s=3.0, covered_s=2.5, began_m_s=8.0)
+    here = Situation((0.0, 0.0, -20.0), (0.0, 0.0, 0.0))
+    inputs = CycleInputs(DT_S, here, measure_walls(here, ENVELOPE), None, None)
+    assert hover(inputs, CYCLE, CycleMemory(speed=learned)).memory.speed == SpeedMemory(8.5, 0.85)

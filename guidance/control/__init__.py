@@ -4,19 +4,15 @@ Following (`follow`, `servo`):
     Following: the settings of one vehicle. ServoGains, Approach: settings of its parts.
     Gaps: distances to the disc. Speeds: horizontal speed, climb rate and descent rate.
 
-What the vehicle can do (`capability`):
-    Acceleration, late_start: cost of accelerating.
-
 Limiting, always last (`braking_law`, `setpoint_limiter`):
     Situation: state of the vehicle and the evader; `braking_law.measure_walls` returns every wall there.
-    Limits: the section of a file. Envelope: the same with the vehicle's Dynamics.
+    Limits: the section of a file. Envelope: the same with the vehicle's Dynamics. Acceleration: what it surely has.
     Limiter: names of the limits.
 """
 
 from guidance.control.braking_law import Situation
-from guidance.control.capability import Acceleration, late_start
 from guidance.control.follow import Approach, Following, Gaps
-from guidance.control.limits import Dynamics, Envelope, Limiter, Limits, Speeds
+from guidance.control.limits import Acceleration, Dynamics, Envelope, Limiter, Limits, Speeds
 from guidance.control.servo import ServoGains
 
 __all__ = [
@@ -31,5 +27,4 @@ __all__ = [
     "ServoGains",
     "Situation",
     "Speeds",
-    "late_start",
 ]

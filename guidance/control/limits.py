@@ -86,6 +86,19 @@ class Dynamics(Agility):
     easing_m_s3: float = 30.0
 
 
+@dataclass(frozen=True, slots=True)
+class Acceleration:
+    """Guaranteed acceleration of a vehicle, m/s²: over the ground, and vertically.
+
+    Attributes:
+        descent_share: Share of the commanded descent rate that it keeps during a chase.
+    """
+
+    ground_m_s2: float
+    vertical_m_s2: float
+    descent_share: float = 0.92
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope(Dynamics):
     """Bounds of every setpoint. Heights are above home, fences about home, in metres.

@@ -1,4 +1,4 @@
-"""The control loops of one vehicle: velocity servo, altitude hold and station keeping.
+"""The control loops of one vehicle: velocity servo, altitude hold and station keeping; and the speed that it reaches.
 
 **Velocity servo** (`serve`). It makes a real vehicle fly the desired velocity.
 
@@ -19,6 +19,11 @@ little or nothing, and drag and trim are bounded, so nothing winds up.
 **Hover** (`hold_altitude`, `keep_station`). Zero velocity does not stop a vehicle. The autopilot controls its own
 velocity estimate and drifts with that error (PX4: 0.2 m/s, and it sinks 6.5 m in 75 s of level flight). The caller
 takes the drift out, and these loops keep height and place.
+
+**Speed** (`observe_speed`). A vehicle may be slower than its file says: tilt limit, drag, wind. The game's speed is
+compared with the mean speed flown over `RESPONSE_S` or longer. The ratio of the two is the share that it reaches. While
+it gains speed or brakes, this share can only rise. A time counts only once a HEARTBEAT in the guided mode has come
+after it: until then a pilot may have taken over.
 """
 
 import math
@@ -250,3 +255,72 @@ def keep_station(place: Point | None, position_ned_m: Vector, flown_ned_m_s: Vec
     speed = math.hypot(north, east)
     share = LARGEST_M_S / speed if speed > LARGEST_M_S else 1.0
     return (share * north, share * east), place
+
+
+RESPONSE_S: Final = 2.0
+"""Shortest time of the mean; estimates of the speed wander by some per cent within a second."""
+
+SHORT: Final = 0.02
+"""Share of the speed asked for that may be missing; the mean scatters by about as much."""
+
+_SMOOTHED_S: Final = 0.5
+_STEADY_M_S2: Final = 0.3
+"""Mean acceleration above which a vehicle is gaining speed or braking."""
+
+_ALIGNED: Final = 0.9
+"""Least share of the velocity along the desired one; below it the vehicle is turning."""
+
+_LEAST_ASKED_M_S: Final = 1.0
+
+
+class SpeedMemory(NamedTuple):
+    """Speeds that a vehicle has flown.
+
+    Attributes:
+        shown_m_s: Largest speed flown over the ground, smoothed.
+        share: Share of the game's speed over the ground that it reaches, 1 at first.
+        flown_ned_m_s: Mean velocity of the last half second or so.
+        compared_s: Time for which its full speed has been commanded, without a turn.
+        covered_s: The same, weighted by the share of that speed that it flew.
+        began_m_s: Its speed at the beginning of that time.
+    """
+
+    shown_m_s: float = 0.0
+    share: float = 1.0
+    flown_ned_m_s: Vector = STILL
+    compared_s: float = 0.0
+    covered_s: float = 0.0
+    began_m_s: float = 0.0
+
+
+def observe_speed(
+    memory: SpeedMemory, asked_ned_m_s: Vector, flown_ned_m_s: Vector, *, unslowed: bool, confirmed: bool, dt_s: float
+) -> SpeedMemory:
+    """Compare the velocity that the game asks for with the one flown, for one cycle.
+
+    Args:
+        memory: From the last call.
+        asked_ned_m_s: Velocity of the game at the vehicle's nominal speed.
+        flown_ned_m_s: Velocity of the vehicle over the ground.
+        unslowed: Whether the whole speed is commanded, not reduced by the approach or a limit.
+        confirmed: Whether a HEARTBEAT of this cycle shows the guided mode.
+        dt_s: Seconds since the last call.
+    """
+    weight = min(1.0, dt_s / _SMOOTHED_S)
+    north, east, down = (
+        before + weight * (now - before) for before, now in zip(memory.flown_ned_m_s, flown_ned_m_s, strict=True)
+    )
+    mean = (north, east, down)
+    speed = math.hypot(north, east)
+    shown_m_s = max(memory.shown_m_s, speed)
+    asked = math.hypot(*asked_ned_m_s[:2])
+    along = (north * asked_ned_m_s[0] + east * asked_ned_m_s[1]) / max(asked, _LEAST_ASKED_M_S)
+    if not (unslowed and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
+        return SpeedMemory(shown_m_s, memory.share, mean)
+    began_m_s = memory.began_m_s if memory.compared_s > 0.0 else along
+    compared_s, covered_s = memory.compared_s + dt_s, memory.covered_s + dt_s * along / asked
+    if not (confirmed and compared_s >= RESPONSE_S):
+        return SpeedMemory(shown_m_s, memory.share, mean, compared_s, covered_s, began_m_s)
+    steady, reached = abs(along - began_m_s) < _STEADY_M_S2 * compared_s, covered_s / compared_s
+    share = reached if steady else max(memory.share, reached)
+    return SpeedMemory(shown_m_s, 1.0 if share > 1.0 - SHORT else share, mean)

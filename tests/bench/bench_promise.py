@@ -2,7 +2,7 @@
 
 The evader first runs on a random course for up to four seconds, and then away from the pursuer. The promise is made at
 that moment, when the pursuer flies with a velocity that the game would not choose. Compared with the time flown are the
-game's value, the promise of the certificate (`guidance.control.late_start`), and the game of a pursuer with bounded
+game's value, the promise of the certificate (`guidance.certificate.late_start`), and the game of a pursuer with bounded
 acceleration (`guidance.game.accelerating`). Positive errors are captures that came later than predicted.
 """
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from guidance.control.capability import SpeedMemory, observe_speed
+from guidance.control.servo import SpeedMemory, observe_speed
 
 DT_S = 0.02
 
@@ -46,9 +46,3 @@ def test_a_vehicle_that_a_pilot_takes_over_teaches_nothing():
     taken = [8.5] * 300 + [max(0.0, 8.5 - 0.06 * step) for step in range(400)]
     assert flown(taken, guided=lambda number: number < 300)[-1].share == pytest.approx(0.85, abs=0.01)
     assert flown([0.0] * 300, guided=lambda _number: False)[-1].share == 1.0
-
-
-def test_a_pause_keeps_what_was_learned_and_begins_the_comparison_again():
-    memory = flown([8.5] * 320)[-1]
-    assert memory.compared_s > 0.0
-    assert memory.paused() == SpeedMemory(memory.shown_m_s, memory.share)
