@@ -132,11 +132,8 @@ def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequ
         rows: What preflight found.
         barred: Names of what bars the vehicle from flying.
     """
-
-    def accepted(order: Event) -> bool:
-        return is_done(order, flight.state) or flight.follows(order, now_s, barred)
-
-    return {str(order): "" if accepted(order) else refusal(order, flight, now_s, rows) for order in sorted(ORDERS)}
+    accepted = {order for order in ORDERS if is_done(order, flight.state) or flight.follows(order, now_s, barred)}
+    return {str(order): "" if order in accepted else refusal(order, flight, now_s, rows) for order in sorted(ORDERS)}
 
 
 def status(
@@ -216,8 +213,7 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
     """
     vehicle, certificate = flight.vehicle, outputs.certificate
     parts = [f"{now_s:.0f} s", shown_state(flight), f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}"]
-    flown = _flown(vehicle)
-    if flown:
+    if flown := _flown(vehicle):
         north, east, _ = flown["velocity_ned_m_s"]
         parts.append(f"{round(flown['height_m'], 1) + 0.0:.1f} m up, {math.hypot(north, east):.1f} m/s")
         battery = flown["battery"]

@@ -57,8 +57,7 @@ class Checkup:
         while clock.now_s() - begun_s < limit_s:
             self._step()
             facts = daemon.survey.facts(daemon.flight.vehicle, clock.now_s())
-            other = another_autopilot(facts, flight.autopilot)
-            if other is not None:
+            if (other := another_autopilot(facts, flight.autopilot)) is not None:
                 return (other,)
             vehicle, (read, wanted) = daemon.flight.vehicle, daemon.survey.read
             missing = [name for kind, name in _HEARD.items() if vehicle.latest.get(kind) is None]

@@ -144,9 +144,8 @@ def _check_folder(folder: Path, owners: Collection[int]) -> None:
     """Refuse a folder in which another user could put or replace a token file; a sticky bit does not help."""
     found = folder.stat()
     if found.st_uid not in owners or found.st_mode & _OTHERS_WRITE:
-        raise ConfigError(
-            f"control.token_file: others may write to {folder}; run chmod go-w on it, or give another path"
-        )
+        mend = "run chmod go-w on it, or give another path"
+        raise ConfigError(f"control.token_file: others may write to {folder}; {mend}")
 
 
 def socket_path(token: Path) -> Path:

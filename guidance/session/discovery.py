@@ -197,9 +197,8 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
     template = next(one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file())
     text = template.read_text(encoding="utf-8")
     changes = [("", "name", _quoted(name), "in orders, metrics and records")]
-    changes.append(("vehicle", "autopilot", _quoted(autopilot), ""))
-    if url is not None:
-        changes.append(("vehicle", "url", _quoted(url), ""))
+    changes += [("vehicle", "autopilot", _quoted(autopilot), "")]
+    changes += [] if url is None else [("vehicle", "url", _quoted(url), "")]
     head = ["A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."]
     if surveyed is None:
         head.append(f"Written without a vehicle: the limits are the bundled ones for {autopilot}.")

@@ -29,10 +29,9 @@ from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.log.writer import Recorder
 from guidance.messages import Home
+from guidance.session import control_bus, discovery
 from guidance.session.checkup import Checkup
-from guidance.session.control_bus import opened
 from guidance.session.daemon import Equipment
-from guidance.session.discovery import FOUND_WITHIN_S, autopilot_at, wait_until_placed
 from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording
 from guidance.session.loop import Signals
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
@@ -41,10 +40,8 @@ from guidance.session.plan import SIMULATED_URL, config_of, plan_of
 from guidance.session.result import MissionResult, closing_detail
 from guidance.session.service import open_all, opened_equipment, opened_vehicle
 from guidance.session.vehicle_file import Config, Vehicle
-from guidance.sim.live import OVER, ZENOH, LiveWorld
-from guidance.sim.mock_files import check_faults
+from guidance.sim import live, mock_files, stepped
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario, Site, Wind
-from guidance.sim.stepped import EvaderHere, SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
 from guidance.team import Member, MemoryTransport
@@ -106,11 +103,11 @@ class MockOptions:
     fast: bool
     link: str = "mavsdk"
     port: int = 0
-    over: str = ZENOH
+    over: str = live.ZENOH
 
     def __post_init__(self) -> None:
         _check("--link", self.link, KINDS)
-        _check("--over", self.over, OVER)
+        _check("--over", self.over, live.OVER)
 
     @property
     def way(self) -> str:
@@ -121,12 +118,12 @@ class MockOptions:
     def opened(self, scenario: Played, onlooker: Onlooker) -> Iterator[Opened]:
         """Open the mocks, and take orders."""
         (pursuits, team), clock = _players(scenario), VirtualClock() if self.fast else MonotonicClock()
-        check_faults(pursuits)
+        mock_files.check_faults(pursuits)
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
-        with opened(mailboxes, onlooker.control, onlooker.on_control, team=team) as buses:
-            live = partial(LiveWorld, link=self.link, port=self.port, over=self.over)
-            with closing((SteppedWorld if self.fast else live)(pursuits, clock)) as world:
+        with control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team=team) as buses:
+            in_real_time = partial(live.LiveWorld, link=self.link, port=self.port, over=self.over)
+            with closing((stepped.SteppedWorld if self.fast else in_real_time)(pursuits, clock)) as world:
                 yield Opened(pursuits, world, clock, buses, used, {})
 
 
@@ -202,23 +199,23 @@ class Asked:
             raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         with contextlib.ExitStack() as stack:
-            buses = stack.enter_context(opened(mailboxes, onlooker.control, onlooker.on_control, team=team))
+            buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team=team))
             for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
-                for_whom = f"a HEARTBEAT at {url}, {FOUND_WITHIN_S:g} s at most"
+                for_whom = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
                 onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
-                mailbox.meanwhile = startup_answers(name, for_whom, FOUND_WITHIN_S, clock)
+                mailbox.meanwhile = startup_answers(name, for_whom, discovery.FOUND_WITHIN_S, clock)
             reached = reach(pursuits, self, clock, _separation(scenario))
             (configs, world, radios), laid = stack.enter_context(reached), list[Pursuit]()
             for pursuit in pursuits:
                 name = pursuit.vehicle
                 autopilot = autopilot_named(configs[name].vehicle.autopilot)
-                home, frame = wait_until_placed(world.links[name], autopilot, clock, onlooker.show, name)
+                home, frame = discovery.wait_until_placed(world.links[name], autopilot, clock, onlooker.show, name)
                 here = laid_about(pursuit.scenario, home, frame, autopilot.name)
                 site = laid[0].scenario.site if laid else here.site
                 laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
             for name, radio in radios.items():
                 chased = next(one.scenario for one in laid if one.evader == name)
-                world.players[name] = evader = EvaderHere(chased, clock, radio)
+                world.players[name] = evader = stepped.EvaderHere(chased, clock, radio)
                 world.on_engage = evader.engage  # a team's scenario has no faults that would begin then
             policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
             signals = Signals(Event.LAND)
@@ -346,7 +343,7 @@ def reach(
             radios[name], ears = MemoryWire.pair(clock.now_s)
             heard[name] = iter(share(ears, len(pursuits)))
         for (scenario, vehicle, evader), url in zip(pursuits, asked.urls, strict=True):
-            at_url = autopilot_at(url, asked.autopilot, clock, who=f"--vehicle {url}")
+            at_url = discovery.autopilot_at(url, asked.autopilot, clock, who=f"--vehicle {url}")
             wire, found, autopilot = stack.enter_context(at_url)
             ids = {"system_id": found.system_id, "component_id": found.component_id}
             own, team = Vehicle(autopilot=autopilot.name, link=asked.link, url=url, **ids), None
