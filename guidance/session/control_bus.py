@@ -64,8 +64,7 @@ class OwnerToken:
         # Claim first, then look: of two that start together at least one sees the other.
         self._token = liveliness.declare_token(mine)
         replies = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
-        others = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} - {mine}
-        if others:
+        if others := {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} - {mine}:
             self.close()
             owned = f"another daemon owns this vehicle ({', '.join(sorted(others))})"
             raise LinkError(f"{vehicle}: {owned}; end it first, only one may fly it")

@@ -188,8 +188,7 @@ def ask_here(
     if order not in WORDS:
         raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
     path = token_path(endpoint) if token_file is None else token_file
-    token = read_token(path)
-    if token is None:
+    if (token := read_token(path)) is None:
         return None
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as there, _reachable(socket_path(path)) as address:

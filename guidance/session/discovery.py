@@ -87,12 +87,10 @@ def identify(found: Found, url: str, asked: str | None) -> Autopilot:
     """
     expected = None if asked is None else autopilot_named(asked)
     who = f"{url}: system {found.system_id}"
-    matching = autopilots_of(found.autopilot)
-    if not matching:
+    if not (matching := autopilots_of(found.autopilot)):
         known = " and ".join(f"{one.name} ({one.autopilot_id})" for one in AUTOPILOTS.values())
         raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; supported are {known}")
-    flown = [one for one in matching if found.vehicle_type in one.vehicle_types]
-    if not flown:
+    if not (flown := [one for one in matching if found.vehicle_type in one.vehicle_types]):
         raise ConfigError(f"{who} is MAV_TYPE {found.vehicle_type}: {matching[0].name} is flown as a multicopter only")
     if expected is not None and expected not in flown:
         raise ConfigError(f"{who} is {flown[0].name}, not --autopilot {asked}: omit it, or give another --vehicle")
@@ -237,8 +235,7 @@ def write_new(path: Path, text: str) -> None:
 def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
     """Yield the keys whose bound was read, with the largest allowed value, at most the file's own."""
     for section, key, parameter, scale in autopilot_named(surveyed.autopilot).bounds:
-        told = surveyed.parameters.get(parameter)
-        if told is None:
+        if (told := surveyed.parameters.get(parameter)) is None:
             continue
         bound, value, said = told * scale, own[section][key], f"{parameter} is {told:g}"
         if section != "limits":

@@ -198,8 +198,7 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
     Raises:
         ConfigError: If the record has neither, or a changed key is unknown or out of range.
     """
-    kind = next((kind for kind in (SCENARIO, CONFIG) if kind in metadata), None)
-    if kind is None:
+    if (kind := next((kind for kind in (SCENARIO, CONFIG) if kind in metadata), None)) is None:
         known = ", ".join(sorted(metadata)) or "nothing"
         raise ConfigError(f"the record's metadata has no scenario and no config, only {known}: it cannot be replayed")
     document, changes = json.loads(metadata[kind]), changes or {}

@@ -274,8 +274,7 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
 
 def _separation(scenario: Played) -> dict[str, float] | None:
     """Return how far the vehicles of a team stay from each other; None without a team."""
-    own = {*TeamSection.model_fields}
-    return None if isinstance(scenario, Scenario) else scenario.flight.model_dump(include=own)
+    return None if isinstance(scenario, Scenario) else scenario.flight.model_dump(include={*TeamSection.model_fields})
 
 
 def _declared_m_s(pursuits: Sequence[Pursuit]) -> dict[str, float]:
@@ -372,8 +371,7 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     with reach((Pursuit(scenario),), asked, clock) as (configs, world, _):
         own = configs[PURSUER]
         pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
-        plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
-        yield Checkup(own.name, plan, world, clock)
+        yield Checkup(own.name, plan_of(own, scenario.model_copy(update={"pursuer": pursuer})), world, clock)
 
 
 def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:

@@ -104,8 +104,7 @@ def claim() -> str:
     sys.setswitchinterval(SWITCH_S)
     if not hasattr(os, "sched_setscheduler"):  # not Linux
         return "as others"
-    policy = os.sched_getscheduler(0)
-    if policy in {os.SCHED_FIFO, os.SCHED_RR}:  # set by systemd
+    if os.sched_getscheduler(0) in {os.SCHED_FIFO, os.SCHED_RR}:  # set by systemd
         return f"realtime {os.sched_getparam(0).sched_priority}"
     threads = [int(path.name) for path in Path("/proc/self/task").iterdir()]
     claims: Sequence[tuple[str, Callable[[int], None]]] = (

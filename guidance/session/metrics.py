@@ -145,8 +145,7 @@ class MetricsServer:
         try:
             with contextlib.suppress(asyncio.LimitOverrunError, asyncio.IncompleteReadError, OSError):
                 async with asyncio.timeout(self._deadline_s):
-                    request = await reader.readuntil(b"\r\n\r\n")
-                    writer.write(self._response(request))
+                    writer.write(self._response(await reader.readuntil(b"\r\n\r\n")))
                     writer.close()
                     await writer.wait_closed()
         finally:

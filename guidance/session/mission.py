@@ -320,8 +320,7 @@ class VehicleMission:
         flight = self.daemon.flight
         fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
         player = self._mission.world.players.get(self.evader)
-        ready = player is None or player.ready
-        order = self.sequencer.order(now_s, evader_ready=ready, evader_fresh=fresh)
+        order = self.sequencer.order(now_s, evader_ready=player is None or player.ready, evader_fresh=fresh)
         begins = order in {Event.START, Event.ENGAGE}
         if order is not None and (self._policy.engage if begins else self._policy.end_with is not None):
             if now_s - self._asked_s >= ASK_EVERY_S:
@@ -393,8 +392,7 @@ class VehicleMission:
 
     def evader_game_m(self, now_s: float) -> Vector | None:
         """Return the evader's position in the game frame: the true one, or as the vehicle estimates it."""
-        player = self._mission.world.players.get(self.evader)
-        if player is not None:
+        if (player := self._mission.world.players.get(self.evader)) is not None:
             return player.position_game_m()
         tracking = self.daemon.flight.tracking
         evader, frame = tracking.evader(now_s), tracking.game_frame
@@ -428,12 +426,10 @@ class VehicleMission:
             if away_m > fence_m:
                 allowed = f"allowed is the fence's {fence_m:g} m. Does [site] of the scenario say where the vehicle is?"
                 raise FlightError(f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; {allowed}")
-        otherwise_fit = daemon.survey.complete and not failed_checks(flight, now_s)
-        refused = otherwise_fit and bool(refusals(daemon.rows))
+        refused = daemon.survey.complete and not failed_checks(flight, now_s) and bool(refusals(daemon.rows))
         self._refused_s = min(self._refused_s, now_s) if refused else math.inf
         if now_s - self._refused_s >= JUDGED_FOR_S:
             raise FlightError(f"preflight refuses: {advice(daemon.rows)}; see `guidance check`")
         if flight.state is not State.READY and waited_s > READY_WITHIN_S:
             lacking = missing(flight, now_s, daemon.rows) + self._said("the autopilot says")
-            limit = f"not ready to fly within {READY_WITHIN_S:g} s"
-            raise FlightError(f"{limit}: {lacking}; nothing was armed")
+            raise FlightError(f"not ready to fly within {READY_WITHIN_S:g} s: {lacking}; nothing was armed")

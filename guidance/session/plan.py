@@ -125,8 +125,7 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     Raises:
         ConfigError: If the two contradict each other. The message has one line for each contradiction, with both keys.
     """
-    contradictions = [*_players(scenario, config), *_places(scenario, config)]
-    if contradictions:
+    if contradictions := [*_players(scenario, config), *_places(scenario, config)]:
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
     both, rates = (scenario.pursuer, config.game), ("climb_m_s", "descent_m_s")

@@ -143,8 +143,7 @@ def note(
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     """Return the row of a flight; `way` is "fast", "live" or "vehicle"."""
     scenario = result.scenario
-    began = next((each for each in reversed(result.happenings) if _begins_game(each)), None)
-    if began is None:
+    if (began := next((each for each in reversed(result.happenings) if _begins_game(each)), None)) is None:
         return _never_engaged(result, way)
     since_engagement = [each for each in result.happenings if each.now_s > began.now_s]
     end, end_s, reason = _ending(result, since_engagement)
@@ -251,11 +250,16 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
         ends.append((end, end_s - began_s, away_m, captor))
     # The vehicles play with their own speeds and the stand-off disc.
     speeds = np.array([one.scenario.pursuer.speeds for one in flown])
-    standoff = StandOff(disc.radius_m, disc.height_m)
-    game = Game(Cylinder(*speeds.T[..., None]), teams.evader_speed_m_s, standoff=standoff)
+    game = Game(Cylinder(*speeds.T[..., None]), teams.evader_speed_m_s, standoff=StandOff(disc.radius_m, disc.height_m))
     P = np.array([_at([(one.now_s, one.pursuer_m) for one in each.samples], began_s) for each in flown])
     E = np.array([_at(result.evaders[name].track, began_s) for name in names]) * [1.0, 1.0, 0.0]
-    return outcomes_of(scenario, way, teams, match_teams(game, P, E, teams.target_m), ends)
+    return outcomes_of(
+        scenario,
+        way,
+        teams,
+        match_teams(game, P, E, teams.target_m),
+        ends,
+    )
 
 
 def _at(track: Sequence[tuple[float, Vector]], now_s: float) -> Vector:

@@ -276,7 +276,6 @@ def reload(path: Path, before: Config) -> FlightPlan:
         ConfigError: If it is wrong, or a section has changed that was opened at the start.
     """
     after = load_vehicle(path)
-    changed = [key for key in _FIXED if getattr(after, key) != getattr(before, key)]
-    if changed:
+    if changed := [key for key in _FIXED if getattr(after, key) != getattr(before, key)]:
         raise ConfigError(f"{path}: {', '.join(changed)} changed: end the daemon and start it again for that")
     return plan_of(after)

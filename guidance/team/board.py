@@ -96,8 +96,7 @@ class Board:
     def _read(self, key: str, payload: bytes) -> Message:
         """Read a message. Strangers and old messages are refused."""
         message = decode(key.partition("/")[0], payload)
-        mate = self.mates.get(message.vehicle)
-        if mate is None or message.key != key:
+        if (mate := self.mates.get(message.vehicle)) is None or message.key != key:
             raise Refused("identity")
         if message.epoch != mate.epoch:
             if message.epoch in mate.ended:

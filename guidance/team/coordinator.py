@@ -90,8 +90,7 @@ class Coordinator:
         self._begun_s = now_s if self._begun_s is None else self._begun_s
         if self.leading:
             return True
-        silent_s = now_s - max(self._board.roles_s, self._begun_s)
-        if silent_s < SILENT_S or alive[0] != self._board.vehicle:
+        if now_s - max(self._board.roles_s, self._begun_s) < SILENT_S or alive[0] != self._board.vehicle:
             return False
         self._term = self._board.term + 1
         return True

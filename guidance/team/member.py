@@ -189,8 +189,7 @@ class Member:
         known[self.vehicle] = (own, own.sent_s)
         vehicles, evaders, heights_m = {}, {}, []
         for name in self._evaders:
-            seen = tracking.evader(now_s, name)
-            if seen is not None and name not in self.board.over:
+            if (seen := tracking.evader(now_s, name)) is not None and name not in self.board.over:
                 x, y, z = game_frame.position_from_ned(seen.position_ned_m)
                 declared_m_s = flight.settings.evaders.get(name, cycle.game.evader_speed_m_s)
                 evaders[name] = EvaderSeen((x, y, 0.0), seen.speed_bound_m_s, declared_m_s, seen.age_s)
@@ -198,8 +197,7 @@ class Member:
         plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
         for name, (state, at_s) in known.items():
             if state is not None and state.part != "out":
-                place = frame.ned_from_wgs84(*state.place)
-                moved = zip(place, state.velocity_ned_m_s, strict=True)
+                moved = zip(frame.ned_from_wgs84(*state.place), state.velocity_ned_m_s, strict=True)
                 north, east, down = (at + (now_s - at_s) * rate for at, rate in moved)
                 x, y, z = game_frame.position_from_ned((north, east, down))
                 vehicles[name] = (x, y, z - plane_m), state
