@@ -253,13 +253,7 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
     game = Game(Cylinder(*speeds.T[..., None]), teams.evader_speed_m_s, standoff=StandOff(disc.radius_m, disc.height_m))
     P = np.array([_at([(one.now_s, one.pursuer_m) for one in each.samples], began_s) for each in flown])
     E = np.array([_at(result.evaders[name].track, began_s) for name in names]) * [1.0, 1.0, 0.0]
-    return outcomes_of(
-        scenario,
-        way,
-        teams,
-        match_teams(game, P, E, teams.target_m),
-        ends,
-    )
+    return outcomes_of(scenario, way, teams, match_teams(game, P, E, teams.target_m), ends)
 
 
 def _at(track: Sequence[tuple[float, Vector]], now_s: float) -> Vector:
