@@ -27,7 +27,7 @@ from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_
 from guidance.monitor import Violation
 from guidance.session.control_bus import control_key
 from guidance.session.control_socket import WORDS
-from guidance.session.metrics import Metrics
+from guidance.session.observability import Metrics
 from sitl_mock.cli import app as mock_app
 
 ROOT = Path(__file__).parents[1]

@@ -25,7 +25,7 @@ from guidance.files import writing
 from guidance.links.port import parse
 from guidance.screen import console, sheet, waiting
 from guidance.session import discovery
-from guidance.session.checkup import SURVEY_LIMIT_S, Checkup, checkup_of
+from guidance.session.checkup import SURVEY_LIMIT_S, Checkup, checkup_of, examine
 from guidance.session.vehicle_file import load_vehicle
 
 _STYLE: Final = {"refuse": "bold red", "warn": "yellow", "pass": "green"}
@@ -81,8 +81,6 @@ def doctor(
     - `guidance doctor`: the usual ports and this folder
     - `guidance doctor vehicle.toml`: what this file needs
     """
-    from guidance.session.host import examine  # noqa: PLC0415 - slow import
-
     rows = examine(None if config is None else load_vehicle(find(config, "vehicles")))
     raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
 

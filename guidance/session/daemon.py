@@ -17,8 +17,7 @@ from guidance.preflight import PreflightMemory, advice, parameter_names, refusal
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
 from guidance.session.flight_files import Recording
-from guidance.session.log import SILENT, Logger, Notifier, say_outputs
-from guidance.session.metrics import Metrics
+from guidance.session.observability import SILENT, Logger, Metrics, Notifier, say_outputs
 from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
 from guidance.team import Member

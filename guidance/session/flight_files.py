@@ -3,9 +3,6 @@
 import contextlib
 import itertools
 import json
-import logging
-import os
-import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -20,7 +17,6 @@ from guidance.flight import Authority, FlightSettings, Inputs, Outputs
 from guidance.links.wires import CapturedFrame
 from guidance.log.entries import BEGUN, CONFIG, SCENARIO, STOPPED, cycle_entry
 from guidance.log.writer import Record, Recorder, started_utc, versions
-from guidance.session.log import Logger
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 
@@ -86,26 +82,6 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
         recorder = Recorder(path, metadata, threaded=real_time)
     with contextlib.closing(recorder):
         yield recorder
-
-
-@contextlib.contextmanager
-def daemon_recording(config: Config, metadata: Mapping[str, str], log: Logger) -> Iterator[Record | None]:
-    """Open the daemon's record. Preflight reports an unwritable one; a flight continues without it."""
-    if config.record.folder is None:
-        yield None
-        return
-    own, stamp = config.record, time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    path, size = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap", round(own.rotate_mb * 1e6)
-    try:
-        recorder: Record = Recorder(path, metadata, threaded=True, rotate_s=own.rotate_s, rotate_bytes=size)
-    except OSError as error:
-        recorder = Record(f"record.folder = {str(own.folder)!r}: cannot be written ({error.strerror})")
-    try:
-        yield recorder
-    finally:
-        recorder.close()
-        if recorder.failed is not None or recorder.dropped:
-            log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)
 
 
 class Stopped(NamedTuple):

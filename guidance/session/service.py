@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import secrets
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
@@ -28,13 +29,13 @@ from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import Session, session_to
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
+from guidance.log.writer import Record, Recorder
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import OwnerToken, control_bus
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.flight_files import daemon_recording, flight_metadata
-from guidance.session.log import Log, Notifier
+from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import Signals, claim, run
-from guidance.session.metrics import Metrics, MetricsServer
+from guidance.session.observability import Log, Logger, Metrics, MetricsServer, Notifier
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderFrame, EvaderSection, Vehicle, load_vehicle
@@ -255,6 +256,26 @@ def run_vehicle(path: Path, config: Config) -> None:
         run([daemon], world, clock, signals=signals)
         broadcast.event(clock.now_s(), FLIGHT_OVER, json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}))
         used.log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
+
+
+@contextmanager
+def daemon_recording(config: Config, metadata: Mapping[str, str], log: Logger) -> Iterator[Record | None]:
+    """Open the daemon's record. Preflight reports an unwritable one; a flight continues without it."""
+    if config.record.folder is None:
+        yield None
+        return
+    own, stamp = config.record, time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    path, size = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap", round(own.rotate_mb * 1e6)
+    try:
+        recorder: Record = Recorder(path, metadata, threaded=True, rotate_s=own.rotate_s, rotate_bytes=size)
+    except OSError as error:
+        recorder = Record(f"record.folder = {str(own.folder)!r}: cannot be written ({error.strerror})")
+    try:
+        yield recorder
+    finally:
+        recorder.close()
+        if recorder.failed is not None or recorder.dropped:
+            log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from guidance.cli import show
 from guidance.cli.daemon import status_table
 from guidance.errors import FlightError
 from guidance.screen import aged
-from guidance.session.log import Log
+from guidance.session.observability import Log
 
 STATUS = {
     "accepted": True, "order": "status", "name": "px4", "state": "engaged", "mode": "guided",

@@ -7,8 +7,8 @@ from guidance.clock import Clock
 from guidance.flight import Event, Outputs
 from guidance.links.world import World
 from guidance.session.daemon import Equipment
-from guidance.session.log import Log
 from guidance.session.mission import Mission, MissionPolicy
+from guidance.session.observability import Log
 from guidance.session.orders import Mailbox
 from guidance.session.plan import FlightPlan
 from guidance.sim.scenario import PURSUER, Scenario

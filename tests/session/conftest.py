@@ -17,8 +17,7 @@ from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.log import Logger, Notifier
-from guidance.session.metrics import Metrics
+from guidance.session.observability import Logger, Metrics, Notifier
 from guidance.session.orders import Mailbox
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config

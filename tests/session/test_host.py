@@ -10,19 +10,19 @@ from typer.testing import CliRunner
 from guidance.autopilots import Verdict
 from guidance.cli.program import app
 from guidance.config import find
-from guidance.session import host
+from guidance.session import checkup
 from guidance.session.vehicle_file import load_vehicle
 
 
 @pytest.fixture(autouse=True)
 def a_short_watch(monkeypatch, tmp_path):
-    monkeypatch.setattr(host, "CYCLES", 2)
+    monkeypatch.setattr(checkup, "CYCLES", 2)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.chdir(tmp_path)
 
 
 def rows(config=None):
-    return {row.name: row for row in host.examine(config)}
+    return {row.name: row for row in checkup.examine(config)}
 
 
 def vehicle(**sections):
@@ -51,7 +51,7 @@ def test_scheduling_that_is_not_permitted_and_a_late_clock_are_told(monkeypatch)
         raise PermissionError
 
     monkeypatch.setattr(os, "sched_setscheduler", refused)
-    monkeypatch.setattr(host, "LATE_S", -1.0)
+    monkeypatch.setattr(checkup, "LATE_S", -1.0)
     found = rows()
     assert (found["scheduling"].verdict, "CPUSchedulingPolicy=rr" in found["scheduling"].advice) == (Verdict.WARN, True)
     assert found["cadence"].verdict is Verdict.WARN
@@ -64,7 +64,7 @@ def test_the_scheduling_that_was_tried_is_given_back():
 
 
 def test_a_serial_port_that_is_not_there_and_a_full_disk(monkeypatch, tmp_path):
-    monkeypatch.setattr(host, "FLIGHT_BYTES", 10**18)
+    monkeypatch.setattr(checkup, "FLIGHT_BYTES", 10**18)
     config = vehicle(vehicle={"url": "serial:///dev/no-such-port:921600"}, record={"folder": tmp_path / "a" / "b"})
     found = rows(config)
     assert found["/dev/no-such-port"].verdict is Verdict.REFUSE

@@ -21,7 +21,7 @@ from guidance.links.wires import CapturedFrame
 from guidance.log.writer import Recorder
 from guidance.session.flight_files import Recording
 from guidance.session.loop import AGE_S, MOST_NUDGE_S, PERIOD_S, SWITCH_S, Signals, claim, next_due, nudge_s, run
-from guidance.session.metrics import Metrics
+from guidance.session.observability import Metrics
 
 
 @given(st.floats(0.0, 1e5), st.floats(0.0, 3.0))

@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from guidance.session.log import Notifier
+from guidance.session.observability import Notifier
 
 
 @pytest.fixture

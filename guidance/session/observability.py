@@ -1,0 +1,341 @@
+"""What shows people and other programs how a daemon does: the log, metrics, and signs of life to systemd.
+
+The log has one line per event, as JSON or text, written by its own thread so that the loop never waits for it. The loop
+sets the metrics' values, and one thread serves them to Prometheus on loopback. Signs of life follow sd_notify(3):
+datagrams to $NOTIFY_SOCKET.
+"""
+
+import asyncio
+import contextlib
+import json
+import logging
+import math
+import queue
+import socket
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Final, TextIO
+
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from rich.console import Console
+
+from guidance.errors import LinkError
+from guidance.flight import Event, Flight, Outputs, State
+from guidance.log.codec import plain
+from guidance.messages import Heartbeat, LocalPosition
+from guidance.screen import aged, live
+
+LOGGER: Final = "guidance"
+MOST_WAITING: Final = 1000
+STOP_LIMIT_S: Final = 2.0
+_STALLED_S: Final = 2.5
+"""Age of the live line from which it is shown as old; it is updated once a second."""
+
+_SEVERE: Final = frozenset({
+    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
+    Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
+    Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
+    Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
+})  # fmt: skip
+"""Events that end, interrupt or forbid a game: warnings if they change the state."""
+
+
+class Logger:
+    """The interface of the log, and one that logs nothing: who flies a mock sees it."""
+
+    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
+        """Log a message with fields."""
+
+    def show(self, words: str) -> None:
+        """Show a live line below the log."""
+
+
+SILENT: Final = Logger()
+
+
+class Log(Logger, logging.Handler):
+    """Structured logging for one process, as the handler of `LOGGER`.
+
+    Args:
+        form: "json" or "console".
+        level: Lowest level that is written.
+        stream: Output stream.
+
+    Attributes:
+        dropped: Number of lines that were dropped because the terminal or journal is blocked.
+    """
+
+    def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
+        super().__init__()
+        self._console = Console(file=stream or sys.stderr, markup=False, emoji=False, highlight=False, soft_wrap=True)
+        self._live = form == "console"
+        self._line_of = _console_line if self._live else _json_line
+        self._shown, self._shown_s, self.dropped = "", 0.0, 0
+        self._waiting: queue.SimpleQueue[logging.LogRecord | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._serve, name="log", daemon=True)
+        self._thread.start()
+        self._logger = logging.getLogger(LOGGER)
+        self._logger.setLevel(level.upper())
+        self._logger.propagate = False
+        self._logger.addHandler(self)
+
+    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
+        """Log a message with fields."""
+        self._logger.log(level, message, extra={"fields": fields})
+
+    def show(self, words: str) -> None:
+        """Show the live line below the log, on a terminal only."""
+        self._shown, self._shown_s = words, time.monotonic()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a record for the writing thread."""
+        if self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put(record)
+        else:
+            self.dropped += 1
+
+    def close(self) -> None:
+        """Write what waits, within `STOP_LIMIT_S`, and stop. May be called twice."""
+        self._logger.removeHandler(self)
+        self._waiting.put(None)
+        self._thread.join(STOP_LIMIT_S)
+        super().close()
+
+    def _serve(self) -> None:
+        """Write on a thread of its own, which alone may wait for a terminal."""
+        with live(self._console, self._live_line, every_s=1.0) if self._live else contextlib.nullcontext():
+            while (record := self._waiting.get()) is not None:
+                with contextlib.suppress(OSError, ValueError):  # a terminal that was closed
+                    self._console.print(self._line_of(record, getattr(record, "fields", {})))
+
+    def _live_line(self) -> str:
+        return aged(self._shown, time.monotonic() - self._shown_s, _STALLED_S)
+
+
+def _json_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
+    """Return one object: time (Unix seconds), level, message, and the fields that came with it."""
+    row = {"time": round(record.created, 3), "level": record.levelname.lower(), "message": record.getMessage()}
+    return json.dumps({**row, **plain(fields)}, default=str)
+
+
+def _console_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
+    """Return a line for people: time of day, message, and the fields behind it."""
+    clock = time.strftime("%H:%M:%S", time.localtime(record.created))
+    mark = "" if record.levelno < logging.WARNING else f"{record.levelname} "
+    return f"{clock} {mark}{record.getMessage()}" + "".join(f"  {name}={value}" for name, value in fields.items())
+
+
+def say_outputs(log: Logger, outputs: Outputs) -> None:
+    """Log the results of a cycle: alarm, internal error and happenings."""
+    if outputs.alarm is not None:
+        log.say(logging.WARNING, str(outputs.alarm.violation), by=outputs.alarm.by or "-")
+    if outputs.fault is not None:
+        log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
+    for one in outputs.happenings:
+        level = logging.WARNING if one.event in _SEVERE and one.after is not one.before else logging.INFO
+        log.say(level, str(one.event), before=one.before, state=one.after, now_s=round(one.now_s, 3))
+
+
+_WATCHDOG_SHARE: Final = 3.0
+"""Signs of life per watchdog time."""
+
+
+class Notifier:
+    """Sends sd_notify messages; does nothing without NOTIFY_SOCKET. Never waits.
+
+    Args:
+        environment: Of the process: NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID.
+        process_id: Its number.
+    """
+
+    def __init__(self, environment: Mapping[str, str] = MappingProxyType({}), process_id: int = 0) -> None:
+        address, microseconds = environment.get("NOTIFY_SOCKET", ""), environment.get("WATCHDOG_USEC", "")
+        meant = environment.get("WATCHDOG_PID", str(process_id)) == str(process_id)
+        watched = meant and microseconds.isdecimal() and int(microseconds) > 0
+        self._address = "\0" + address[1:] if address.startswith("@") else address  # an abstract one
+        self._every_s = int(microseconds) * 1e-6 / _WATCHDOG_SHARE if watched else None
+        self._alive_s, self._status = -math.inf, ""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
+        if self._socket is not None:
+            self._socket.setblocking(False)
+
+    def ready(self) -> None:
+        """The daemon hears its vehicle and takes orders."""
+        self._send("READY=1")
+
+    def alive(self, now_s: float) -> None:
+        """Say so, as often as the watchdog wants it; called by the loop, so that a loop that hangs says nothing."""
+        if self._every_s is not None and now_s - self._alive_s >= self._every_s:
+            self._alive_s = now_s
+            self._send("WATCHDOG=1")
+
+    def status(self, text: str) -> None:
+        """Show a line in `systemctl status`, when it changes."""
+        if text != self._status:
+            self._status = text
+            self._send(f"STATUS={text}")
+
+    def stopping(self) -> None:
+        """The daemon is about to end."""
+        self._send("STOPPING=1")
+
+    def close(self) -> None:
+        """Close the socket; may be called twice."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _send(self, text: str) -> None:
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.sendto(text.encode(), self._address)
+
+
+MAX_CONNECTIONS: Final = 16
+REQUEST_DEADLINE_S: Final = 5.0
+_MAX_REQUEST_BYTES: Final = 8192
+_GAME_METRICS: Final = (
+    "value", "time_needed_s", "assured_distance_m", "margin_s", "vehicle_margin_s", "reachable_speed_m_s",
+    "meeting_time_s", "speed_ratio", "evader_age_s", "gap_m", "height_gap_m",
+)  # fmt: skip
+_BUCKETS_S: Final = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)
+
+
+class Metrics:
+    """All metrics of one vehicle, in a separate registry."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self.registry = name, CollectorRegistry()
+        into: dict[str, Any] = {"namespace": "guidance", "registry": self.registry}
+        vehicle = ("vehicle",)
+        self._state = Gauge("state", "1 for the state the flight is in", (*vehicle, "state"), **into)
+        self._ages = Gauge("age_seconds", "age of the last message", (*vehicle, "what"), **into)
+        self._game = Gauge("game", "the certificate of the last cycle", (*vehicle, "what"), **into)
+        self._links = Gauge("link_total", "counters of links and evader source", (*vehicle, "link", "what"), **into)
+        self._events = Counter("events", "events of the flight", (*vehicle, "event"), **into)
+        self._alarms = Counter("alarms", "alarms: violations of the guarantee", (*vehicle, "broken"), **into)
+        self._orders = Counter("orders", "orders, accepted or refused", (*vehicle, "order", "accepted"), **into)
+        self._acted = Counter("limits_acted", "cycles in which a limit acted", (*vehicle, "limit"), **into)
+        self._cycles = Counter("cycles", "guidance cycles", vehicle, **into).labels(name)
+        self._setpoints = Counter("setpoints", "setpoints sent", vehicle, **into).labels(name)
+        own = {**into, "labelnames": vehicle}
+        self._late = Counter("late_cycles", "cycles that began more than one period late", **own).labels(name)
+        own["buckets"] = _BUCKETS_S
+        self._lateness = Histogram("lateness_seconds", "delay of the start of a cycle", **own).labels(name)
+        self._work = Histogram("work_seconds", "working time of a cycle", **own).labels(name)
+
+    def worked(self, work_s: float, missed: int) -> None:
+        """Count a cycle of the loop: its working time, and how many cycles it made late."""
+        self._work.observe(work_s)
+        self._late.inc(missed)
+
+    def follow(self, outputs: Outputs, late_s: float | None = None) -> None:
+        """Count the outputs of one cycle that began `late_s` late; None: of one that failed."""
+        if late_s is not None:
+            self._cycles.inc()
+            self._lateness.observe(max(0.0, late_s))
+        self._setpoints.inc(outputs.setpoint is not None)
+        for happening in outputs.happenings:
+            self.happened(str(happening.event))
+        if outputs.alarm is not None:
+            self._alarms.labels(self._name, str(outputs.alarm.violation)).inc()
+        for limit in () if outputs.certificate is None else outputs.certificate.active_limits:
+            self._acted.labels(self._name, limit).inc()
+
+    def show(self, now_s: float, flight: Flight, outputs: Outputs, counters: Mapping[str, Mapping[str, int]]) -> None:
+        """Set the gauges. Called once a second.
+
+        Args:
+            now_s: Time now.
+            flight: The flight.
+            outputs: Outputs of the last cycle.
+            counters: Counters of each link, by link and name.
+        """
+        for state in State:
+            self._state.labels(self._name, str(state)).set(state is outputs.state)
+        heartbeat_s, position_s = (flight.vehicle.age_s(kind, now_s) for kind in (Heartbeat, LocalPosition))
+        ages_s = {"heartbeat": heartbeat_s, "position": position_s, "evader": flight.tracking.silence_s(now_s)}
+        for what, age_s in ages_s.items():
+            self._ages.labels(self._name, what).set(age_s)
+        certificate = outputs.certificate
+        for what in _GAME_METRICS:
+            self._game.labels(self._name, what).set(math.nan if certificate is None else getattr(certificate, what))
+        for link, counts in counters.items():
+            for what, count in counts.items():
+                self._links.labels(self._name, link, what).set(count)
+
+    def happened(self, event: str) -> None:
+        """Count an event of the daemon, such as a failed record."""
+        self._events.labels(self._name, event).inc()
+
+    def order(self, order: str, *, accepted: bool) -> None:
+        """Count an order."""
+        self._orders.labels(self._name, order, str(accepted).lower()).inc()
+
+
+class MetricsServer:
+    """Serves a registry at http://127.0.0.1:port/metrics, in one thread for all connections.
+
+    Of too many connections the oldest is closed: idle ones never keep a reader out.
+
+    Args:
+        metrics: Metrics to serve.
+        port: TCP port on loopback.
+        deadline_s: Time for a whole exchange: request and answer. Then the connection is closed.
+
+    Raises:
+        LinkError: If the port is in use.
+    """
+
+    def __init__(self, metrics: Metrics, port: int, deadline_s: float = REQUEST_DEADLINE_S) -> None:
+        try:
+            listener = socket.create_server(("127.0.0.1", port))
+        except OSError as error:
+            raise LinkError(f"metrics.port = {port}: {error.strerror}; choose another") from error
+        self.port = int(listener.getsockname()[1])
+        self._registry, self._deadline_s = metrics.registry, deadline_s
+        self._answering: list[asyncio.Task[None] | None] = []
+        self._loop, self._ended = asyncio.new_event_loop(), asyncio.Event()
+        self._thread = threading.Thread(target=self._run, args=(listener,), name="metrics")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join()
+
+    def _run(self, listener: socket.socket) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve(listener))
+
+    async def _serve(self, listener: socket.socket) -> None:
+        server = await asyncio.start_server(self._answer, sock=listener, limit=_MAX_REQUEST_BYTES)
+        await self._ended.wait()
+        server.close()
+
+    async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Answer one request and close the connection."""
+        task = asyncio.current_task()
+        self._answering.append(task)
+        if len(self._answering) > MAX_CONNECTIONS and (oldest := self._answering.pop(0)) is not None:
+            oldest.cancel()
+        try:
+            with contextlib.suppress(asyncio.LimitOverrunError, asyncio.IncompleteReadError, OSError):
+                async with asyncio.timeout(self._deadline_s):
+                    writer.write(self._response(await reader.readuntil(b"\r\n\r\n")))
+                    writer.close()
+                    await writer.wait_closed()
+        finally:
+            writer.transport.abort()
+            if task in self._answering:
+                self._answering.remove(task)
+
+    def _response(self, request: bytes) -> bytes:
+        if not request.startswith(b"GET "):
+            return b"HTTP/1.1 405 Method Not Allowed\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+        body = generate_latest(self._registry)
+        headers = f"Content-Type: {CONTENT_TYPE_LATEST}\r\nContent-Length: {len(body)}\r\nConnection: close"
+        return f"HTTP/1.1 200 OK\r\n{headers}\r\n\r\n".encode() + body
