@@ -100,8 +100,8 @@ def match_teams(
             finite number, zero or more.
     """
     require("hysteresis", hysteresis, zero_allowed=True)
-    table = table_of(game, pursuers, evaders, target, in_play)
     with np.errstate(all="ignore"):
+        table = table_of(game, pursuers, evaders, target, in_play)
         kept = None if previous is None else kept_of(table, (previous.first, previous.second))
         first = _firsts(table, kept, hysteresis)
         if table.target is None:

@@ -93,10 +93,6 @@ class Edge(NamedTuple):
     away: Point
     root: Array
 
-    def turn(self, heading: Point) -> Array:
-        """Return the derivative of the length of the run by its heading, m/rad."""
-        return np.asarray(self.reach * cross2(heading, self.away) / self.root)
-
 
 def regions_of(game: Game, P: Array, E: Array) -> Regions:
     """Return the regions of evaders E against pursuers P, (..., n, 3); numbers of the game may be arrays (..., n)."""
@@ -163,7 +159,7 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
         x, y = _turned(middle, s)
         heading = x[..., None], y[..., None]
         ends = edge(pairs, heading)
-        turn = ends.turn(heading)
+        turn = ends.reach * cross2(heading, ends.away) / ends.root  # by the heading, m/rad
         gap = ends.reach[..., 0] - ends.reach[..., 1]
         low, high = np.where(gap > 0, s, low), np.where(gap > 0, high, s)
         new = s - 0.5 * (1.0 + s * s) * gap / (turn[..., 0] - turn[..., 1])

@@ -246,16 +246,12 @@ def table_of(
     b = math.prod(shape)
 
     def spread(value: Array, *axes: int) -> Array:
-        whole = (*shape, *axes)
-        return (value if value.shape == whole else np.broadcast_to(value, whole)).reshape((b, *axes))
+        return np.broadcast_to(value, (*shape, *axes)).reshape((b, *axes))
 
     team = team.rows(lambda value: spread(value, n, m).swapaxes(1, 2))
     P, E, present = spread(P, n, 3), spread(E, m, 3), spread(present, m)
     T = None if T is None else spread(T, m, 3)
-    P, alike = P[:, None], E[:, :, None]
-    goal = None if T is None else T[:, :, None]
-    with np.errstate(all="ignore"):
-        each = team_of(team.game, P, alike, goal)
+    each = team_of(team.game, P[:, None], E[:, :, None], None if T is None else T[:, :, None])
     if not team.plays.all():
         each = _without(each, team.plays)
     worth = each.own if T is None else np.where(team.plays, each.alone.value, -np.inf)
@@ -268,10 +264,8 @@ def _without(team: Team, plays: Array) -> Team:
     regions = team.regions._replace(safe=np.where(plays, team.regions.safe, FAR_M))
     nothing = -np.inf if team.goal is None else 0.0
     worth, own = (np.where(plays, part, nothing) for part in (team.worth, team.own))
-    lost = np.array(np.nan, dtype=worth.dtype)
-    reason = np.where(plays, team.alone.reason, 0).astype(team.alone.reason.dtype)
-    alone = team.alone._replace(value=np.where(plays, team.alone.value, lost), reason=reason)
-    return team._replace(regions=regions, worth=worth, own=own, alone=alone)
+    value, reason = np.where(plays, team.alone.value, np.nan), np.where(plays, team.alone.reason, 0)
+    return team._replace(regions=regions, worth=worth, own=own, alone=team.alone._replace(value=value, reason=reason))
 
 
 def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
