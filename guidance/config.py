@@ -3,8 +3,9 @@
 import difflib
 import re
 import tomllib
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
 
@@ -15,11 +16,6 @@ from guidance.errors import ConfigError
 
 MOST_LETTERS: Final = 60
 """Longer values are cut in messages."""
-
-_HEADING: Final = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")
-_NAME: Final = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
-_KEY: Final = re.compile(rf"^\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*=")
-_PART: Final = re.compile(_NAME)
 
 Location = Sequence[str | int]
 
@@ -49,34 +45,30 @@ def line_of(text: str, location: Location) -> int | None:
         text: A TOML document.
         location: Names of the key's tables and of the key; numbers are array indices.
     """
-    wanted = [str(part) for part in location]
-    above = ((len(path), -number) for number, path in _keys(text) if wanted[: len(path)] == path)
-    best = max(above, default=None)
-    return None if best is None else -best[1]
+    reached = ((_depth(document, location), -line) for line, document in _grown(text))
+    depth, line = max(reached, default=(0, 0))
+    return -line if depth else None
 
 
-def _keys(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield every table heading and key with its line, except those inside inline tables and multi-line strings."""
-    table: list[str] = []
-    counts, quoted = Counter[str](), ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if quoted:
-            quoted = "" if quoted in line else quoted
-            continue
-        if key := _KEY.match(line):
-            yield number, [*table, *_parts(key[1])]
-            quoted = next((mark for mark in ('"""', "'''") if line.count(mark) % 2), "")
-        elif heading := _HEADING.match(line):
-            table = _parts(heading[2])
-            if heading[1] == "[[":
-                name = ".".join(table)
-                table = [*table, str(counts[name])]
-                counts[name] += 1
-            yield number, table
+@lru_cache(maxsize=1)
+def _grown(text: str) -> list[tuple[int, dict[str, Any]]]:
+    """Return the document as it is after each heading or key, with the line where that begins."""
+    lines, begin, grown = text.splitlines(keepends=True), 1, []
+    for end in range(1, len(lines) + 1):
+        with suppress(tomllib.TOMLDecodeError):  # in the middle of a value
+            grown.append((begin, tomllib.loads("".join(lines[:end]))))
+            begin = end + 1
+    return grown
 
 
-def _parts(text: str) -> list[str]:
-    return [part.strip("\"'") for part in _PART.findall(text)]
+def _depth(value: Any, location: Location) -> int:  # noqa: ANN401 - any value of a document
+    """Return how many parts of a location are there."""
+    for depth, part in enumerate(location):
+        try:
+            value = value[part]
+        except (LookupError, TypeError):
+            return depth
+    return len(location)
 
 
 def as_toml(value: Any) -> str:  # noqa: ANN401 - any value of a document

@@ -23,8 +23,6 @@ GAME = Game(Ball(2.0), evader_speed_m_s=1.0)
 PE_PURSUER, PE_EVADER = np.array([8.00, 1.42, 9.41]), np.array([7.92, 9.60, 0.0])
 TAD_PURSUER, TAD_EVADER, TAD_TARGET = np.array([6.97, 5.83, 9.15]), np.array([9.80, 0.33, 0.0]), np.zeros(3)
 
-EXACT_DIGITS = 4
-
 OPTIMAL, OTHERS = "-", ("--", ":")
 """Line styles distinguish the plays of a figure; colours, and their darkness, distinguish the players."""
 
@@ -33,7 +31,6 @@ OFFSETS = {"P": (8, 2), "E": (4, 8), "T": (-4, 10), "c": (4, -16), "g*": (-22, -
 """Offset of a label from its point, in points."""
 
 RATIO = 2.0
-DPI = 200
 _APOLLONIUS = {"color": "black", "linestyle": (0, (5, 3)), "linewidth": 1.2}
 
 # Strategies of pursuer and evader, and the published number.
@@ -69,14 +66,8 @@ class Case(NamedTuple):
     @property
     def plain(self) -> dict[str, Any]:
         """The numbers without the path, for JSON."""
-        return {
-            "pursuer": self.pursuer_policy,
-            "evader": self.evader_policy,
-            "published": float(self.published),
-            "stepped": float(self.stepped),
-            "exact": float(self.exact),
-            "matches": self.matches,
-        }
+        numbers = {name: float(getattr(self, name)) for name in ("published", "stepped", "exact")}
+        return {"pursuer": self.pursuer_policy, "evader": self.evader_policy, **numbers, "matches": self.matches}
 
     @property
     def matches(self) -> bool:
@@ -119,7 +110,7 @@ def _case(row: tuple[str, str, str], pursuer: Array, evader: Array, target: Arra
     stepped, exact = play(stepping=Paper()), play(keep_path=True)
     digits = len(published.partition(".")[2])
     ours = [float(end.time_s if target is None else end.distance_m) for end in (stepped, exact)]
-    return Case(*row, f"{ours[0]:.{digits}f}", f"{ours[1]:.{EXACT_DIGITS}f}", exact.path)
+    return Case(*row, f"{ours[0]:.{digits}f}", f"{ours[1]:.4f}", exact.path)
 
 
 def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
@@ -137,7 +128,7 @@ def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
     _draw_tad(figures["tad-part-1"], tad.cases[:3], "TAD game, part 1: u* against the evader's strategies")
     _draw_tad(figures["tad-part-2"], tad.cases[2:], "TAD game, part 2: the pursuer's strategies against v*")
     with writing(folder):
-        return [path for name, figure in figures.items() for path in save_twice(figure, folder / name, dpi=DPI)]
+        return [path for name, figure in figures.items() for path in save_twice(figure, folder / name, dpi=200)]
 
 
 def _plot_tracks(axes: Any, cases: Sequence[Case], dimensions: list[int], unit: str) -> None:  # noqa: ANN401 - matplotlib's

@@ -151,19 +151,19 @@ class _Chase(NamedTuple):
         begin_s, end_s = (behind - math.sqrt(square)) / self.a, (behind + math.sqrt(square)) / self.a
         if math.hypot(across, along + self.a * end_s) <= self.u:
             return _Escape(begin_s, end_s, (self.a, 0.0))
+
+        def short_m(end: float) -> float:
+            turn = self.turn(along, abs(across), end)
+            return gap_m + self.v * turn.time_s - turn.along_m
+
         turn = self.turn(along, abs(across), 0.0)
         end_s = (gap_m - turn.along_m + self.u * turn.time_s) / (self.u - self.v)
         if end_s < turn.time_s:  # captured during the turn
             first = math.asin(min(1.0, abs(across) / self.u))
-            end = _root(lambda angle: self._short_m(self.turn(along, abs(across), angle), gap_m), 0.0, first)
-            turn = self.turn(along, abs(across), end)
+            turn = self.turn(along, abs(across), _root(short_m, 0.0, first))
             end_s = turn.time_s
-        return _Escape(
-            begin_s, end_s, (turn.acceleration_m_s2[0], math.copysign(1.0, across) * turn.acceleration_m_s2[1])
-        )
-
-    def _short_m(self, turn: _Turn, gap_m: float) -> float:
-        return gap_m + self.v * turn.time_s - turn.along_m
+        forward, aside = turn.acceleration_m_s2
+        return _Escape(begin_s, end_s, (forward, math.copysign(1.0, across) * aside))
 
     def turn(self, along: float, across: float, end: float) -> _Turn:
         """Turn the velocity (along, across ≥ 0) until it is at top speed, at the angle `end` from the direction."""

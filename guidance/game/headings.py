@@ -104,9 +104,8 @@ def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plan
         met_s = xp.maximum(abs(state.z) - capture, 0.0) / u
         met_m = radius if is_zero(capture) else radius + xp.sqrt(xp.maximum(capture * capture - z2, 0.0))
     lag, hand, ahead = v * game.information_age_s, least_square_in_hand(game), xp.unit2(goal, xp.norm2(goal))
-    wind, drift = None if game.calm else game.wind_m_s, None
-    if game.target_velocity_m_s != STILL:
-        drift = game.target_velocity_m_s
+    wind = None if game.calm else game.wind_m_s
+    drift = None if game.target_velocity_m_s == STILL else game.target_velocity_m_s
     places = (state.to_evader, target, game.target_extent, wind, drift, ahead)
     return Hunt(u, v, capture, radius, lag, hand, z2, *places, met_s, met_m)
 

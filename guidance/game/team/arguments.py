@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,10 +139,8 @@ def judged(answer: Answer, fault: Array, what: Callable[[], str]) -> Answer:
         raise ConfigError(f"{what()} no answer: {Reason(int(fault)).word.replace('_', ' ')}")
     nothing = dict.fromkeys(("first", "second", "evader_of"), -1)
     parts = {}
-    fields: dict[str, Array] = answer._asdict()
-    for name, part in fields.items():
+    for name, part in answer._asdict().items():
         lost = fault.reshape(fault.shape + (1,) * (part.ndim - fault.ndim))
         empty = lost if name == "reason" else nothing.get(name, np.nan if part.dtype.kind == "f" else 0)
         parts[name] = np.where(lost == 0, part, np.asarray(empty, dtype=part.dtype))
-    found: Answer = answer._replace(**parts)
-    return found
+    return cast("Answer", answer._replace(**parts))

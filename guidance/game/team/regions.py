@@ -30,15 +30,11 @@ from guidance.game.records import is_zero
 Point: TypeAlias = tuple[Any, Any]
 """x and y, from the evader, m; or a direction."""
 
-Numbers: TypeAlias = Any
-"""One number for all pursuers, or an array (..., n)."""
-
 ROUNDS = 8
 """Rounds that find the closest point of a stand-off disc to the last bit."""
 
 STEPS = 80
 """Newton and bisection steps to a crossing; five are usual."""
-
 
 ASIDE = 1e-15
 """How far the heading halfway between two is turned, so that opposite ones have one."""
@@ -60,16 +56,16 @@ class Regions(NamedTuple):
         safe: how far the evader runs before the pursuer can be at its height, m; zero for a Ball.
     """
 
-    ratio: Numbers
-    curvature: Numbers
+    ratio: Array
+    curvature: Array
     x: Array
     y: Array
-    z: Numbers
-    capture: Numbers
-    radius: Numbers
-    wind_x: Numbers
-    wind_y: Numbers
-    safe: Numbers
+    z: Array
+    capture: Array
+    radius: Array
+    wind_x: Array
+    wind_y: Array
+    safe: Array
 
     def pick(self, index: Any) -> "Regions":  # noqa: ANN401 - whatever indexes an array
         """Return some of the regions."""
@@ -97,7 +93,7 @@ class Edge(NamedTuple):
 def regions_of(game: Game, P: Array, E: Array) -> Regions:
     """Return the regions of evaders E against pursuers P, (..., n, 3); numbers of the game may be arrays (..., n)."""
     w, v = P - E, game.evader_speed_m_s
-    z: Numbers = w[..., 2] - game.standoff.height_m
+    z: Array = w[..., 2] - game.standoff.height_m
     capture, radius, safe = game.capture_radius_m, game.standoff.radius_m, 0.0
     if isinstance(game.pursuer, Cylinder):
         safe = np.maximum(v * level_time(NUMPY, game, game.pursuer, z), 0.0)

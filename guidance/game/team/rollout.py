@@ -145,9 +145,8 @@ def rollout_teams(
         T = None if T is None else T + moved * [*pairs.game.target_velocity_m_s, 0.0]
         now = now + h
     end = np.where(end == End.RUNNING, int(End.TIME_UP), end)
-    distance: Array = np.full((*shape, m), math.nan)
-    if T is not None:
-        distance[...] = NUMPY.norm2(to_target(NUMPY, pairs.game, components(E), components(T))[:2])
+    left = None if T is None else to_target(NUMPY, pairs.game, components(E), components(T))
+    distance = np.full(when.shape, math.nan) if left is None else NUMPY.norm2(left[:2])
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
 
 

@@ -130,18 +130,18 @@ def solve_team(
     axes = {"pursuers": P.shape[:-2], "game": pair_axes(team_game)[:-1]}
     shape = fitting(axes | {name: one.shape[:-1] for name, one in rest.items()})
     P = np.broadcast_to(P, (*shape, *P.shape[-2:]))
+    rest = {name: np.broadcast_to(one, (*shape, 3)) for name, one in rest.items()}
     game = team_game.rows(lambda value: np.broadcast_to(value, P.shape[:-1])).game
     v = game.evader_speed_m_s
     if np.ndim(v) and np.ptp(v, axis=-1).any():
         raise ConfigError(f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader")
     if target is not None and game.target_extent != POINT:
-        E, T = (np.broadcast_to(rest[name], (*shape, 3)) for name in ("evader", "target"))
-        rest["target"] = _most_in_danger(game, P, E, T)
+        rest["target"] = _most_in_danger(game, P, rest["evader"], rest["target"])
         game = replace(game, target_extent=POINT)
-    lone = {name: np.broadcast_to(one, (*shape, 3))[..., None, :] for name, one in rest.items()}
+    lone = {name: one[..., None, :] for name, one in rest.items()}
     with np.errstate(all="ignore"):
         team = team_of(game, P, lone["evader"], lone.get("target"), lone.get("evader_velocity_m_s"))
-        answer, best = (chase if target is None else defence)(team, lone["evader"][..., 0, :], _best_pair(team))
+        answer, best = (chase if target is None else defence)(team, rest["evader"], _best_pair(team))
         late = np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0)
         answer = answer._replace(multipliers=late)
     worst, none = np.max(team.alone.reason, axis=-1), int(Reason.NOT_FINITE)
