@@ -83,18 +83,16 @@ _OVERRIDES: Final = {0: "auto modes", 1: "Offboard"}
 
 
 def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
-    wanted = "5 (Hold), 3 (Return) or 4 (Land)"
-    action = round(value)
-    if action == 0:
-        # Measured: with a radio the pilot has it in Position; without one PX4 falls through to Return.
-        return Judgement(Verdict.WARN, wanted, 5, "Position is safe with a pilot's radio; without one PX4 returns")
+    wanted, action = "5 (Hold), 3 (Return) or 4 (Land)", round(value)
     reason = {
+        # Measured: with a radio the pilot has it in Position; without one PX4 falls through to Return.
+        0: "Position is safe with a pilot's radio; without one PX4 returns",
         1: "Altitude drifts on with the wind until a pilot acts",
         2: "Stabilized flies on until a pilot acts",
         6: "Terminate lets the vehicle fall",
         7: "Disarm lets the vehicle fall",
     }.get(action, "nothing would be done when setpoints stop")
-    return passes(action in {3, 4, 5}, wanted, 5, reason)
+    return passes(action in {3, 4, 5}, wanted, 5, reason, otherwise=Verdict.REFUSE if action else Verdict.WARN)
 
 
 def _fence_action(value: float, wants: Wants, parameters: Parameters) -> Judgement:

@@ -184,8 +184,7 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     yield _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
     limit_m, evader_amsl_m = wants.preflight.evader_height_limit_m, facts.evader_amsl_m
     if evader_amsl_m is None:
-        wanted = f"within {limit_m:g} m of home"
-        yield Finding("evader's altitude", "not heard", wanted, Verdict.WARN, "is it sending?")
+        yield Finding("evader's altitude", "not heard", f"within {limit_m:g} m of home", Verdict.WARN, "is it sending?")
         return
     advice = "a different datum? The geoid is about 50 m above the ellipsoid: see evader.frame.undulation_m"
     yield _within("evader's altitude", abs(evader_amsl_m - home_amsl_m), limit_m, "m from home's", advice)
@@ -268,18 +267,14 @@ def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool =
         mended = {name: one for name, one in found.items() if one.verdict not in fit and one.set_to is not None}
         wrong = mended | wrong
         after |= {name: single(one.set_to) for name, one in mended.items() if one.set_to is not None}
-    return tuple(
-        ParameterChange(
-            rule.name,
-            rule.read(before[rule.name]),
-            rule.read(after[rule.name]),
-            "; ".join(filter(None, (wrong[rule.name].wanted, wrong[rule.name].why))),
-            wrong[rule.name].verdict,
-            ParameterSet(rule.name, after[rule.name], facts.parameter_types.get(rule.name, _REAL32)),
-        )
-        for rule in rules
-        if rule.name in wrong and after[rule.name] != before[rule.name]
-    )
+    changed = []
+    for rule in rules:
+        name, now, then = rule.name, before[rule.name], after[rule.name]
+        if then != now:
+            why = "; ".join(filter(None, (wrong[name].wanted, wrong[name].why)))
+            request = ParameterSet(name, then, facts.parameter_types.get(name, _REAL32))
+            changed.append(ParameterChange(name, rule.read(now), rule.read(then), why, wrong[name].verdict, request))
+    return tuple(changed)
 
 
 def _judged(facts: Facts) -> dict[str, float]:
