@@ -25,7 +25,7 @@ from guidance.errors import ConfigError
 from guidance.extras import how_to_add
 from guidance.game.arrays import NUMPY, Array
 from guidance.game.game import Reason, Winner
-from guidance.game.records import is_zero, require
+from guidance.game.records import require
 from guidance.game.team.arguments import Games, judged
 from guidance.game.team.several import TeamSolution, assembled, longest_run, nearest_run, placed
 from guidance.game.team.table import Kept, Meeting, Table, are, kept_of, pairs_with, place_of, table_of, taken
@@ -189,10 +189,8 @@ def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second:
     team, alone, guarded = table.all, table.all.alone, first >= 0
     beside = np.where(second < 0, first, second)
     at, two = place_of(beside), place_of(np.stack([first, beside], axis=-1), 2)
-    best = run = placed(team, table.evaders, Meeting(*(part[at] for part in pairs)))
-    if team.goal is not None and not is_zero(team.regions.safe):
-        ends = alone.meeting_point_m[two] - table.evaders[..., None, :]
-        run = nearest_run(team.goal, team.regions.pick(two), ends, best, guarded)
+    best = placed(team, table.evaders, Meeting(*(part[at] for part in pairs)))
+    run = nearest_run(team, table.evaders, best, guarded, two)
     play = assembled(team, table.evaders, run, best, are(table.worth.shape[-1], first, second))
     play = play._replace(
         value=np.where(guarded, play.value, 0.0),

@@ -38,7 +38,7 @@ new solution decides again; this costs the pursuers a time that goes to zero wit
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,8 +50,8 @@ from guidance.game.game import Game, Reason
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting
 from guidance.game.team.arguments import Games, joined, judged, pair_axes, vectors
-from guidance.game.team.regions import Regions, crossing, edge, halfway, survived, unit
-from guidance.game.team.table import Goal, Meeting, Team, are, place_of, taken, team_of, together
+from guidance.game.team.regions import crossing, edge, halfway, survived, unit
+from guidance.game.team.table import Meeting, Team, are, place_of, taken, team_of, together
 
 FEW = 8
 """Up to this number of pursuers every crossing of two edges is tried."""
@@ -200,10 +200,7 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
     least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
     first, second = np.where(won, best.first, least), np.where(won, best.second, least)
     best = placed(team, evader, Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second))
-    run = best
-    if team.goal is not None and not is_zero(team.regions.safe):
-        run = nearest_run(team.goal, team.regions, alone.meeting_point_m - evader[..., None, :], best, won)
-    return assembled(team, evader, run, best, won[..., None]), best
+    return assembled(team, evader, nearest_run(team, evader, best, won), best, won[..., None]), best
 
 
 def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
@@ -219,19 +216,24 @@ def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
     return best._replace(x=np.where(single, end[..., 0], best.x), y=np.where(single, end[..., 1], best.y))
 
 
-def nearest_run(goal: Goal, regions: Regions, ends: Array, best: Meeting, won: Array) -> Meeting:
+def nearest_run(team: Team, evader: Array, best: Meeting, won: Array, who: Any = ...) -> Meeting:  # noqa: ANN401
     """Return the straight run of TAD that ends closest to the target, and its worth.
 
-    Runs are tried to the pursuers' own ends of the game, to that of the best pair, and straight to the target until a
-    pursuer reaches its height. Worth that differs from that of the best pair by rounding is the same.
+    If no pursuer has a height to reach, it is the run of the best pair. Else runs are tried to the pursuers' own ends
+    of the game, to that of the best pair, and straight to the target until a pursuer reaches its height. Worth that
+    differs from that of the best pair by rounding is the same.
 
     Args:
-        goal: the target.
-        regions: of some pursuers, (..., n).
-        ends: of each one's own game, from the evader, (..., n, 3), m.
+        team: the pursuers.
+        evader: position of the evader, (..., 3), m.
         best: what two of them guarantee.
         won: where they win, (...); elsewhere the run is that of `best`.
+        who: what takes the pursuers that play from arrays (..., n); all by default.
     """
+    goal = team.goal
+    if goal is None or is_zero(team.regions.safe):
+        return best
+    regions, ends = team.regions.pick(who), team.alone.meeting_point_m[who] - evader[..., None, :]
     straight = goal.towards(regions.safe)
     x, y = (np.concatenate([ends[..., i], best[i][..., None], straight[i]], axis=-1) for i in (0, 1))
     to = unit((x, y))
