@@ -98,7 +98,9 @@ class Asking:
             now_s: Time.
         """
         asked: tuple[Request, ...] = ()
-        if stage.state not in FINAL and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats)):
+        # A request is repeated only in a cycle with a HEARTBEAT.
+        due = heard.beats or self._asked_s < stage.since_s
+        if due and stage.state not in FINAL and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats)):
             self._asked_s = now_s
             asked = requests_in(stage.state, self._settings, heard)
         uncertain = stage.state is State.ENTERING or (stage.state in SETPOINT_STATES and heard.echo.strange_s)
@@ -122,18 +124,18 @@ class Asking:
         return (self._settings.autopilot.set_mode(Mode.HOLD),)
 
     def _is_due(self, stage: Stage, now_s: float, *, fresh_heartbeat: bool) -> bool:
-        """Whether the state's requests are due now."""
-        in_state_s, entering = now_s - stage.since_s, stage.state is State.ENTERING
-        repeated = self._asked_s >= stage.since_s
-        if repeated and now_s - self._asked_s < REPEAT_S:
-            return False
-        if repeated and (stage.state is State.STANDING_BY or stage.mode_left is Mode.OTHER):
-            return False  # the pilot's next switch is intended
-        if (repeated or (entering and in_state_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
-            return False
-        streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
+        """Whether the state's requests are due now, for the first time or again."""
+        if self._asked_s >= stage.since_s:
+            # After a repetition the pilot's next switch is intended.
+            intended = stage.state is State.STANDING_BY or stage.mode_left is Mode.OTHER
+            if intended or now_s - self._asked_s < REPEAT_S:
+                return False
+        if stage.state is not State.ENTERING:
+            return True
         # The HEARTBEAT of the order's own cycle may be older than the order.
-        return not (entering and in_state_s <= streamed_s + _SAME_S)
+        streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
+        in_state_s = now_s - stage.since_s
+        return in_state_s > streamed_s + _SAME_S and (fresh_heartbeat or in_state_s >= UNHEARD_S - _SAME_S)
 
 
 class Playing:

@@ -92,7 +92,7 @@ class FrameReader:
             else:
                 frames.append(frame)
             position = end
-        if not stream:
+        if not stream and position < len(buffer):
             self._skip(len(buffer) - position)
             position = len(buffer)
         del buffer[:position]
@@ -117,27 +117,22 @@ class FrameReader:
         if crc16.mcrf4xx(data[1:end] + bytes((message.crc_extra,))) != int.from_bytes(data[end : end + 2], "little"):
             return None
         self._unknown_left = 0
-        name, (sequence, system_id, component_id) = message.msgname, sender
-        fields = _fields(message, data[begin:end]) if name in self._used else None
+        name, fields, (sequence, system_id, component_id) = message.msgname, None, sender
+        if name in self._used:
+            # In half the time of pymavlink's `decode`, which checks everything again. Zeros at the end of a payload may
+            # be left out, and extensions that we do not know may follow it.
+            size = message.unpacker.size
+            values: Sequence[Any] = message.unpacker.unpack(data[begin:end].ljust(size, b"\0")[:size])
+            if len(values) > len(message.lengths):  # the numbers of an array stand side by side
+                rest = iter(values)
+                values = [next(rest) if length == 1 else [*islice(rest, length)] for length in message.lengths]
+            fields = message(*[values[index] for index in message.orders])
         return Frame(name, system_id, component_id, sequence, fields, data)
 
     def _skip(self, count: int) -> None:
         unknown = min(count, self._unknown_left)
         self._unknown_left -= unknown
         self.garbage_bytes += count - unknown
-
-
-def _fields(message: Any, payload: bytes) -> Fields:  # noqa: ANN401 - a class of pymavlink
-    """Return a message with its fields in half the time of pymavlink's `decode`, which checks everything again.
-
-    Zeros at the end of a payload may be left out, and extensions that we do not know may follow it.
-    """
-    size = message.unpacker.size
-    values: Sequence[Any] = message.unpacker.unpack(payload.ljust(size, b"\0")[:size])
-    if len(values) > len(message.lengths):  # the numbers of an array stand side by side
-        rest = iter(values)
-        values = [next(rest) if length == 1 else [*islice(rest, length)] for length in message.lengths]
-    return message(*[values[index] for index in message.orders])
 
 
 def frame_length(data: bytes | bytearray, start: int = 0) -> int:
@@ -164,9 +159,15 @@ def is_signed(frame: Frame) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """The shared secret. With a key we sign every frame that we send and refuse every frame without a signature."""
+    """The shared secret. With a key we sign every frame that we send and refuse every frame without a signature.
+
+    Args:
+        secret: 32 bytes.
+        unix_s: The Unix time of the first use; None reads it then.
+    """
 
     secret: bytes = field(repr=False)
+    unix_s: float | None = None
 
     def __post_init__(self) -> None:
         """Check the size.
@@ -204,13 +205,12 @@ class SignatureCheck:
 
     Args:
         key: The shared secret.
-        now_ticks: Our own time, see `ticks`; None reads it.
     """
 
-    def __init__(self, key: SigningKey, now_ticks: int | None = None) -> None:
+    def __init__(self, key: SigningKey) -> None:
         self._secret = key.secret
         self._last: dict[tuple[int, int, int], int] = {}
-        self.latest = ticks(time.time_ns() / 1e9) if now_ticks is None else now_ticks
+        self.latest = ticks(time.time_ns() / 1e9 if key.unix_s is None else key.unix_s)
         """Our time at the start, or the latest timestamp accepted since."""
 
     def problem(self, frame: Frame) -> str | None:
@@ -233,22 +233,16 @@ class Station:
     """One sender of frames. It numbers them and, with a key, signs them and checks the signatures of others."""
 
     def __init__(
-        self,
-        system_id: int,
-        component_id: int,
-        *,
-        signing_key: SigningKey | None = None,
-        clock: Clock | None = None,
-        unix_s: float | None = None,
+        self, system_id: int, component_id: int, *, signing_key: SigningKey | None = None, clock: Clock | None = None
     ) -> None:
-        """Start at sequence number 0. `clock` and `unix_s`, by default the Unix time now, are used for signing only."""
+        """Start at sequence number 0. The clock is used for signing only."""
         self._mavlink = common.MAVLink(None, system_id, component_id)
         self._clock: Clock = clock or (lambda: 0.0)
         self._begun_s = self._clock()
-        self._check = None
-        if signing_key is not None:
-            self._check = SignatureCheck(signing_key, None if unix_s is None else ticks(unix_s))
-            self._begun_ticks = self._check.latest
+        self.check = None if signing_key is None else SignatureCheck(signing_key)
+        """Of the signatures of others; None without a key."""
+        if signing_key is not None and self.check is not None:
+            self._begun_ticks = self.check.latest
             signing = self._mavlink.signing
             signing.secret_key, signing.sign_outgoing = signing_key.secret, True
 
@@ -258,14 +252,10 @@ class Station:
         Raises:
             struct.error: If a field does not fit.
         """
-        if self._check is not None:
+        if self.check is not None:
             signing = self._mavlink.signing
             now = self._begun_ticks + int((self._clock() - self._begun_s) * _TICKS_PER_S)
-            signing.timestamp = max(signing.timestamp, self._check.latest, now)
+            signing.timestamp = max(signing.timestamp, self.check.latest, now)
         frame = bytes(message.pack(self._mavlink))
         self._mavlink.seq = (self._mavlink.seq + 1) % 256
         return frame
-
-    def problem(self, frame: Frame) -> str | None:
-        """Return "unsigned" or "refused" if there is a key and the frame's signature fails, else None."""
-        return None if self._check is None else self._check.problem(frame)

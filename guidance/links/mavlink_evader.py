@@ -32,7 +32,6 @@ class MavlinkEvader:
         component_id: int | None = None,
         clock: Clock | None = None,
         signing_key: SigningKey | None = None,
-        unix_s: float | None = None,
     ) -> None:
         """Take over a wire.
 
@@ -43,14 +42,13 @@ class MavlinkEvader:
             component_id: The evader's; None accepts any.
             clock: For TIMESYNC; None sends nothing.
             signing_key: Accept only frames signed with it, and sign ours; None does neither.
-            unix_s: The Unix time, for signing only; None reads it.
         """
         self._wire = wire
         self._carrier = carrier
         self._system_id = system_id
         self._component_id = component_id
         self._frames = FrameReader((carrier.message, "TIMESYNC"))
-        self._station = Station(system_id, OWN_COMPONENT_ID, signing_key=signing_key, unix_s=unix_s, clock=clock)
+        self._station = Station(system_id, OWN_COMPONENT_ID, signing_key=signing_key, clock=clock)
         self._clock = clock
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
@@ -79,10 +77,10 @@ class MavlinkEvader:
         if frame.system_id != self._system_id or self._component_id not in (None, frame.component_id):
             self._counts["foreign"] += 1
             return False
-        problem = self._station.problem(frame)
-        if problem is not None:
-            self._counts[problem] += 1
-        return problem is None
+        if (check := self._station.check) is None or (problem := check.problem(frame)) is None:
+            return True
+        self._counts[problem] += 1
+        return False
 
     def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
         if frame.name == "TIMESYNC":

@@ -71,7 +71,6 @@ def open_link(
     clock: Clock,
     who: str,
     component_id: int = 1,
-    own_system_id: int | None = None,
     signing_key: SigningKey | None = None,
     timeout_s: float = 10.0,
     sleep: Sleep = time.sleep,
@@ -85,7 +84,6 @@ def open_link(
         clock: Time of arrivals, setpoints and repeated requests.
         who: Names the vehicle in errors.
         component_id: Its autopilot's.
-        own_system_id: Ours; None takes the vehicle's, as its companion computer.
         signing_key: Sign our frames and refuse unsigned ones (pymavlink only; MAVSDK cannot sign).
         timeout_s: How long to wait for the first HEARTBEAT.
         sleep: Waits between two looks, s.
@@ -95,14 +93,7 @@ def open_link(
     """
     with contextlib.ExitStack() as closing:
         closing.callback(wire.close)
-        link = _LINKS[kind](
-            wire,
-            clock,
-            system_id=system_id,
-            component_id=component_id,
-            own_system_id=own_system_id,
-            signing_key=signing_key,
-        )
+        link = _LINKS[kind](wire, clock, system_id=system_id, component_id=component_id, signing_key=signing_key)
         closing.callback(link.close)
         wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=who)
         closing.pop_all()

@@ -6,7 +6,7 @@ arrives in chunks; they are joined here.
 
 import contextlib
 import math
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -85,7 +85,6 @@ class PymavlinkLink:
         own_system_id: int | None = None,
         own_component_id: int = 195,
         signing_key: SigningKey | None = None,
-        unix_s: float | None = None,
         unread: frozenset[str] = frozenset(),
     ) -> None:
         """Take over an open wire, which is closed with the link.
@@ -98,17 +97,15 @@ class PymavlinkLink:
             own_system_id: Ours; None takes the vehicle's, as its companion computer.
             own_component_id: Ours. Messages addressed to other stations are dropped.
             signing_key: Sign our frames and refuse unsigned ones; None does neither.
-            unix_s: The Unix time, for signing only; None reads it.
             unread: Names of messages that nobody reads from this link; they are counted as unused.
         """
         self._wire = wire
         self._clock = clock
         self._own = own_system_id or system_id, own_component_id
         self._vehicle = system_id, component_id
-        self._signed = signing_key is not None
-        self._station = Station(*self._own, signing_key=signing_key, clock=clock, unix_s=unix_s)
+        self._station = Station(*self._own, signing_key=signing_key, clock=clock)
         self._frames = FrameReader(self._reads - unread)
-        self._inbox: deque[messages.Message] = deque()
+        self._inbox: list[messages.Message] = []
         self._requests = RequestQueue()
         self._timesync = TimesyncPeer()
         self._texts = TextJoiner()
@@ -131,36 +128,39 @@ class PymavlinkLink:
     def receive(self) -> Sequence[messages.Message]:
         """Return all messages of the vehicle since the last call, oldest first."""
         self.poll()
-        received, self._inbox = list(self._inbox), deque()
+        received, self._inbox = self._inbox, []
         return received
 
     def poll(self) -> None:
         """Read the wire, keep the messages for the next `receive`, and send due requests."""
         if self._closed:
             return
+        check = self._station.check
         for received_s, data in self._wire.receive():
             for frame in self._frames.read(data, stream=self._wire.stream):
-                self._take_in(frame, received_s)
+                if frame[1:3] != self._vehicle:
+                    self._overhear(frame, received_s)
+                elif check is not None and (problem := check.problem(frame)) is not None:
+                    self.counts[problem] += 1
+                else:
+                    self.counts["received"] += 1
+                    try:
+                        self.hear(frame, received_s)
+                    except (KeyError, TypeError, ValueError, ArithmeticError):
+                        self.counts["invalid"] += 1
         self._tend(self._clock())
-        while len(self._inbox) > QUEUE_LENGTH:
-            self._inbox.popleft()
-            self.counts["overflowed"] += 1
+        if (overflowed := len(self._inbox) - QUEUE_LENGTH) > 0:
+            del self._inbox[:overflowed]
+            self.counts["overflowed"] += overflowed
 
-    def _take_in(self, frame: Frame, received_s: float) -> None:
-        if frame[1:3] != self._vehicle:
-            self.counts["foreign"] += 1
-            self.others.add(frame.system_id)
-            if frame.name == "GLOBAL_POSITION_INT" and frame.system_id != self._vehicle[0] and not self._signed:
-                with contextlib.suppress(ValueError):
-                    self._inbox.append(other_aircraft(frame, received_s))
-        elif self._signed and (problem := self._station.problem(frame)) is not None:
-            self.counts[problem] += 1
-        else:
-            self.counts["received"] += 1
-            try:
-                self.hear(frame, received_s)
-            except (KeyError, TypeError, ValueError, ArithmeticError):
-                self.counts["invalid"] += 1
+    def _overhear(self, frame: Frame, received_s: float) -> None:
+        """Count a frame of another sender. A position of another system is an aircraft's, unless frames are signed."""
+        self.counts["foreign"] += 1
+        self.others.add(frame.system_id)
+        known = frame.system_id == self._vehicle[0] or self._station.check is not None
+        if frame.name == "GLOBAL_POSITION_INT" and not known:
+            with contextlib.suppress(ValueError):
+                self._inbox.append(other_aircraft(frame, received_s))
 
     def hear(self, frame: Frame, received_s: float) -> None:
         """Take one used message of the vehicle.

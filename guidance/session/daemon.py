@@ -12,7 +12,6 @@ from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import ASSIGNED, ORDERED, RELOADED, STOPPED, TEAM_NEWS
 from guidance.log.writer import Record
-from guidance.messages import EvaderReport
 from guidance.preflight import PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
@@ -163,21 +162,18 @@ class Daemon:
         people, mission = given[Authority.OPERATOR], given[Authority.MISSION]
         alive = any(query.order == ALIVE for query in queries) or None
         bars = refusals(self._engaging.rows) if Event.ENGAGE in (*people, *mission) else self._engaging.bars_the_pilot
-        messages, reports = self._link.receive(), self._reports()
+        messages, sources = self._link.receive(), self._evaders.items()
+        came = [(name, report) for name, source in sources for report in source.receive()]
+        reports = [report for _, report in came]  # without a team an evader needs no name
         if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
         mates = role = None
         if self.team is not None:
+            reports = [report._replace(evader=name) for name, report in came]
             mates, role, relayed = self.team.hear(now_s, self.flight, reports)
-            reports = (*reports, *relayed)
+            reports += relayed
         return Inputs(messages, reports, people, self._barred() + bars, alive, mission, mates, role)
-
-    def _reports(self) -> Sequence[EvaderReport]:
-        """Read the reports of all evaders; without a team an evader needs no name."""
-        if self.team is None:
-            return next(iter(self._evaders.values())).receive()
-        return [report._replace(evader=name) for name, source in self._evaders.items() for report in source.receive()]
 
     def _barred(self) -> tuple[str, ...]:
         """Names of what preflight refuses; before its first verdict, preflight itself."""

@@ -29,7 +29,7 @@ class Signed(Peer):
 
 
 def keyed() -> AddressPins:
-    return AddressPins({1}, {1: SignatureCheck(SigningKey(KEY), ticks(UNIX_S))})
+    return AddressPins({1}, {1: SignatureCheck(SigningKey(KEY, UNIX_S))})
 
 
 def test_the_first_sender_with_the_vehicles_id_is_pinned():

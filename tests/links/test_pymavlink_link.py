@@ -177,7 +177,7 @@ def test_a_signed_vehicle_needs_the_key_in_both_directions():
     signing = Signing(key)
     signing.advance_to(1_800_000_000.0)
     encoder, decoder = Encoder(1, 1, signing=signing, link_id=2), Decoder(signing=signing)
-    link = PymavlinkLink(ours, lambda: 5.0, system_id=1, signing_key=SigningKey(key), unix_s=1_800_000_000.0)
+    link = PymavlinkLink(ours, lambda: 5.0, system_id=1, signing_key=SigningKey(key, 1_800_000_000.0))
     theirs.send(encoder.pack("LOCAL_POSITION_NED", 1000, 1.0, 2.0, -3.0, 0.5, 0.5, 0.5))
     theirs.send(Encoder(1, 1).pack("LOCAL_POSITION_NED", 2000, 1.0, 2.0, -3.0, 0.5, 0.5, 0.5))
     assert [message.time_boot_s for message in link.receive()] == [1.0]

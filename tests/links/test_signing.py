@@ -20,8 +20,8 @@ class World:
         ours, self.theirs = MemoryWire.pair(lambda: self.now_s)
         self.peer = Peer(self.theirs.send)
         self.sign(KEY)
-        signing_key = SigningKey(key) if key is not None else None
-        self.link = PymavlinkLink(ours, lambda: self.now_s, system_id=1, signing_key=signing_key, unix_s=unix_s)
+        signing_key = SigningKey(key, unix_s) if key is not None else None
+        self.link = PymavlinkLink(ours, lambda: self.now_s, system_id=1, signing_key=signing_key)
 
     def sign(self, key: bytes | None, *, unix_s: float = UNIX_S) -> None:
         self.peer.mavlink.signing.secret_key = key

@@ -132,7 +132,7 @@ def test_28_a_clock_that_starts_elsewhere_gives_the_same_flight(sortie):
 def test_30_unsigned_frames_are_refused_where_signing_is_required():
     clock = VirtualClock(1.0)
     ours, theirs = MemoryWire.pair(clock.now_s)
-    link = PymavlinkLink(ours, clock.now_s, system_id=1, signing_key=SigningKey(bytes(range(32))), unix_s=1.8e9)
+    link = PymavlinkLink(ours, clock.now_s, system_id=1, signing_key=SigningKey(bytes(range(32)), 1.8e9))
     sender = mavlink.MAVLink(None, 1, 1)
     theirs.send(mavlink.MAVLink_heartbeat_message(2, 12, 129, 0x60000, 4, 3).pack(sender))
     assert link.receive() == []

@@ -82,7 +82,7 @@ class Ordered(Sortie):
         ours, self._end = MemoryWire.pair(clock.now_s)
         theirs, self._prey_end = MemoryWire.pair(clock.now_s)
         self.wire = TappedWire(ours, clock.now_s, "uav1")
-        signing = {"signing_key": None if key is None else SigningKey(key), "unix_s": UNIX_S}
+        signing = {"signing_key": None if key is None else SigningKey(key, UNIX_S)}
         self.link = PymavlinkLink(self.wire, clock.now_s, system_id=1, **signing)
         heard = MavlinkEvader(theirs, GLOBAL_POSITION, system_id=2, **signing)
         self.evader = heard if source is None else source(clock)

@@ -15,7 +15,8 @@ import pytest
 from mcap.reader import make_reader
 
 from guidance.errors import LinkError
-from guidance.links.opening import open_link, open_wire
+from guidance.links.opening import open_wire, wait_until_heard
+from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Parameter, ParameterRequest, ParameterSet
 from guidance.session.control_bus import ask
 from guidance.session.control_socket import STATUS
@@ -60,15 +61,10 @@ def ctl(control, order):
 def set_by_another(fleet, name, parameter, value):
     """A ground station sets a parameter, and has it confirmed."""
     url = f"zenoh://{fleet[name].zenoh.removeprefix('tcp/')}/{name}"
-    link = open_link(
-        open_wire(url, clock=time.monotonic),
-        "pymavlink",
-        system_id=1,
-        clock=time.monotonic,
-        who=url,
-        own_system_id=255,
-    )
+    wire = open_wire(url, clock=time.monotonic)
+    link = PymavlinkLink(wire, time.monotonic, system_id=1, own_system_id=255)
     try:
+        wait_until_heard(link, clock=time.monotonic, timeout_s=10.0, sleep=time.sleep, who=url)
         link.request(ParameterRequest(parameter))
         there = answer(link, parameter)
         link.request(ParameterSet(parameter, value, there.param_type))
