@@ -66,7 +66,7 @@ class Library:
 
     def select_all(self, condition: Truth, yes: Record, no: Record) -> Record:
         """Choose between two numbers, or records of numbers and vectors, elementwise."""
-        return cast("Record", mapped(partial(self.select, condition), yes, no))
+        return mapped(partial(self.select, condition), yes, no)
 
     def norm2(self, v: Plane) -> Real:
         """Return the length of a plane vector."""
@@ -230,13 +230,12 @@ def as_reals(array: Array) -> Array:
     return array
 
 
-def mapped(function: Callable[..., Real], *records: Any) -> Any:  # noqa: ANN401 - numbers, or tuples of them
+def mapped(function: Callable[..., Any], first: Record, *more: Record) -> Record:
     """Return a record of what a function makes of the numbers at the same place of each record."""
-    first = records[0]
     if not isinstance(first, tuple):
-        return function(*records)
-    parts = [mapped(function, *each) for each in zip(*records, strict=True)]
-    return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
+        return cast("Record", function(first, *more))
+    parts = tuple(mapped(function, *each) for each in zip(first, *more, strict=True))
+    return cast("Record", type(first)(*parts) if hasattr(first, "_fields") else parts)
 
 
 def component(array: Array, index: int) -> Real:

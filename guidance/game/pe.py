@@ -274,7 +274,11 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     flown = steer(xp, game, to, gap, t, state.z, state.hold)
     reason: Real = int(Reason.SOLVED)
     if free is not False and (xp is not NUMPY or np.any(free)):
-        flown, reason = _overhead(xp, game, state, free & (t > 0) & (gap + v * t > 0), flown)
+        above = free & (t > 0) & (gap + v * t > 0)
+        reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
+        if isinstance(game.pursuer, Ball):
+            copied, vertical = _overhead(xp, game, game.pursuer, state)
+            flown = *xp.select2(above, copied, (flown[0], flown[1])), xp.select(above, vertical, flown[2])
     return StateSolution(
         winner=int(Winner.PURSUER),
         value=t,
@@ -304,12 +308,8 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
     return climb(xp, state.to_evader, (-wind[0], -wind[1]), cover)
 
 
-def _overhead(xp: Library, game: Game, state: Geometry, above: Truth, flown: Space) -> tuple[Space, Real]:
+def _overhead(xp: Library, game: Game, pursuer: Ball, state: Geometry) -> tuple[Plane, Real]:
     """Above the evader a Ball copies its velocity, and uses the rest of its speed vertically."""
-    reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
-    if isinstance(game.pursuer, Cylinder):
-        return flown, reason
-    rest = xp.sqrt(game.pursuer.speed_m_s * game.pursuer.speed_m_s - dot2(state.hold, state.hold))
+    rest = xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - dot2(state.hold, state.hold))
     copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
-    vertical = xp.select(state.z > 0, -rest, xp.select(state.z < 0, rest, 0.0))
-    return (*xp.select2(above, copied, (flown[0], flown[1])), xp.select(above, vertical, flown[2])), reason
+    return copied, xp.select(state.z > 0, -rest, xp.select(state.z < 0, rest, 0.0))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Real, as_reals, is_array, mapped
+from guidance.game.arrays import Array, Real, Record, Truth, as_reals, is_array, mapped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +50,31 @@ def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 
         few = {part.name: rows_of(getattr(value, part.name), rows) for part in fields(value) if part.init}
         return replace(value, **few)
     return value
+
+
+def in_rows(wanted: Truth, whole: Record, function: Callable[..., Record], *records: Any) -> Record:  # noqa: ANN401
+    """Return a record in which the rows that are wanted are those that a function computes from the rows of others.
+
+    A single state, and a library that is not NumPy, has no rows to choose from.
+    """
+    if isinstance(wanted, (bool, np.bool_)):
+        return function(*records) if wanted else whole
+    if not isinstance(wanted, np.ndarray) or wanted.all():
+        return function(*records)
+    if not wanted.any():
+        return whole
+    shape, rows = wanted.shape, np.nonzero(wanted)
+
+    def few(array: Array) -> Array:
+        return (array if array.shape == shape else np.broadcast_to(array, shape))[rows]
+
+    def filled(all_rows: Real, some: Array) -> Array:
+        found = np.empty(shape, dtype=np.result_type(some))
+        found[...] = all_rows
+        found[rows] = some
+        return found
+
+    return mapped(filled, whole, function(*(rows_of(record, few) for record in records)))
 
 
 def take(record: Numbers, name: str, *, zero_allowed: bool = False) -> None:

@@ -9,16 +9,15 @@ A few rows need more steps, or a bracket around the minimum. Beyond the guarante
 a dent in front of the pursuer and several minima; `solve` gives no value there (`Reason.NO_REGION`).
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import Array, Library, Plane, Real, Truth, cross2, dot2, in_plane, mapped, plus2, times2
+from guidance.game.arrays import Library, Plane, Real, Truth, cross2, dot2, in_plane, plus2, times2
 from guidance.game.game import STILL, Game
 from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, follow, hunt_for, judge, turned
 from guidance.game.pe import Geometry
-from guidance.game.records import is_zero, rows_of
+from guidance.game.records import in_rows, is_zero
 
 STEPS = 3
 """Newton steps of every row."""
@@ -75,8 +74,7 @@ def closest_point(xp: Library, game: Game, state: Geometry, target: Plane, goal:
     if wanted is False:
         return Closest(target, 0.0, 0.0)
     hunt = hunt_for(xp, game, state, target, goal)
-    found: Closest = _in_rows(wanted, Closest(target, 0.0, 0.0), lambda hunt: _closest(xp, hunt), hunt)
-    return found
+    return in_rows(wanted, Closest(target, 0.0, 0.0), lambda hunt: _closest(xp, hunt), hunt)
 
 
 def _closest(xp: Library, hunt: Hunt) -> Closest:
@@ -109,8 +107,7 @@ def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
     steps = 1 if _is_bare(hunt) else STEPS
     aim, there = _newton(xp, hunt, start, within, steps, NEWTON_STEPS)
     there = within | (there & (abs(aim.s - start.s) <= 2.0))
-    found: Aim = _in_rows(there == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start)
-    return found
+    return in_rows(there == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start)
 
 
 def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: int) -> tuple[Aim, Truth]:
@@ -122,10 +119,8 @@ def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: i
     there = there | (sound & (abs(turn) <= xp.half_of_digits(turn)))
     if steps == most:
         return aim, there
-    found: tuple[Aim, Truth] = _in_rows(
-        there == 0, (aim, there), lambda hunt, aim: _newton(xp, hunt, aim, False, 1, most - steps), hunt, aim
-    )
-    return found
+    again = (aim, there)
+    return in_rows(there == 0, again, lambda hunt, aim: _newton(xp, hunt, aim, False, 1, most - steps), hunt, aim)
 
 
 def _is_bare(hunt: Hunt) -> bool:
@@ -228,28 +223,3 @@ def _settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
         way = follow(xp, hunt, aim, held=True)
         aim = Aim(aim.s, way.to)
     return aim, way
-
-
-def _in_rows(wanted: Truth, whole: Any, function: Callable[..., Any], *records: Any) -> Any:  # noqa: ANN401 - records
-    """Return a record in which the rows that are wanted are those that a function computes from the rows of others.
-
-    A single state, and a library that is not NumPy, has no rows to choose from.
-    """
-    if isinstance(wanted, (bool, np.bool_)):
-        return function(*records) if wanted else whole
-    if not isinstance(wanted, np.ndarray) or wanted.all():
-        return function(*records)
-    if not wanted.any():
-        return whole
-    shape, rows = wanted.shape, np.nonzero(wanted)
-
-    def few(array: Array) -> Array:
-        return (array if array.shape == shape else np.broadcast_to(array, shape))[rows]
-
-    def filled(all_rows: Real, some: Array) -> Array:
-        found = np.empty(shape, dtype=np.result_type(some))
-        found[...] = all_rows
-        found[rows] = some
-        return found
-
-    return mapped(filled, whole, function(*(rows_of(record, few) for record in records)))

@@ -6,7 +6,7 @@ state is solved with Python's floats. The answers are the same to the bit.
 
 import math
 from operator import itemgetter
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from array_api_compat import is_jax_array
@@ -27,9 +27,6 @@ ROWS = 12288
 """Rows of a chunk: about forty intermediate arrays of 96 KiB stay in the processor's cache."""
 
 np.empty(64 * ROWS)  # glibc keeps freed memory for the next chunk only after it has seen a block of this size freed
-
-Place: TypeAlias = tuple[float, float, float]
-"""A place or a velocity of one state: x, y and z."""
 
 
 class Solution(NamedTuple):
@@ -90,18 +87,23 @@ def solve(
         ConfigError: an argument is no array (..., 3) of numbers, the shapes do not fit each other, or a single state is
             not finite. In a batch (and for a single JAX state, which may be traced) such a row is NaN instead.
     """
-    given = {"pursuer": pursuer, "evader": evader, "target": target, "evader_velocity_m_s": evader_velocity_m_s}
-    given = {name: value for name, value in given.items() if value is not None}
+    state = (pursuer, evader, target, evader_velocity_m_s)
+    given: dict[str, Any] = {name: value for name, value in zip(NAMES, state, strict=True) if value is not None}
     varying = [value for value in parameters(game).values() if is_array(value)] if game.varies else []
     xp, given = vectors(given, varying)
     shape = leading_shape(game, given)
     if out is not None and out.value.shape != shape:
         raise ConfigError(f"out: its leading shape is {tuple(out.value.shape)}; must be that of the states, {shape}")
-    if xp is not NUMPY:
-        return _solve(xp, game, shape, given, None)
-    if shape == ():
-        return _solve_one(game, given, out)
-    return _solve_rows(simplified(game), shape, given, out)
+    if xp is NUMPY and shape:
+        return _solve_rows(simplified(game), shape, given, out)
+    if xp is not NUMPY or given["pursuer"].dtype != np.float64:
+        return _solve(xp, game, shape, given, out)
+    answer = solve_state(game, **{name: tuple(value.tolist()) for name, value in given.items()})  # ten times faster
+    _refuse(answer.reason, given)
+    out = out or _empty((), given["pursuer"])
+    for field, value in zip(out, answer, strict=True):
+        field[...] = value
+    return out
 
 
 def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
@@ -125,21 +127,8 @@ def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Arr
         return out
 
 
-def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Solution:
-    """Solve a single state with floats, in a tenth of the time."""
-    if given["pursuer"].dtype != np.float64:
-        return _solve(NUMPY, game, (), given, out)
-    places: dict[str, Any] = {name: tuple(value.tolist()) for name, value in given.items()}
-    answer = solve_state(game, **places)
-    _refuse(answer.reason, given)
-    out = out or _empty((), given["pursuer"])
-    for field, value in zip(out, answer, strict=True):
-        field[...] = value
-    return out
-
-
 def solve_state(
-    game: Game, pursuer: Place, evader: Place, target: Place | None = None, *, evader_velocity_m_s: Place | None = None
+    game: Game, pursuer: Space, evader: Space, target: Space | None = None, *, evader_velocity_m_s: Space | None = None
 ) -> StateSolution:
     """Solve one state of plain numbers, with the same bits as `solve` and without arrays; a flight does it every cycle.
 
@@ -174,7 +163,7 @@ def solve_state(
     return StateSolution._make((int(play.winner), *plain, int(reason)))
 
 
-def _row_of_one(game: Game, known: tuple[Place | None, ...]) -> StateSolution:
+def _row_of_one(game: Game, known: tuple[Space | None, ...]) -> StateSolution:
     """Solve a single state as a batch of one."""
     given = {name: np.array([place], float) for name, place in zip(NAMES, known, strict=True) if place is not None}
     row = (column[0].tolist() for column in _solve(NUMPY, game, (1,), given, None))

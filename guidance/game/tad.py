@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.game import pe
-from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, Truth, dot2
+from guidance.game.arrays import NUMPY, Library, Plane, Real, Truth, dot2
 from guidance.game.extent import from_set, least_at, nearest, to_set
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
 from guidance.game.pe import Geometry, StateSolution
@@ -77,8 +77,14 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
     flown = pe.fly_to(xp, game, state._replace(hold=hold), to, xp.select(won, lead.time, contest.guard))
-    if not is_zero(age):
-        flown = _close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown)
+    over = won & (lead.time <= 0) & (caught == 0)
+    if not is_zero(age) and (xp.differentiates or np.any(over)):
+        # At the meeting point and not captured: with old information the evader may not have run there. A pursuer that
+        # stayed would let it pass, so it plays PE.
+        chased = pe.pursuit(xp, game, state).pursuer_velocity_m_s
+        flown = *xp.select2(over, chased[:2], flown[:2]), xp.select(over, chased[2], flown[2])
+    reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
+    reason = xp.select(arrived, int(Reason.ARRIVED), reason)
     return StateSolution(
         winner=xp.sign(margin),
         value=xp.select(won, edge.left - game.target_extent.radius_m, contest.short),
@@ -87,20 +93,8 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
         meeting_time_s=time,
         pursuer_velocity_m_s=flown,
         evader_velocity_m_s=(pace * heading[0], pace * heading[1], 0.0),
-        reason=_reason(xp, margin, arrived, caught),
+        reason=xp.select(caught, int(Reason.CAPTURED), reason),
     )
-
-
-def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Space) -> Space:
-    """StateSolution PE if the pursuer is at the meeting point and the evader is not captured.
-
-    That happens only with old information: the evader may not have run to the meeting point. A pursuer that stayed
-    there would let it pass.
-    """
-    if not xp.differentiates and not np.any(over):
-        return flown
-    chased = pe.pursuit(xp, game, state).pursuer_velocity_m_s
-    return *xp.select2(over, chased[:2], flown[:2]), xp.select(over, chased[2], flown[2])
 
 
 def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Plane:
@@ -152,7 +146,7 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     found = Contest(goal, arrival, guard, margin, short, edge)
     if paper is None:
         return found
-    both: Contest = xp.select_all(circle, paper, found)
+    both = xp.select_all(circle, paper, found)
     return found._replace(edge=both.edge) if flat else both
 
 
@@ -272,14 +266,7 @@ def _with_falling(
     far = xp.norm2(goal)
     towards = xp.unit2(goal, far)
     fallen = Closest((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
-    edge: Closest = xp.select_all(far - radius < level.left, fallen, level)
-    return edge
-
-
-def _reason(xp: Library, margin: Real, arrived: Truth, caught: Truth) -> Real:
-    reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
-    reason = xp.select(arrived, int(Reason.ARRIVED), reason)
-    return xp.select(caught, int(Reason.CAPTURED), reason)
+    return xp.select_all(far - radius < level.left, fallen, level)
 
 
 def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: Real, lost: Truth) -> Real:
