@@ -65,7 +65,13 @@ class Polygon:
 
     def nearest_points(self, point: Point) -> tuple[Point, ...]:
         """The nearest point of every edge."""
-        return tuple(_nearest(point, edge) for edge in self.edges())
+        found = []
+        for (north1, east1), (north2, east2) in self.edges():
+            along_north, along_east = north2 - north1, east2 - east1
+            way = (point[0] - north1) * along_north + (point[1] - east1) * along_east
+            share = min(1.0, max(0.0, way / (along_north**2 + along_east**2)))
+            found.append((north1 + share * along_north, east1 + share * along_east))
+        return tuple(found)
 
 
 def corners_about_home(corners_deg: Iterable[Point], home_ned_m: Vector, frame: LocalFrame) -> tuple[Point, ...]:
@@ -79,14 +85,6 @@ def corners_about_home(corners_deg: Iterable[Point], home_ned_m: Vector, frame: 
     north_m, east_m, _ = home_ned_m
     places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
     return tuple((north - north_m, east - east_m) for north, east, _ in places)
-
-
-def _nearest(point: Point, edge: Edge) -> Point:
-    (north1, east1), (north2, east2) = edge
-    along_north, along_east = north2 - north1, east2 - east1
-    share = ((point[0] - north1) * along_north + (point[1] - east1) * along_east) / (along_north**2 + along_east**2)
-    share = min(1.0, max(0.0, share))
-    return (north1 + share * along_north, east1 + share * along_east)
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:

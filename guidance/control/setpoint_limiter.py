@@ -114,7 +114,13 @@ def limit(
 
     allowed = clamp(command.velocity_ned_m_s, envelope.speeds)
     _note(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, command.velocity_ned_m_s)
-    shaped, acceleration = (_accelerate if already_shaped else _shape)(allowed, memory, envelope, dt_s)
+    before = clamp(memory.velocity_ned_m_s, envelope.speeds)
+    if already_shaped:
+        shaped, acceleration = _accelerated(allowed, before, envelope.accelerations, dt_s)
+    else:
+        gained = clamp(memory.acceleration_ned_m_s2, envelope.accelerations)
+        shaped, acceleration = shape(allowed, before, gained, envelope, dt_s, math.inf)
+        shaped = clamp(shaped, envelope.speeds)
     _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     velocity, holding = obey(shaped, constraints_of(shaped, situation, walls, envelope))
     active.extend(dict.fromkeys(one.limiter for one in holding))
@@ -144,17 +150,8 @@ def limit(
     return Limited(Setpoint(velocity, feed_forward, turned_rad), tuple(active), sent)
 
 
-def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> tuple[Vector, Vector]:
-    """Approach the allowed velocity within acceleration and jerk, and stay within the speeds meanwhile."""
-    before, gained = clamp(memory.velocity_ned_m_s, envelope.speeds), memory.acceleration_ned_m_s2
-    gained = clamp(gained, envelope.accelerations)
-    velocity, acceleration = shape(allowed, before, gained, envelope, dt_s, math.inf)
-    return clamp(velocity, envelope.speeds), acceleration
-
-
-def _accelerate(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> tuple[Vector, Vector]:
-    """Approach the allowed velocity within the acceleration alone."""
-    before, most = clamp(memory.velocity_ned_m_s, envelope.speeds), envelope.accelerations
+def _accelerated(allowed: Vector, before: Vector, most: Bounds, dt_s: float) -> tuple[Vector, Vector]:
+    """Approach the allowed velocity within the acceleration alone; return the velocity and the acceleration."""
     if dt_s <= 0.0:
         return before, STILL
     change = difference(allowed, before)
