@@ -88,7 +88,7 @@ def doctor(
 def check(
     ctx: typer.Context,
     name: Annotated[str | None, typer.Argument(help="A vehicle file; with --vehicle a scenario (default: pe).")] = None,
-    vehicle: arguments.Url = None,
+    vehicle: Annotated[str | None, typer.Option(help="URL of an autopilot that runs already.", metavar="URL")] = None,
     autopilot: arguments.Expected = None,
     link: arguments.Link = "mavsdk",
     apply: Annotated[bool, typer.Option("--apply", help="Set refused parameters, and check again.")] = False,

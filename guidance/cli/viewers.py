@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from guidance.cli.arguments import Name, TokenFile, WithParent, ZenohFile, refuse
+from guidance.cli.arguments import TokenFile, WithParent, ZenohFile, refuse
 from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.session.control_socket import ENDPOINT
@@ -30,7 +30,7 @@ def view(
     follow: Annotated[bool, typer.Option("--follow", help="Follow a record that is still being written.")] = False,
     save: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun's viewer instead of serving.")] = None,
     endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = ENDPOINT,
-    name: Name = None,
+    name: Annotated[str | None, typer.Option(help="The vehicle's name; not needed if there is only one.")] = None,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
     port: Annotated[int, Port(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,

@@ -17,7 +17,7 @@ import socket
 import ssl
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
 from aiohttp import web
@@ -46,11 +46,8 @@ _MAX_ADDRESSES: Final = 1024
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class RemoteAccess(NamedTuple):
-    """Required where other computers can reach the page."""
-
-    tls: ssl.SSLContext
-    password: str
+Remote = tuple[ssl.SSLContext, str]
+"""TLS and the password: required where other computers can reach the page."""
 
 
 class Access:
@@ -72,14 +69,12 @@ class Access:
     """
 
     listener: "Listener"
+    tls: ssl.SSLContext | None
 
-    def __init__(
-        self, host: str, port: int, remote: RemoteAccess | None, clock: Clock, say: Callable[[str], None]
-    ) -> None:
+    def __init__(self, host: str, port: int, remote: Remote | None, clock: Clock, say: Callable[[str], None]) -> None:
         self.token, self._session = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
         self.path, self._cookie = f"/{secrets.token_urlsafe(18)}/", f"guidance-panel-{port}"
-        self.tls = None if remote is None else remote.tls
-        self._password = "" if remote is None else remote.password
+        self.tls, self._password = remote or (None, "")
         self.scheme = "http" if remote is None else "https"
         self._hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
         self._address = f"{self.scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
@@ -182,9 +177,7 @@ def _network(address: str) -> str:
     return str(ipaddress.ip_interface(f"{address.partition('%')[0]}/64").network)
 
 
-def remote_access(
-    host: str, certificate: Path | None, key: Path | None, password_file: Path | None
-) -> RemoteAccess | None:
+def remote_access(host: str, certificate: Path | None, key: Path | None, password_file: Path | None) -> Remote | None:
     """Return None on loopback; load TLS and password for any other host.
 
     Args:
@@ -215,7 +208,7 @@ def remote_access(
     if len(password) < MIN_PASSWORD_LENGTH:
         said = f"its first line has {len(password)} characters; give at least {MIN_PASSWORD_LENGTH}"
         raise ConfigError(f"--password-file {password_file}: {said}")
-    return RemoteAccess(context, password)
+    return context, password
 
 
 def map_of(tiles: str) -> tuple[str, str]:
