@@ -17,7 +17,6 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.cli import INTERRUPTED, arguments
-from guidance.cli.arguments import may_fly, refuse
 from guidance.cli.players import rows_json, tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.errors import ConfigError, FlightError, OutputError
@@ -87,12 +86,12 @@ def fly(
     - `guidance fly teams_guard --vehicle URL1 --vehicle URL2 --vehicle URL3`: a team
     """
     if not vehicle:
-        refuse(ctx, "the mock", "with --vehicle", "--yes", "--autopilot", "--end")
+        arguments.refuse(ctx, "the mock", "with --vehicle", "--yes", "--autopilot", "--end")
     else:
-        refuse(ctx, f"--vehicle {' '.join(vehicle)}", "without it, with the mock", "--fast", "--port")
-        may_fly(vehicle, yes=yes)
+        arguments.refuse(ctx, f"--vehicle {' '.join(vehicle)}", "without it, with the mock", "--fast", "--port")
+        arguments.may_fly(vehicle, yes=yes)
     if fast:
-        refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel")
+        arguments.refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     team = isinstance(load_any(scenario)[1], TeamScenario)
     page = panel or (team and not (fast or as_json) and how_to_add("panel") is None)

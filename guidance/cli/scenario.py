@@ -12,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.cli import arguments
-from guidance.cli.arguments import CommandGroup, agree, may_fly, refuse
 from guidance.cli.players import as_text, rows_json, tell_players
 from guidance.cli.streams import printable
 from guidance.config import config_folder, find
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from guidance.session.fly import Way
 
 scenario = typer.Typer(
-    cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
+    cls=arguments.CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
 )
 
 _GAMES: Final = {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}
@@ -83,7 +82,7 @@ def run(
     path, played = load_any(name, seed)
     there = console(stderr=json_file == _STANDARD_OUTPUT)
     there.print(f"[bold]{played.title}[/bold]  ({path.name}, as {way})")
-    may_fly(vehicle or [], yes=yes)
+    arguments.may_fly(vehicle or [], yes=yes)
     rows: Sequence[Any]
     if way != "maths":
         from guidance.session.fly import Asked, ByFile, MockOptions  # noqa: PLC0415 - slow imports
@@ -95,7 +94,7 @@ def run(
             how = ByFile(load_vehicle(find(config, "vehicles")), engage)
             if engage and not yes:  # also on loopback: a real vehicle may be behind a router
                 where = f"{config}: {how.config.vehicle.url}"
-                agree(f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
+                arguments.agree(f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
         rows = _fly(played, path.stem, how, out, there)
     elif isinstance(played, TeamScenario):
         rows = play_teams([played])[0]
@@ -120,9 +119,9 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
         raise ConfigError("--config: missing; --as vehicle needs a vehicle file, and a team --vehicle URL for each")
     for ways, options in _BELONGING.items():
         if way not in ways:
-            refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
+            arguments.refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
     if not armed:
-        refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
+        arguments.refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
 
 
 def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, there: Console) -> Sequence[Any]:

@@ -17,7 +17,6 @@ from rich.text import Text
 
 from guidance.autopilots import Finding, autopilot_named
 from guidance.cli import arguments
-from guidance.cli.arguments import CommandGroup, agree, refuse
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
@@ -119,7 +118,7 @@ def check(
         awaited, limit_s = f"a HEARTBEAT at {vehicle}", discovery.FOUND_WITHIN_S
         opening = checkup_at(load_scenario(name or "pe")[1], Asked((vehicle,), autopilot, link))
     else:
-        refuse(ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link")
+        arguments.refuse(ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link")
         if name is None:
             raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
         own = load_vehicle(find(name, "vehicles"))
@@ -145,7 +144,7 @@ def _apply(checkup: Checkup, *, advised: bool, yes: bool, quiet: bool) -> bool:
     there.quiet = quiet
     _print_table(there, ((one.verdict, one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted))
     if wanted and not yes:
-        agree(f"Set these {len(wanted)} parameters?")
+        arguments.agree(f"Set these {len(wanted)} parameters?")
     for one in checkup.apply(wanted):
         read = "not read back" if one.read_back is None else f"reads {one.read_back:g}"
         there.print(f"{'set ' if one.done else 'NOT SET'} {one.name}: {read}", soft_wrap=True)
@@ -210,7 +209,7 @@ def schema_of(kind: str) -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **content, "title": kind.capitalize()}
 
 
-zenoh = typer.Typer(cls=CommandGroup, help="Certificates and a router for Zenoh between machines.")
+zenoh = typer.Typer(cls=arguments.CommandGroup, help="Certificates and a router for Zenoh between machines.")
 
 
 @zenoh.command()

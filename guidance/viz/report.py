@@ -23,9 +23,8 @@ from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, writing
 from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted
 from guidance.viz import figures
-from guidance.viz import story as stories
 from guidance.viz.figures import EVADER, MARK, PURSUER, STANDOFF, TARGET, Chase, Shape, Style, legend_beside, thinned
-from guidance.viz.story import Rows, Story, TeamStory
+from guidance.viz.story import Row, Story, TeamStory, opening, story_of, summary, team_opening, team_story, team_summary
 
 FRAMES: Final = 90
 FRAME_MS: Final = 80
@@ -59,7 +58,7 @@ def draw_flight(record: Path, path: Path, title: str) -> None:
         ConfigError: If the record cannot be read.
         OutputError: If the file cannot be written.
     """
-    figure = figures.chase_figure(chase_of(stories.story_of(record)))
+    figure = figures.chase_figure(chase_of(story_of(record)))
     figure.suptitle(title)
     with writing(path):
         figure.savefig(private_file(path), dpi=figures.DPI)
@@ -297,9 +296,9 @@ def write_report(path: Path, folder: Path, *, animate: bool = False) -> list[Pat
         ConfigError: If the record cannot be read.
         OutputError: If the folder cannot be written, or contains the report of another record.
     """
-    story = stories.story_of(path)
+    story = story_of(path)
     drawn = ((name, draw(story)) for name, draw in PICTURES.items())
-    written = write_page(folder, [story], drawn, stories.opening(story), stories.summary(story))
+    written = write_page(folder, [story], drawn, opening(story), summary(story))
     if animate:
         written.append(folder / "flight.webp")
         with writing(folder):
@@ -314,12 +313,12 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
         ConfigError: If a record cannot be read, or is not of a team.
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
-    team = stories.team_story(records)
-    words, rows = stories.team_opening(team), stories.team_summary(team)
+    team = team_story(records)
+    words, rows = team_opening(team), team_summary(team)
     return write_page(folder, list(team.flights.values()), [("plan", plan(team))], words, rows)
 
 
-def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Rows) -> list[Path]:
+def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Iterable[Row]) -> list[Path]:
     """Write a page and its pictures; return the files, the page first.
 
     Args:

@@ -28,8 +28,8 @@ from guidance.session.flight_files import recorded_settings
 from guidance.session.result import least_distance_m
 from guidance.team.messages import Promise, RolesMessage
 
-Rows = Iterator[tuple[str, str]]
-"""Names and values of a table."""
+Row = tuple[str, str]
+"""Name and value of a line of a table."""
 
 
 class Played(NamedTuple):
@@ -177,7 +177,7 @@ def _limited(story: Story) -> str:
     return f"{limits}{reached} {f'Alarms: {broken}.' if broken else 'There was no alarm.'}"
 
 
-def summary(story: Story) -> Rows:
+def summary(story: Story) -> Iterator[Row]:
     """Yield the rows of the summary table."""
     yield from _game(story)
     survey = story.survey
@@ -202,7 +202,7 @@ def summary(story: Story) -> Rows:
     yield "made by", ", ".join(made)
 
 
-def _game(story: Story) -> Rows:
+def _game(story: Story) -> Iterator[Row]:
     cycle, unit = story.settings.cycle, "m from T" if story.with_target else "s"
     standoff = f"{cycle.game.standoff.radius_m:g} m around, {cycle.game.standoff.height_m:g} m above the evader's plane"
     outcome = "captured" if story.captured else "not captured" if story.engaged else "no game was played"
@@ -358,7 +358,7 @@ def team_opening(team: TeamStory) -> str:
     )
 
 
-def team_summary(team: TeamStory) -> Rows:
+def team_summary(team: TeamStory) -> Iterator[Row]:
     """Yield a row for each player."""
     for name, flight in team.flights.items():
         heights = {role: f" ({role.above_m:g} m above)" if role.above_m else "" for _, role in _roles(flight)}
