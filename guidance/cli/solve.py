@@ -6,11 +6,11 @@
 import json
 import math
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from guidance.cli.arguments import Json, refuse
 from guidance.errors import ConfigError
@@ -73,7 +73,7 @@ def solve(
     if as_json:
         sys.stdout.write(json.dumps(_as_record(answer)) + "\n")
     else:
-        console().print(_grid(answer, with_target=target is not None))
+        console().print(pairs(_rows(answer, with_target=target is not None)))
 
 
 def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
@@ -96,21 +96,17 @@ def _as_record(answer: Solution) -> dict[str, Any]:
     return record | {"winner": Winner(int(answer.winner)).word, "reason": Reason(int(answer.reason)).word}
 
 
-def _grid(answer: Solution, *, with_target: bool) -> Table:
-    """Return an answer as a table for people."""
+def _rows(answer: Solution, *, with_target: bool) -> Iterator[tuple[str, str]]:
+    """Yield the names and values of an answer for people."""
     meaning = "final distance to the target, m" if int(answer.winner) >= 0 else "pursuer short of a capture by, m"
-    margin = f"{float(answer.margin_s):.4f}" if with_target else "none: without a target it always captures"
-    rows = {
-        "winner": Winner(int(answer.winner)).word,
-        meaning if with_target else "time to capture, s": f"{float(answer.value):.4f}",
-        "margin, s": margin,
-        "meeting point, m": _vector(answer.meeting_point_m),
-        "meeting time, s": f"{float(answer.meeting_time_s):.4f}",
-        "pursuer's velocity, m/s": _vector(answer.pursuer_velocity_m_s),
-        "evader's velocity, m/s": _vector(answer.evader_velocity_m_s),
-        "reason": Reason(int(answer.reason)).word.replace("_", " "),
-    }
-    return pairs(rows.items())
+    yield "winner", Winner(int(answer.winner)).word
+    yield meaning if with_target else "time to capture, s", f"{float(answer.value):.4f}"
+    yield "margin, s", f"{float(answer.margin_s):.4f}" if with_target else "none: without a target it always captures"
+    yield "meeting point, m", _vector(answer.meeting_point_m)
+    yield "meeting time, s", f"{float(answer.meeting_time_s):.4f}"
+    yield "pursuer's velocity, m/s", _vector(answer.pursuer_velocity_m_s)
+    yield "evader's velocity, m/s", _vector(answer.evader_velocity_m_s)
+    yield "reason", Reason(int(answer.reason)).word.replace("_", " ")
 
 
 def _vector(vector: Any) -> str:  # noqa: ANN401 - an array of any library
@@ -137,10 +133,10 @@ def paper(
         typer.echo(json.dumps(rows, indent=2))
     else:
         headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
+        signs = {True: "✓", False: "✗"}
         for table in computed:
             cells = [
-                (*case.strategies, case.published, case.stepped, case.exact, "✓" if case.matches else "✗")
-                for case in table.cases
+                (*one.strategies, one.published, one.stepped, one.exact, signs[one.matches]) for one in table.cases
             ]
             there.print(sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}"))
         there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
