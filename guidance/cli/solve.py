@@ -133,10 +133,10 @@ def paper(
         typer.echo(json.dumps(rows, indent=2))
     else:
         headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
-        signs = {True: "✓", False: "✗"}
         for table in computed:
             cells = [
-                (*one.strategies, one.published, one.stepped, one.exact, signs[one.matches]) for one in table.cases
+                (*case.strategies, case.published, case.stepped, case.exact, "✓" if case.matches else "✗")
+                for case in table.cases
             ]
             there.print(sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}"))
         there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
