@@ -13,13 +13,7 @@ FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
 
 _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
-_OPTIONS: Final[Mapping[str, type]] = {
-    "--endpoint": str,
-    "--name": str,
-    "--team": str,
-    "--token-file": Path,
-    "--zenoh": Path,
-}
+_OPTIONS: Final = {"--endpoint": str, "--name": str, "--team": str, "--token-file": Path, "--zenoh": Path}
 
 
 def main() -> None:

@@ -199,7 +199,7 @@ def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int =
     size, widths = ((13.0, 5.8), [1.15, 0.08, 1.0, 0.7]) if with_whole_fence else ((12.0, 6.4), [1.0, 0.06, 0.9])
     figure = figure_of(*size)
     grid = figure.add_gridspec(1, len(widths), width_ratios=widths)  # the second one is for the height's label
-    space = figure.add_subplot(grid[0], projection="3d")
+    space = figure.add_subplot(grid[0], projection="3d", elev=22.0, azim=-60.0)
     plan, *whole = (figure.add_subplot(grid[place]) for place in range(2, len(widths)))
     views = ((space, 3), (plan, 2), *((axes, 2) for axes in whole))
     low, high = chase.box
@@ -217,7 +217,6 @@ def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int =
     space.locator_params(nbins=5)
     spans = [high - low for low, high in (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())]
     space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
-    space.view_init(elev=22.0, azim=-60.0)
     legend_below(figure, *whole or (plan,), columns=columns)
     return figure
 
@@ -295,8 +294,7 @@ def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Ar
     """Return a track through places (m), with more points between them; the rates (m/s) are those of the steps."""
     places_m, rates_m_s = np.array(places), np.array(rates)
     s = np.arange(_POINTS_A_STEP)[None, :, None] / _POINTS_A_STEP
-    run = np.diff(now_s)[:, None, None] * rates_m_s[:, None][:-1]
-    later = np.diff(now_s)[:, None, None] * rates_m_s[:, None][1:]
+    run, later = (np.diff(now_s)[:, None, None] * one_m_s[:, None] for one_m_s in (rates_m_s[:-1], rates_m_s[1:]))
     begin, way = places_m[:-1, None], np.diff(places_m, axis=0)[:, None]
     curved = begin + s * way + s * (1.0 - s) * ((1.0 - s) * (run - way) - s * (later - way))
     return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])

@@ -45,17 +45,15 @@ if sys.platform == "linux":
 os.execv(sys.argv[1], sys.argv[1:])
 """
 
+_HEADERS: Final = (
+    "Content-Security-Policy: default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
+    "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; img-src 'self' "
+    "data: blob:; font-src 'self' data:; worker-src 'self' blob:; connect-src 'self' {recording} data: blob:\r\n"
+    "Referrer-Policy: no-referrer\r\n"
+)
+"""Of the page: it may load its own files, and connect to the recording's server only."""
+
 Address = tuple[str, int]
-
-
-def policy(recording_port: int) -> str:
-    """Return the content security policy: the page's own files and the recording's server."""
-    return (
-        "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; style-src 'self' "
-        "'unsafe-inline'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; img-src 'self' data: blob:; "
-        "font-src 'self' data:; worker-src 'self' blob:; "
-        f"connect-src 'self' http://{LOOPBACK}:{recording_port} data: blob:"
-    )
 
 
 class _Relay(socketserver.ThreadingTCPServer):
@@ -168,8 +166,8 @@ def web_page(port: int, recording_port: int) -> Iterator[str]:
     Raises:
         LinkError: If the port is in use, or the page is not served in time.
     """
-    headers = f"Content-Security-Policy: {policy(recording_port)}\r\nReferrer-Policy: no-referrer\r\n"
     behind, uri = hidden_address(), recording_uri(recording_port)
+    headers = _HEADERS.format(recording=f"http://{LOOPBACK}:{recording_port}")
     with contextlib.closing(_Relay("--web-port", port, behind, headers)) as front, contextlib.ExitStack() as closing:
         try:
             _serve_page(closing, behind, uri)
