@@ -71,15 +71,14 @@ app = typer.Typer(cls=Program, pretty_exceptions_enable=False, rich_markup_mode=
 
 
 def _version(asked: bool) -> None:
-    if not asked:
-        return
-    from importlib.metadata import version  # noqa: PLC0415 - for this only
+    if asked:
+        from importlib.metadata import version  # noqa: PLC0415 - for this only
 
-    from guidance.log.writer import PACKAGE, commit  # noqa: PLC0415 - for this only
+        from guidance.log.writer import PACKAGE, commit  # noqa: PLC0415 - for this only
 
-    known = commit()
-    typer.echo(f"{PACKAGE} {version(PACKAGE)}" + (f", commit {known[:12]}" if known else ""))
-    raise typer.Exit
+        known = commit()
+        typer.echo(f"{PACKAGE} {version(PACKAGE)}" + (f", commit {known[:12]}" if known else ""))
+        raise typer.Exit
 
 
 @app.callback()

@@ -272,7 +272,14 @@ class Listener:
                 await asyncio.sleep(_RETRY_S)
                 continue
             self.close_late()
-            self._add(accepted)
+            if len(self._open) >= MAX_CONNECTIONS:
+                if not self._strangers_s:
+                    accepted.close()
+                    continue
+                self._close(next(iter(self._strangers_s)))
+            handler = self._server()
+            self._open[handler] = asyncio.create_task(self._connect(handler, accepted))
+            self._strangers_s[handler] = self._clock.now_s() + LOGIN_DEADLINE_S
 
     def admit(self, handler: web.RequestHandler) -> None:
         """Remove the deadline of a connection that showed the cookie."""
@@ -285,16 +292,6 @@ class Listener:
         self._strangers_s = {one: until_s for one, until_s in self._strangers_s.items() if one in self._open}
         for handler in [one for one, until_s in self._strangers_s.items() if until_s <= now_s]:
             self._close(handler)
-
-    def _add(self, accepted: socket.socket) -> None:
-        if len(self._open) >= MAX_CONNECTIONS:
-            if not self._strangers_s:
-                accepted.close()
-                return
-            self._close(next(iter(self._strangers_s)))
-        handler = self._server()
-        self._open[handler] = asyncio.create_task(self._connect(handler, accepted))
-        self._strangers_s[handler] = self._clock.now_s() + LOGIN_DEADLINE_S
 
     async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
         loop, limit_s = asyncio.get_running_loop(), None if self._tls is None else LOGIN_DEADLINE_S
