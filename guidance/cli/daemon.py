@@ -129,9 +129,8 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
 
 def _game(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
     yield "range", f"{status['range_m']:.1f} m to the evader, {_said(game, 'gap_m')} m to the stand-off disc's rim"
-    value = f"{_said(game, 'value')} {status['value_unit']}"
     promised = "value to go" if status["value_unit"] == "s" else "evader's distance from its target"
-    yield "ideal game", f"winner {game['winner']}; {promised} {value}"
+    yield "ideal game", f"winner {game['winner']}; {promised} {_said(game, 'value')} {status['value_unit']}"
     needs = f"needs {_said(game, 'time_needed_s')} s, reaches {_said(game, 'reachable_speed_m_s')} m/s"
     yield "this vehicle", f"winner {game.get('vehicle_winner', 'undecided')}; {needs}"
     if game.get("active_limits"):

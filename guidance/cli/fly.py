@@ -269,8 +269,7 @@ class LiveLine:
         if redraws(self._there):
             return
         news, (printed, printed_s) = plain(progress), self._printed.get(name, ("", 0.0))
-        waits = progress.waiting and self._told_s - printed_s < _PLAIN_S
-        if not (waits or news == printed):
+        if news != printed and not (progress.waiting and self._told_s - printed_s < _PLAIN_S):
             self._printed[name] = news, self._told_s
             self._there.print(f"{progress.now_s:7.1f} s  {_named(progress, news)}", soft_wrap=True)
 
@@ -358,7 +357,6 @@ def _number(value: float, digits: int, unit: str = "") -> str:
 
 def _table(result: FlightResult, outcome: Outcome) -> Table:
     unit, what = ("s", "time to capture") if outcome.game == "pe" else ("m", "evader's distance from its target")
-    title = f"{ending_words(outcome)}; value is the {what}"
     rows = {
         "value predicted at engagement": _number(outcome.predicted, 2, unit),
         "time this vehicle needs, at engagement": _number(outcome.time_needed_s, 2, "s"),
@@ -371,7 +369,7 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
         "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
         "record": record_words(result.record_stopped),
     }
-    return pairs(rows.items(), title=title, right=True)
+    return pairs(rows.items(), title=f"{ending_words(outcome)}; value is the {what}", right=True)
 
 
 def _tell_team(

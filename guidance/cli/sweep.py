@@ -81,11 +81,10 @@ def run(
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
-        path = run_sweep(file, way=way, workers=workers, scheduler=scheduler, out=out, chunk=chunk)
+        typer.echo(str(run_sweep(file, way=way, workers=workers, scheduler=scheduler, out=out, chunk=chunk)))
     except KeyboardInterrupt as interruption:
         typer.echo(str(interruption) or "interrupted before anything was computed", err=True)
         raise typer.Exit(128 + signal.SIGINT) from None
-    typer.echo(str(path))
 
 
 @sweep.command()

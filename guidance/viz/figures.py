@@ -103,8 +103,7 @@ def check_picture(path: Path) -> None:
 
 def thinned(values: Array) -> Array:
     """Thin out a long curve evenly, keeping both ends."""
-    kept = np.linspace(0, len(values) - 1, min(len(values), MOST_POINTS)).round().astype(int)
-    return np.asarray(values[kept])
+    return np.asarray(values[np.linspace(0, len(values) - 1, min(len(values), MOST_POINTS)).round().astype(int)])
 
 
 def label_plan(axes: Any, title: str = "from above", *, adjustable: str = "box") -> None:  # noqa: ANN401
@@ -190,8 +189,7 @@ def target_of(place_m: Vector | None, extent: Extent) -> Iterator[Shape]:
     """Yield the target of a TAD game and the edge of its shape."""
     if place_m is not None:
         yield Shape(np.array([place_m]), TARGET, "T, target")
-        edge = lifted(target_edge(place_m, extent), place_m[2])
-        yield Shape(edge, {"color": TARGET["color"]}, "", is_framed=False)
+        yield Shape(lifted(target_edge(place_m, extent), place_m[2]), {"color": TARGET["color"]}, "", is_framed=False)
 
 
 def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int = 4) -> Figure:
@@ -263,16 +261,14 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     played_s, pursuer, evader = played(batch)
     meeting_m, target_m = opening(batch).meeting_point_m[0], target_game_m(scenario)
     curve = isochron(batch.believed, batch.pursuer_m[0], batch.evader_m[0])
-    foreseen_m = meeting_m if np.isfinite(meeting_m).all() else None
     shapes = [
         *_courses(batch, 2.0 * played_s),
         *players_of(pursuer, evader),
-        *promise_of(curve, foreseen_m, with_target=target_m is not None),
+        *promise_of(curve, meeting_m if np.isfinite(meeting_m).all() else None, with_target=target_m is not None),
         disc_of(evader[-1], batch.game.standoff),
         *target_of(target_m, batch.game.target_extent),
     ]
-    fence = circle((*scenario.home_m, 0.0), scenario.limits.fence_radius_m, 361)
-    figure = chase_figure(Chase(shapes, [fence]))
+    figure = chase_figure(Chase(shapes, [circle((*scenario.home_m, 0.0), scenario.limits.fence_radius_m, 361)]))
     figure.suptitle(scenario.title)
     save(figure, path)
 

@@ -184,10 +184,9 @@ def events(story: Story) -> Figure:
     changes = [0, *(1 + np.flatnonzero(states[1:] != states[:-1])), len(now_s) - 1]
     for number, (first, last) in enumerate(pairwise(changes)):
         axes.axvspan(now_s[first], now_s[last], color=_SHADES[number % len(_SHADES)], linewidth=0.0)
-    middle_s = 0.5 * (now_s[0] + now_s[-1])
     for row, event in enumerate(shown):
         axes.plot([event.now_s], [row], "ko", ms=4)
-        side, shift = ("left", 7) if event.now_s < middle_s else ("right", -7)
+        side, shift = ("left", 7) if event.now_s < 0.5 * (now_s[0] + now_s[-1]) else ("right", -7)
         words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.words[:110]})" if event.detail else "")
         beside: dict[str, Any] = {"xytext": (shift, 0), "textcoords": "offset points", "ha": side, "va": "center"}
         axes.annotate(words, (event.now_s, row), **beside, fontsize=8.5)

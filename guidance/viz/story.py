@@ -216,8 +216,7 @@ def _game(story: Story) -> Iterator[Row]:
     engaged = story.engaged.certificate
     # The value of the outcome: capture at the tolerance around the disc, without wind.
     game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
-    evader = (*engaged.evader_game_m[:2], 0.0)
-    predicted = float(solve(game, engaged.pursuer_game_m, evader, cycle.target_game_m).value)
+    predicted = float(solve(game, engaged.pursuer_game_m, (*engaged.evader_game_m[:2], 0.0), cycle.target_game_m).value)
     yield "value predicted at engagement", f"{predicted:.2f} {unit}"
     yield "time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"
     yield "speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"
@@ -233,8 +232,7 @@ def _game(story: Story) -> Iterator[Row]:
 
 def _slowest_m_s(story: Story) -> float:
     """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
-    reachable = (one.certificate.reachable_speed_m_s for one in story.game)
-    return min(filterfalse(math.isnan, reachable), default=math.nan)
+    return min(filterfalse(math.isnan, (one.certificate.reachable_speed_m_s for one in story.game)), default=math.nan)
 
 
 def _flown(story: Story, captured: Played) -> float:
@@ -367,6 +365,8 @@ def team_summary(team: TeamStory) -> Iterator[Row]:
         replayed = team.replays[name]
         same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"
         ended = f"ended {flight.rows[-1].state}", f"{len(flight.alarms)} alarms"
-        words = f"against {against}", *captured, *ended, f"{replayed.setpoints} setpoints replay {same}"
-        yield name, "; ".join(words)
+        yield (
+            name,
+            "; ".join((f"against {against}", *captured, *ended, f"{replayed.setpoints} setpoints replay {same}")),
+        )
     yield from ((name, team.verdict(name)) for name in team.evaders)

@@ -105,9 +105,8 @@ def path_of(name: str, vehicle: str) -> str:
 def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
     """Return the blueprint for these vehicles ("" is one alone); `with_target` selects the guarantee's unit."""
     start, end = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
-    until_now = rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
     tracks = [path_of(f"{name}/track", vehicle) for name in (PURSUER, EVADER) for vehicle in vehicles]
-    whole: dict[Any, Any] = dict.fromkeys(tracks, until_now)
+    whole: dict[Any, Any] = dict.fromkeys(tracks, rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end))
     eye = rrb.EyeControls3D(position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0))
     name = "The game: x east, y north, z up, m"
     space = rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=whole)

@@ -140,9 +140,8 @@ class DaemonBus:
 
     def _poll(self, session: "zenoh.Session") -> bool:
         """Send signs of life, and query all status; return whether a daemon answered."""
-        oldest_s = self._clock.now_s() - OPERATOR_LIMIT_S
         for name in self._known:
-            if self._operator_seen_s.get(name, -math.inf) >= oldest_s:
+            if self._clock.now_s() - self._operator_seen_s.get(name, -math.inf) <= OPERATOR_LIMIT_S:
                 answers(session, control_key(name, ALIVE), ANSWER_LIMIT_S)
         statuses = answers(session, control_key("*", STATUS), ANSWER_LIMIT_S)
         self.reason = "" if statuses else "no answer"
