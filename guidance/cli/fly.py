@@ -31,7 +31,7 @@ from guidance.session.mission import Progress, Show
 from guidance.session.result import FlightResult, MissionResult, ending_words, outcome_of_flight, team_rows
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import load_any
-from guidance.sim.teams import TeamOutcome, TeamScenario
+from guidance.sim.teams import TeamScenario
 
 STALLED_S: Final = 1.0
 """Age of the live line from which it is shown as old; it is updated 50 times a second."""
@@ -39,9 +39,7 @@ STALLED_S: Final = 1.0
 _PLAIN_S: Final = 3.0
 """Shortest interval of plain lines about waiting."""
 
-_WITH_CAUSE: Final = frozenset(
-    {State.PAUSED, State.HOLDING, State.RETURNING, State.OUT_OF_CONTACT, State.YIELDED, State.FAILED}
-)
+_WITH_CAUSE: Final = {State.PAUSED, State.HOLDING, State.RETURNING, State.OUT_OF_CONTACT, State.YIELDED, State.FAILED}
 """States that are shown with what led to them."""
 
 
@@ -372,9 +370,7 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
     return pairs(rows.items(), title=f"{ending_words(outcome)}; value is the {what}", right=True)
 
 
-def _tell_team(
-    there: Console, scenario: TeamScenario, way: str, result: MissionResult, folder: Path
-) -> list[TeamOutcome]:
+def _tell_team(there: Console, scenario: TeamScenario, way: str, result: MissionResult, folder: Path) -> Sequence[Any]:
     """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
     rows, wanted = team_rows(scenario, way, result), scenario.flight
     tell_players(rows, there, result)

@@ -162,12 +162,10 @@ def report(
     from guidance.viz.report import write_report, write_team_report  # noqa: PLC0415 - matplotlib loads slowly
 
     for given in files:
-        of_vehicles = {path.parent.name: path for path in sorted(given.glob(f"*/{RECORD}"))}
+        team = {path.parent.name: path for path in sorted(given.glob(f"*/{RECORD}"))}
         file = given / RECORD if given.is_dir() else given
         own = file.parent if file.name == RECORD else file.with_suffix("")
         folder = own if out is None else out if len(files) == 1 else out / own.name
         with record_errors(file):
-            paths = (
-                write_team_report(of_vehicles, folder) if of_vehicles else write_report(file, folder, animate=animate)
-            )
+            paths = write_team_report(team, folder) if team else write_report(file, folder, animate=animate)
         typer.echo("\n".join(map(str, paths)))

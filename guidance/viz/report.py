@@ -331,10 +331,8 @@ def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str,
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     page = folder / "report.html"
-    told = (
-        f"{one.path.name}, {one.survey.messages.total()} messages, {one.survey.duration_s:.3f} s" for one in flights
-    )
-    mark = "\n".join(f'<meta name="record" content="{escape(each)}">' for each in told)
+    ids = (f"{one.path.name}, {one.survey.messages.total()} messages, {one.survey.duration_s:.3f} s" for one in flights)
+    mark = "\n".join(f'<meta name="record" content="{escape(each)}">' for each in ids)
     with writing(folder):
         if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
             raise OutputError(f"{page}: is the report of another record; give --out another folder")

@@ -12,6 +12,7 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from guidance.clock import MonotonicClock
 from guidance.errors import OutputError
+from guidance.links.zenoh_access import NO_CREDENTIALS
 from guidance.log import cycles_of
 from guidance.log.entries import Item
 from guidance.session.control_bus import free_endpoint
@@ -128,7 +129,7 @@ def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
 
 def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path):
     endpoint = free_endpoint()
-    bus = DaemonBus(endpoint, None, MonotonicClock())
+    bus = DaemonBus(endpoint, None, MonotonicClock(), NO_CREDENTIALS)
     hub = Hub([bus], MonotonicClock())
     heard = SimpleNamespace(cycles=0)
 

@@ -18,7 +18,7 @@ import zenoh
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, GuidanceError, LinkError
-from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_access import Credentials
 from guidance.links.zenoh_wire import is_over
 from guidance.log import EventEntry, Item
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
@@ -73,9 +73,7 @@ class DaemonBus:
         credentials: Credentials for a router.
     """
 
-    def __init__(
-        self, endpoint: str, token_file: Path | None, clock: Clock, credentials: Credentials = NO_CREDENTIALS
-    ) -> None:
+    def __init__(self, endpoint: str, token_file: Path | None, clock: Clock, credentials: Credentials) -> None:
         self.endpoint, self.reason = endpoint, "looking for a daemon"
         self._token_file, self._clock, self._credentials = token_file, clock, credentials
         self._news: deque[News] = deque(maxlen=MAX_QUEUED_NEWS)
