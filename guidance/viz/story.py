@@ -365,8 +365,6 @@ def team_summary(team: TeamStory) -> Iterator[Row]:
         replayed = team.replays[name]
         same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"
         ended = f"ended {flight.rows[-1].state}", f"{len(flight.alarms)} alarms"
-        yield (
-            name,
-            "; ".join((f"against {against}", *captured, *ended, f"{replayed.setpoints} setpoints replay {same}")),
-        )
+        words = f"against {against}", *captured, *ended, f"{replayed.setpoints} setpoints replay {same}"
+        yield name, "; ".join(words)
     yield from ((name, team.verdict(name)) for name in team.evaders)

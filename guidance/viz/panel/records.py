@@ -32,10 +32,7 @@ _MADE: Final[Mapping[str, tuple[tuple[str, ...], str, str]]] = {
     "frames": ((*_SNAPSHOTS, "frames", "RECORD"), "frames.json", "application/json"),
     "events": ((*_GUIDANCE, "log", "events", "RECORD"), "events.txt", "text/plain"),
     "report": ((*_GUIDANCE, "report", "RECORD", "--out", "FOLDER"), "report.html", "text/html"),
-    **{
-        kind: ((*_GUIDANCE, "log", "export", "RECORD", f"FOLDER/flight.{kind}"), f"flight.{kind}", "")
-        for kind in EXPORTS
-    },
+    **{end: ((*_GUIDANCE, "log", "export", "RECORD", f"FOLDER/flight.{end}"), f"flight.{end}", "") for end in EXPORTS},
 }
 """Kind -> command, the file that it writes or that gets its output, content type (or a download)."""
 
