@@ -259,16 +259,15 @@ class LiveLine:
 
     def show(self, progress: Progress) -> None:
         """Update from one cycle of a vehicle."""
-        name = progress.vehicle
-        self._last[name], self._told_s = progress, time.perf_counter()
+        self._last[progress.vehicle], self._told_s = progress, time.perf_counter()
         if progress.record_stopped is not None and not self._record_told:
             self._record_told = True
             self._there.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
         if redraws(self._there):
             return
-        news, (printed, printed_s) = plain(progress), self._printed.get(name, ("", 0.0))
+        news, (printed, printed_s) = plain(progress), self._printed.get(progress.vehicle, ("", 0.0))
         if news != printed and not (progress.waiting and self._told_s - printed_s < _PLAIN_S):
-            self._printed[name] = news, self._told_s
+            self._printed[progress.vehicle] = news, self._told_s
             self._there.print(f"{progress.now_s:7.1f} s  {_named(progress, news)}", soft_wrap=True)
 
     def line(self) -> str:
