@@ -31,7 +31,7 @@ class Observer(NamedTuple):
     shift_ned_m: Vector = (0.0, 0.0, 0.0)
 
 
-_FITS: Final[Mapping[ReportOutcome, bool]] = {
+_FITS: Final[Mapping[ReportOutcome | None, bool]] = {
     **dict.fromkeys((ReportOutcome.STARTED, ReportOutcome.ACCEPTED, ReportOutcome.REORDERED), True),
     **dict.fromkeys((ReportOutcome.OUTLIER, ReportOutcome.TOO_FAR, ReportOutcome.JUMPED), False),
 }
@@ -55,8 +55,7 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
     if track.outcome is ReportOutcome.UNUSABLE:
         return observer._replace(clock=clock, track=track)
     apart_s = 0.0 if clock is None else report.received_s - clock.ours(report.sent_s)
-    fits = None if track.outcome is None else _FITS.get(track.outcome)
-    one = Report(report, measurement, fits, apart_s if math.isfinite(apart_s) else 0.0)
+    one = Report(report, measurement, _FITS.get(track.outcome), apart_s if math.isfinite(apart_s) else 0.0)
     return Observer(clock, track, listen(observer.rivals, one, settings), observer.shift_ned_m)
 
 

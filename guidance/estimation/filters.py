@@ -140,7 +140,10 @@ def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
     steady, steady_distance, steady_spread = _corrected(modes.steady, measured, variances)
     turning, turning_distance, turning_spread = _corrected(modes.turning, measured, variances)
     log_ratio = 0.5 * (steady_distance - turning_distance + math.log(steady_spread / turning_spread))
-    return Modes(steady, turning, _posterior(modes.turning_share, log_ratio))
+    # Bayes' rule for two hypotheses, kept off 0 and 1, so that both models remain possible.
+    odds = math.log(modes.turning_share / (1.0 - modes.turning_share)) + log_ratio
+    probability = 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
+    return Modes(steady, turning, min(1.0 - 1e-9, max(1e-9, probability)))
 
 
 def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[Normal, float, float]:
@@ -200,13 +203,6 @@ def blended(one: Normal, other: Normal, share: float) -> Normal:
             rest * yy + share * YY + spread * (by_y * by_y),
         ),
     )
-
-
-def _posterior(turning: float, log_ratio: float) -> float:
-    """Bayes' rule for two hypotheses, kept off 0 and 1, so that both models remain possible."""
-    odds = math.log(turning / (1.0 - turning)) + log_ratio
-    probability = 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
-    return min(1.0 - 1e-9, max(1e-9, probability))
 
 
 class Height(NamedTuple):

@@ -175,7 +175,8 @@ def hear(clock: ClockOffset | None, sent_s: float, received_s: float) -> ClockOf
         return clock
     if clock is None:
         return ClockOffset(sample_s, received_s)
-    grown_s = _grown(clock, received_s)
+    believed = clock.measured and received_s - clock.synced_s <= _BELIEVED_S
+    grown_s = clock.offset_s + (0.0 if believed else _DRIFT * max(0.0, received_s - clock.at_s))
     if abs(sample_s - grown_s) > _STEP_S:
         return _suspect(clock, sample_s, received_s)
     offset_s, at_s = min(grown_s, sample_s), max(clock.at_s, received_s)
@@ -202,12 +203,6 @@ def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answ
     if abs(offset_s - clock.offset_s) > _STEP_S or round_trip_s <= clock.round_trip_s:
         return fresh
     return clock
-
-
-def _grown(clock: ClockOffset, now_s: float) -> float:
-    if clock.measured and now_s - clock.synced_s <= _BELIEVED_S:
-        return clock.offset_s
-    return clock.offset_s + _DRIFT * max(0.0, now_s - clock.at_s)
 
 
 def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOffset:

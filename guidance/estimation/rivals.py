@@ -95,11 +95,12 @@ def listen(rivals: Rivals, one: Report, settings: TrackSettings) -> Rivals:
     rivals = Rivals((*kept, one), rivals.judged_s, since_s, rivals.usual, odd_s, rivals.seen_s, rivals.why)
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals
-    rivals = _learn_rate(rivals._replace(judged_s=now_s), now_s)
+    learning = now_s - since_s <= _RATE_LEARNED_S
+    usual = max(rivals.usual, len(_untimed(rivals.recent, now_s))) if learning else rivals.usual
+    rivals = rivals._replace(judged_s=now_s, usual=usual)
     if now_s - odd_s > _WINDOW_S:
         return rivals
-    why = "place" if _in_place(rivals.recent, settings) else None
-    why = why or next((sign for sign, shows in _SIGNS.items() if shows(rivals, now_s)), None)
+    why = next((sign for sign, shows in _SIGNS.items() if shows(rivals, now_s, settings)), None)
     return rivals if why is None else rivals._replace(seen_s=now_s, why=why)
 
 
@@ -176,12 +177,6 @@ def _untimed(recent: Sequence[Report], now_s: float) -> list[float]:
     return [at_s for at_s, sent_s in arrivals if now_s - at_s < _RATE_WINDOW_S and math.isnan(sent_s)]
 
 
-def _learn_rate(rivals: Rivals, now_s: float) -> Rivals:
-    if now_s - rivals.since_s > _RATE_LEARNED_S:
-        return rivals
-    return rivals._replace(usual=max(rivals.usual, len(_untimed(rivals.recent, now_s))))
-
-
 def _in_rate(rivals: Rivals, now_s: float) -> bool:
     if now_s - rivals.since_s <= _RATE_LEARNED_S or rivals.usual == 0:
         return False
@@ -190,9 +185,10 @@ def _in_rate(rivals: Rivals, now_s: float) -> bool:
     return spread and len(arrivals_s) > _RATE_FACTOR * rivals.usual + _RATE_SPARE
 
 
-_SIGNS: Final[Mapping[str, Callable[[Rivals, float], bool]]] = {
-    "clock": lambda rivals, _: _in_clock(rivals.recent),
-    "sequence": lambda rivals, _: _in_sequence(rivals.recent),
-    "sender": lambda rivals, now_s: _in_sender(rivals.recent, now_s),
-    "rate": _in_rate,
+_SIGNS: Final[Mapping[str, Callable[[Rivals, float, TrackSettings], bool]]] = {
+    "place": lambda rivals, _, settings: _in_place(rivals.recent, settings),
+    "clock": lambda rivals, *_: _in_clock(rivals.recent),
+    "sequence": lambda rivals, *_: _in_sequence(rivals.recent),
+    "sender": lambda rivals, now_s, _: _in_sender(rivals.recent, now_s),
+    "rate": lambda rivals, now_s, _: _in_rate(rivals, now_s),
 }

@@ -98,29 +98,14 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     taken = _take(track.history[earlier - 1].estimate, measurement, settings)
     if taken is None:
         return _outlier(track, measurement, settings)
-    history = _replayed((*track.history[:earlier], Accepted(measurement, taken)), track.history[earlier:], settings)
+    history = (*track.history[:earlier], Accepted(measurement, taken))
+    for one in track.history[earlier:]:  # again, without those that no longer fit
+        if (again := _take(history[-1].estimate, one.measurement, settings)) is not None:
+            history = (*history, Accepted(one.measurement, again))
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
     oldest_s = history[-1].measurement.time_s - settings.history_s
     recent = tuple(one for one in history if one.measurement.time_s >= oldest_s)
     return _anchored(_ended(replace(track, history=recent, rival=None), outcome), settings)
-
-
-def _within_way(track: Track, measurement: Measurement, settings: TrackSettings) -> bool:
-    """Return whether the evader can have reached the place since its oldest anchor."""
-    if not track.anchors:
-        return True
-    oldest = track.anchors[0]
-    far_m = math.dist(oldest.place_m, measurement.position_ned_m[:2])
-    return far_m <= settings.way_m_s * abs(measurement.time_s - oldest.time_s) + settings.reach_m
-
-
-def _within_jump(estimate: Estimate, measurement: Measurement, settings: TrackSettings) -> bool:
-    """Return whether it can have reached the place since the last estimate at its declared speed."""
-    moved = advance(estimate, measurement.time_s, settings)
-    spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
-    far_m = math.dist(blended(*moved.modes).mean[:2], measurement.position_ned_m[:2])
-    age_s = max(0.0, measurement.time_s - estimate.time_s)
-    return far_m <= settings.jump_m_s * age_s + max(settings.reach_m, spread_m)
 
 
 def _anchored(track: Track, settings: TrackSettings) -> Track:
@@ -144,7 +129,12 @@ def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) ->
         return ReportOutcome.STALE
     if age_s < -settings.future_s:
         return ReportOutcome.FUTURE
-    return _repetition(track, measurement) or (None if _within_way(track, measurement, settings) else _FAR)
+    refused = _repetition(track, measurement)
+    if refused is None and track.anchors:  # within the way since the oldest one?
+        oldest = track.anchors[0]
+        way_m = settings.way_m_s * abs(measurement.time_s - oldest.time_s) + settings.reach_m
+        refused = None if math.dist(oldest.place_m, measurement.position_ned_m[:2]) <= way_m else _FAR
+    return refused
 
 
 def _repetition(track: Track, measurement: Measurement) -> ReportOutcome | None:
@@ -155,16 +145,6 @@ def _repetition(track: Track, measurement: Measurement) -> ReportOutcome | None:
         if since_s > 0.0:
             return None
     return ReportOutcome.TOO_OLD if track.history else None
-
-
-def _replayed(
-    history: tuple[Accepted, ...], later: tuple[Accepted, ...], settings: TrackSettings
-) -> tuple[Accepted, ...]:
-    """Process the later reports again; drop those that no longer fit."""
-    for one in later:
-        if (again := _take(history[-1].estimate, one.measurement, settings)) is not None:
-            history = (*history, Accepted(one.measurement, again))
-    return history
 
 
 def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
@@ -206,10 +186,17 @@ def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) ->
 
 
 def _begun_anew(track: Track, anew: Track, outcome: ReportOutcome, settings: TrackSettings) -> Track:
-    """Return the new track if the evader can have reached it since the last estimate; else keep the old one."""
+    """Return the new track if the evader can have reached it since the last estimate, at its declared speed.
+
+    Else keep the old one.
+    """
     estimate, measurement = track.estimate, anew.history[-1].measurement
-    if estimate is not None and not _within_jump(estimate, measurement, settings):
-        return _ended(track, _FAR)
+    if estimate is not None:
+        moved = advance(estimate, measurement.time_s, settings)
+        spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
+        way_m = settings.jump_m_s * max(0.0, measurement.time_s - estimate.time_s) + max(settings.reach_m, spread_m)
+        if not math.dist(blended(*moved.modes).mean[:2], measurement.position_ned_m[:2]) <= way_m:
+            return _ended(track, _FAR)
     return _anchored(_ended(anew, outcome), settings)
 
 

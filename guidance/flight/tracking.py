@@ -113,8 +113,10 @@ class Tracking:
             return told
         if place.time_boot_s < vehicle.jumped_boot_s:
             return held  # older than the jump
-        possible = (held, told, _jumped_origin(held, self.held_back_ned_m))
-        self.held_back_ned_m = NOWHERE
+        north, east, down = self.held_back_ned_m
+        latitude_deg, longitude_deg, altitude = held.wgs84_from_ned((-north, -east, -down))
+        jumped = replace(held, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
+        possible, self.held_back_ned_m = (held, told, jumped), NOWHERE
         return min(possible, key=lambda frame: _apart_m(frame, place, local))
 
     @property
@@ -153,12 +155,6 @@ class Tracking:
             self.game_frame = GameFrame(NOWHERE)
         else:
             self.game_frame = GameFrame(before.ned_in(frame, self.game_frame.origin_ned_m))
-
-
-def _jumped_origin(held: LocalFrame, jump_ned_m: Vector) -> LocalFrame:
-    north, east, down = jump_ned_m
-    latitude_deg, longitude_deg, altitude = held.wgs84_from_ned((-north, -east, -down))
-    return replace(held, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
 
 
 def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> float:

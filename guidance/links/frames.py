@@ -239,9 +239,10 @@ class Station:
         self._mavlink = common.MAVLink(None, system_id, component_id)
         self._clock: Clock = clock or (lambda: 0.0)
         self._begun_s = self._clock()
-        self.check = None if signing_key is None else SignatureCheck(signing_key)
+        self.check: SignatureCheck | None = None
         """Of the signatures of others; None without a key."""
-        if signing_key is not None and self.check is not None:
+        if signing_key is not None:
+            self.check = SignatureCheck(signing_key)
             self._begun_ticks = self.check.latest
             signing = self._mavlink.signing
             signing.secret_key, signing.sign_outgoing = signing_key.secret, True

@@ -15,6 +15,10 @@ from guidance.links.port import Clock, Wire
 
 T = TypeVar("T")
 
+TO_VEHICLE: Final = "mavlink_raw/in"
+FROM_VEHICLE: Final = "mavlink_raw/out"
+"""Zenoh keys of raw frames, in the vehicle's namespace."""
+
 QUEUE_LENGTH: Final = 1024
 _MAX_CAPTURED: Final = 16384
 
@@ -189,18 +193,13 @@ class CapturedFrame(NamedTuple):
     frame: bytes
 
 
-def raw_keys(namespace: str) -> tuple[str, str]:
-    """Return the keys of the raw frames to and from a vehicle."""
-    return f"{namespace}/mavlink_raw/in", f"{namespace}/mavlink_raw/out"
-
-
 class TappedWire:
     """A `Wire` around another that captures both directions, under the Zenoh keys of the vehicle's namespace."""
 
     def __init__(self, wire: Wire, clock: Clock, namespace: str) -> None:
         self._wire = wire
         self._clock = clock
-        self._to, self._from = raw_keys(namespace)
+        self._to, self._from = f"{namespace}/{TO_VEHICLE}", f"{namespace}/{FROM_VEHICLE}"
         self._captured: deque[CapturedFrame] = deque(maxlen=_MAX_CAPTURED)
         self.stream = wire.stream
         self.impostors, self.counters, self.close = wire.impostors, wire.counters, wire.close

@@ -16,11 +16,8 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.port import Clock, Endpoint
-from guidance.links.wires import QueuedWire
+from guidance.links.wires import FROM_VEHICLE, TO_VEHICLE, QueuedWire
 from guidance.links.zenoh_access import AUTHORITY, NO_CREDENTIALS, ROUTER, Credentials
-
-TO_VEHICLE: Final = "mavlink_raw/in"
-FROM_VEHICLE: Final = "mavlink_raw/out"
 
 _REFUSED: Final = (
     "is the router running, is its certificate for this host and signed by zenoh.tls_ca_file, and does it accept our "
