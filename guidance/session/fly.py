@@ -403,5 +403,4 @@ def left_out(scenario: Played, how: Way) -> Sequence[str]:
     if isinstance(how, MockOptions) or isinstance(scenario, TeamScenario):
         return ()
     faults = any(fault.vehicle != EVADER or isinstance(how, ByFile) for fault in scenario.fault)
-    wind = any(scenario.wind.velocity_m_s)
-    return [what for what, lost in (("faults", faults), ("wind", wind)) if lost]
+    return [what for what, lost in (("faults", faults), ("wind", any(scenario.wind.velocity_m_s))) if lost]

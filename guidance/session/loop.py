@@ -235,8 +235,7 @@ def nudge_s(age_s: float) -> float:
     if not age_s < 2.0 * PERIOD_S:
         return 0.0
     # The nearer of two ways: up to half a period late is corrected by an earlier cycle, more by a later one.
-    late_s = math.remainder(age_s - AGE_S, PERIOD_S)
-    if abs(late_s) < _CLOSE_S:
+    if abs(late_s := math.remainder(age_s - AGE_S, PERIOD_S)) < _CLOSE_S:
         return 0.0
     return max(-MOST_NUDGE_S, min(MOST_NUDGE_S, -_NUDGE_SHARE * late_s))
 

@@ -8,7 +8,6 @@ has for itself, is sent home or landed and watched until it is disarmed.
 import math
 import time
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
@@ -199,15 +198,14 @@ class Mission:
         world: World,
         clock: Clock,
         *,
-        plans: Mapping[str, FlightPlan] = MappingProxyType({}),
-        equipment: Mapping[str, Equipment] = MappingProxyType({}),
+        plans: Mapping[str, FlightPlan] | None = None,
+        equipment: Mapping[str, Equipment] | None = None,
         policy: MissionPolicy = MOCKED,
         show: Show | None = None,
     ) -> None:
         self.world, self.clock, self.policy, self.show = world, clock, policy, show
-        self._vehicles = [
-            VehicleMission(self, one, plans.get(one.vehicle), equipment.get(one.vehicle)) for one in pursuits_of(flown)
-        ]
+        self.plans, self.equipment = plans or {}, equipment or {}
+        self._vehicles = [VehicleMission(self, one) for one in pursuits_of(flown)]
         self.daemons = [one.daemon for one in self._vehicles]
         self.result = MissionResult(
             {one.pursuit.vehicle: one.result for one in self._vehicles},
@@ -287,10 +285,9 @@ _WAITS_FOR: Final[Mapping[State, frozenset[State]]] = {
 class VehicleMission:
     """One vehicle's part of a mission, with its daemon."""
 
-    def __init__(
-        self, mission: Mission, pursuit: Pursuit, plan: FlightPlan | None, equipment: Equipment | None
-    ) -> None:
+    def __init__(self, mission: Mission, pursuit: Pursuit) -> None:
         scenario, vehicle, evader = self.pursuit = pursuit
+        plan, equipment = mission.plans.get(vehicle), mission.equipment.get(vehicle)
         self._mission, self._policy, world = mission, mission.policy, mission.world
         self.result, self.over, self._engaged_once = FlightResult(scenario, State.CONNECTING), False, False
         self.position_game_m: Vector | None = None

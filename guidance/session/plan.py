@@ -96,6 +96,8 @@ def _settings(
         target_game_m = (0.0, 0.0, 0.0)  # the game frame's zero is the target; only height differences matter
         site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
     unlimited, moves_m_s = () if mocked else _UNLIMITED_WITH_A_PERSON, own.target_velocity_m_s
+    declared_m_s = {} if config.team is None else {config.team.evader: own.evader_speed_m_s}
+    declared_m_s |= {} if config.team is None else {name: one.speed_m_s for name, one in config.team.evaders.items()}
     cycle = CycleSettings(
         Game(speeds, own.evader_speed_m_s, standoff=standoff, target_velocity_m_s=moves_m_s, target_extent=extent),
         strategy,
@@ -109,7 +111,7 @@ def _settings(
     )
     return FlightSettings(
         **dict(config.flight),
-        **{"team": config.team, "evaders": config.declared_speeds_m_s, **mates},
+        **{"team": config.team, "evaders": declared_m_s, **mates},
         autopilot=autopilot,
         cycle=cycle,
         limits=config.limits,

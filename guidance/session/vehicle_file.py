@@ -341,12 +341,6 @@ class Config(Section):
         return {EVADER: self.evader} if self.team is None else {self.team.evader: self.evader, **self.team.evaders}
 
     @property
-    def declared_speeds_m_s(self) -> dict[str, float]:
-        """Declared speeds of a team's evaders by name; empty without a team."""
-        others = {} if self.team is None else {name: one.speed_m_s for name, one in self.team.evaders.items()}
-        return others if self.team is None else {self.team.evader: self.game.evader_speed_m_s} | others
-
-    @property
     def speed_limits(self) -> Speeds:
         """Speed limits of every command."""
         return self.limits.speeds(self.game.speeds, section="game")
