@@ -138,15 +138,12 @@ def control_bus(
 
 @contextlib.contextmanager
 def opened(
-    mailboxes: Mapping[str, Mailbox],
-    endpoint: str | None,
-    on_open: Callable[[str], None] = lambda _: None,
-    *,
-    team: str = "",
+    mailboxes: Mapping[str, Mailbox], endpoint: str | None, on_open: Callable[[str], None], team: str
 ) -> Iterator[Mapping[str, "zenoh.Session"]]:
     """Take orders for vehicles at an endpoint, or at a free one if another process listens there; None takes none.
 
-    The first vehicle listens, and the others join. `on_open` is called with the endpoint.
+    The first vehicle listens, and the others join. `on_open` is called with the endpoint. Without a team its name is
+    empty.
 
     Raises:
         OutputError: If the token or the socket cannot be written.

@@ -121,7 +121,7 @@ class MockOptions:
         mock_files.check_faults(pursuits)
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
-        with control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team=team) as buses:
+        with control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team) as buses:
             in_real_time = partial(live.LiveWorld, link=self.link, port=self.port, over=self.over)
             with closing((stepped.SteppedWorld if self.fast else in_real_time)(pursuits, clock)) as world:
                 yield Opened(pursuits, world, clock, buses, used, {})
@@ -199,7 +199,7 @@ class Asked:
             raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         with contextlib.ExitStack() as stack:
-            buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team=team))
+            buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team))
             for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
                 for_whom = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
                 onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))

@@ -160,7 +160,7 @@ def test_two_flights_at_once_both_take_orders_the_second_at_an_endpoint_of_its_o
 
 
 def test_a_flight_without_an_endpoint_lets_nobody_in():
-    with opened({"uav1": Mailbox()}, None) as control:
+    with opened({"uav1": Mailbox()}, None, print, "") as control:
         assert not control
 
 
