@@ -204,8 +204,8 @@ class Asked:
                 for_whom = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
                 onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
                 mailbox.meanwhile = startup_answers(name, for_whom, discovery.FOUND_WITHIN_S, clock)
-            reached = reach(pursuits, self, clock, _separation(scenario))
-            (configs, world, radios), laid = stack.enter_context(reached), list[Pursuit]()
+            configs, world, radios = stack.enter_context(reach(pursuits, self, clock, _separation(scenario)))
+            laid = list[Pursuit]()
             for pursuit in pursuits:
                 name = pursuit.vehicle
                 autopilot = autopilot_named(configs[name].vehicle.autopilot)
