@@ -153,7 +153,7 @@ def test_two_flights_at_once_both_take_orders_the_second_at_an_endpoint_of_its_o
         for name in ("uav1", "uav2"):
             mailbox = Mailbox()
             closing.callback(AnsweringLoop(mailbox, name).close)
-            closing.enter_context(opened({name: mailbox}, endpoint, heard.append))
+            closing.enter_context(opened({name: mailbox}, endpoint, heard.append, ""))
         assert heard[0] == endpoint != heard[1]
         names = [ask_here("hold", endpoint=one, name=None)["name"] for one in heard]
     assert names == ["uav1", "uav2"]
