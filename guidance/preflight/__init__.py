@@ -8,7 +8,7 @@ Before every engagement the needed parameters are read and judged again (`engage
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -30,8 +30,7 @@ COUNTED_S: Final = 2.0
 """Averaging time of rates."""
 
 
-@dataclass(frozen=True, slots=True)
-class Facts:
+class Facts(NamedTuple):
     """Facts about one vehicle.
 
     Attributes:
@@ -43,12 +42,12 @@ class Facts:
         uploaded: The uploaded fence.
     """
 
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    parameter_types: Mapping[str, int] = field(default_factory=dict)
-    vehicle: VehicleState = field(default_factory=VehicleState)
-    rates_hz: Mapping[type[Message], float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = MappingProxyType({})
+    parameter_types: Mapping[str, int] = MappingProxyType({})
+    vehicle: VehicleState = VehicleState()
+    rates_hz: Mapping[type[Message], float] = MappingProxyType({})
     evader_amsl_m: float | None = None
-    uploaded: Uploaded = field(default_factory=Uploaded)
+    uploaded: Uploaded = Uploaded()
 
 
 class PreflightMemory:
