@@ -47,10 +47,6 @@ _TO_DO: Final[Mapping[str, str]] = {
 """Advice for each failed readiness check, by its name."""
 
 
-def _check(name: str, passed: bool, found: str) -> Finding:
-    return Finding.of(passed, name, found, "", _TO_DO[name])
-
-
 def checks(
     vehicle: VehicleState, profile: AutopilotProfile, now_s: float, *, battery_minimum: float
 ) -> tuple[Finding, ...]:
@@ -62,14 +58,28 @@ def checks(
         now_s: The present, on the clock that stamped the messages.
         battery_minimum: Least battery remaining, 0 to 1; unknown (NaN) passes, since not every vehicle measures it.
     """
-    heartbeat = vehicle.latest.get(Heartbeat)
-    found = "not heard" if heartbeat is None else f"MAV_AUTOPILOT {heartbeat.autopilot}, want {profile.autopilot_id}"
-    rows = [_check("autopilot", heartbeat is not None and heartbeat.autopilot == profile.autopilot_id, found)]
+    beat, status = vehicle.latest.get(Heartbeat), vehicle.latest.get(SystemStatus)
+    found = "not heard" if beat is None else f"MAV_AUTOPILOT {beat.autopilot}, want {profile.autopilot_id}"
+    rows = [("autopilot", beat is not None and beat.autopilot == profile.autopilot_id, found)]
     for kind, limit_s in _LARGEST_AGE_S.items():
         age_s = vehicle.age_s(kind, now_s)
         found = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
-        rows.append(_check(kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
-    return (*rows, *_status(vehicle, profile, battery_minimum))
+        rows.append((kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
+    if status is None:
+        rows += [("prearm", False, "not heard"), ("battery", False, "not heard")]
+    else:
+        reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
+        healthy = bool(status.sensors_health & _PREARM_CHECK)
+        found = "healthy" if healthy else "the autopilot's own checks fail"
+        guided = beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
+        if reported and not healthy and guided and profile.stream_before_guided:
+            # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
+            # refuses by itself what really is wrong.
+            reported, found = False, "of a mode that misses setpoints; asked again as it arms"
+        battery = status.battery_remaining
+        left = "unknown" if math.isnan(battery) else f"{battery:.0%} left"
+        rows += [("prearm", healthy or not reported, found), ("battery", not battery < battery_minimum, left)]
+    return tuple(Finding.of(passed, name, found, "", _TO_DO[name]) for name, passed, found in rows)
 
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
@@ -81,26 +91,6 @@ def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
     rows = (("HEARTBEAT", beat_s, HEARTBEAT_LIMIT_S), ("LOCAL_POSITION_NED", local_s, TELEMETRY_LIMIT_S))
     late = (f"no {name} for {age_s:.1f} s" for name, age_s, limit_s in rows if age_s > limit_s)
     return "; ".join(late) or "telemetry is back"
-
-
-def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: float) -> tuple[Finding, Finding]:
-    status = vehicle.latest.get(SystemStatus)
-    if status is None:
-        return _check("prearm", False, "not heard"), _check("battery", False, "not heard")
-    reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
-    healthy = bool(status.sensors_health & _PREARM_CHECK)
-    found = "healthy" if healthy else "the autopilot's own checks fail"
-    beat = vehicle.latest.get(Heartbeat)
-    guided = beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
-    if reported and not healthy and guided and profile.stream_before_guided:
-        # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
-        # refuses by itself what really is wrong.
-        reported, found = False, "of a mode that misses setpoints; asked again as it arms"
-    battery = status.battery_remaining
-    return (
-        _check("prearm", healthy or not reported, found),
-        _check("battery", not battery < battery_minimum, "unknown" if math.isnan(battery) else f"{battery:.0%} left"),
-    )
 
 
 LATE_LOOP_S = 0.25

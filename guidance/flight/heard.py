@@ -128,8 +128,11 @@ class Heard:
         if inputs.mates:
             self.mates.update((mate.name, mate) for mate in inputs.mates)
         self.switched = inputs.role is not None and inputs.role.evader != self.tracking.playing
-        if inputs.role is not None:
-            self._play(inputs.role)
+        if (role := inputs.role) is not None:  # another evader, or another height above the game's disc
+            self.role, self.tracking.playing, game = role, role.evader, self._settings.cycle.game
+            speed_m_s = self._settings.evaders.get(role.evader, game.evader_speed_m_s)
+            disc = StandOff(game.standoff.radius_m, game.standoff.height_m + role.above_m)
+            self.cycle = replace(self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc))
         self.vehicle_says(inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         strange = bool(self.beats) and self.echo.foreign
@@ -166,14 +169,6 @@ class Heard:
         unknown = all(math.dist(reported_ned_m, at) > SAME_M + one.error_m for at in known)
         if unknown and len(self.aircraft) < MOST_AIRCRAFT:
             self.aircraft[one.name] = state
-
-    def _play(self, role: Role) -> None:
-        """Take a new role: another evader, or another height above the game's disc."""
-        self.role, self.tracking.playing = role, role.evader
-        game = self._settings.cycle.game
-        speed_m_s = self._settings.evaders.get(role.evader, game.evader_speed_m_s)
-        disc = StandOff(game.standoff.radius_m, game.standoff.height_m + role.above_m)
-        self.cycle = replace(self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc))
 
     def _place(self) -> None:
         """Compute the positions of vehicle, fences and start in the present local frame."""
