@@ -222,8 +222,7 @@ def _urls(config: Config | None) -> Iterator[Finding]:
     usual = [("usual", url) for url in _DEFAULT_URLS]
     own = [] if config is None else [("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url)]
     for key, url in own or usual:
-        endpoint = None if url is None else parse(url)
-        if endpoint is not None and endpoint.scheme in {"udpin", "tcpin"}:
+        if url is not None and (endpoint := parse(url)).scheme in {"udpin", "tcpin"}:
             kind = socket.SOCK_DGRAM if endpoint.scheme == "udpin" else socket.SOCK_STREAM
             yield _port(f"{key} {url}", endpoint.host, endpoint.port, kind, "end what listens there, or take another")
 
