@@ -47,7 +47,7 @@ def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "Mission
     console.print(sheet(headings, cells, left=range(len(headings))))
     if not rows:
         return
-    names = [*vehicles, "-"]  # the number -1 is nobody's
+    names = [*vehicles, "-"]  # number -1 means none
     cells = []
     for row, evader in zip(rows, evaders, strict=True):
         who = (names[number] for number in (row.first, row.second, row.captor))
