@@ -12,7 +12,6 @@ import numpy as np
 
 from guidance.files import writing
 from guidance.game import Ball, Game, apollonius_circle, apollonius_sphere, rollout, solve
-from guidance.game.apollonius import Apollonius
 from guidance.game.rollout import Paper, Sample
 from guidance.log.scene import Array
 from guidance.log.scene import circle as flat_circle
@@ -80,11 +79,10 @@ class Case(NamedTuple):
         return self.pursuer_policy == self.evader_policy == "optimal"
 
     @property
-    def strategies(self) -> tuple[str, str]:
+    def strategies(self) -> tuple[str, ...]:
         """Both strategies as the paper writes them: u* and v* are the optimal ones, the others keep their names."""
         policies = ((self.pursuer_policy, "u*"), (self.evader_policy, "v*"))
-        pursuer, evader = (star if name == "optimal" else name.replace("_", "-") for name, star in policies)
-        return pursuer, evader
+        return tuple(star if name == "optimal" else name.replace("_", "-") for name, star in policies)
 
 
 class Table(NamedTuple):
@@ -151,7 +149,8 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     outward = (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude))
     shell = [centre + sphere.radius_m * part for centre, part in zip(sphere.centre_m, outward, strict=True)]
     axes.plot_wireframe(*shell, color="0.75", linewidth=0.5, zorder=1)
-    axes.plot(*_ring(circle), 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
+    ring = flat_circle(circle.centre_m, float(circle.radius_m)).T
+    axes.plot(*ring, 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
     _plot_tracks(axes, cases, [0, 1, 2], "s")
     q = solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m
     places = (PE_PURSUER, PE_EVADER, circle.centre_m, q)
@@ -180,12 +179,8 @@ def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: 
         axes.set_aspect("equal")
         axes.grid(color="0.9", linewidth=0.5)
         axes.margins(0.12, 0.16)
-    plan.plot(*_ring(circle), **_APOLLONIUS)
+    plan.plot(*flat_circle(circle.centre_m, float(circle.radius_m)).T, **_APOLLONIUS)
     plan.set_title("from above, Apollonius circle dashed", fontsize=10)
     side.set_title("from the side", fontsize=10)
     figure.suptitle(f"{title}; pursuer light, evader dark", fontsize=12)
     figure.legend(*plan.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
-
-
-def _ring(circle: Apollonius) -> Array:
-    return flat_circle(circle.centre_m, float(circle.radius_m)).T

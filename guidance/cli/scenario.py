@@ -268,7 +268,7 @@ def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if any(scenario.wind.velocity_m_s):
         yield "wind", f"{_place(scenario.wind.velocity_m_s)} m/s, east and north"
     for fault in scenario.fault:
-        keys = "".join(f", {key} = {value}" for key, value in fault.keys().items())
+        keys = "".join(f", {key} = {value}" for key, value in (fault.model_extra or {}).items())
         since = "engagement" if fault.after == "engaged" else "the start"
         yield "fault", f"{fault.kind} of the {fault.vehicle} {fault.at_s:g} s after {since}{keys}"
 

@@ -16,8 +16,8 @@ class EvaderPlayer(Protocol):
     ready: bool
     """Whether it can begin to play."""
 
-    def position_game_m(self) -> Vector | None:
-        """Its position in the game frame, None until it knows."""
+    position_game_m: Vector | None
+    """Its position in the game frame, None until it knows."""
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Move on to the present, playing against these pursuers or standing still."""

@@ -390,7 +390,7 @@ class VehicleMission:
     def evader_game_m(self, now_s: float) -> Vector | None:
         """Return the evader's position in the game frame: the true one, or as the vehicle estimates it."""
         if (player := self._mission.world.players.get(self.evader)) is not None:
-            return player.position_game_m()
+            return player.position_game_m
         tracking = self.daemon.flight.tracking
         evader, frame = tracking.evader(now_s), tracking.game_frame
         return None if evader is None or frame is None else frame.position_from_ned(evader.position_ned_m)

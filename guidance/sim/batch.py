@@ -75,11 +75,7 @@ _ALIKE: Final = attrgetter(
     "sensor.rate_hz",
     "sensor.latency_s",
     "sensor.outages_s",
-    *(
-        f"{player}.{key}"
-        for player in (PURSUER, EVADER)
-        for key in ("policy", "waypoints_m", "track", "turn_every_s", "turn_most_deg")
-    ),
+    *(f"{player}.{key}" for player in (PURSUER, EVADER) for key in Player.model_fields),
 )
 
 

@@ -28,6 +28,7 @@ class EvaderPilot:
 
     Attributes:
         ready: Whether it is armed, in GUIDED, and its position is known.
+        position_game_m: Its position in the game frame from its own telemetry, None until known.
     """
 
     def __init__(self, link: VehicleLink, scenario: Scenario) -> None:
@@ -38,25 +39,22 @@ class EvaderPilot:
         self._began_s: float | None = None
         self._requested_s = self._stood_s = float("-inf")
         self.vehicle, self.ready = VehicleState(), False
-        self._position_m: Vector | None = None
-        self._frame: tuple[tuple[Home | None, Origin | None], GameFrame | None] = (None, None), None
-
-    def position_game_m(self) -> Vector | None:
-        """Its position in the game frame from its own telemetry, None until known."""
-        return self._position_m
+        self.position_game_m: Vector | None = None
+        self._sources: tuple[Home | None, Origin | None] = (None, None)
+        self._frame: GameFrame | None = None
 
     def _located(self) -> Vector | None:
         sources = (self.vehicle.latest.get(Home), self.vehicle.latest.get(Origin))
-        if sources != self._frame[0]:
-            local_ned = local_frame(self.vehicle, ROVER.projection)
-            self._frame = sources, None if local_ned is None else GameFrame(local_ned.ned_from_wgs84(*self._site))
-        frame, local = self._frame[1], self.vehicle.latest.get(LocalPosition)
-        return None if frame is None or local is None else frame.position_from_ned(local.position_ned_m)
+        if sources != self._sources:
+            self._sources, local_ned = sources, local_frame(self.vehicle, ROVER.projection)
+            self._frame = None if local_ned is None else GameFrame(local_ned.ned_from_wgs84(*self._site))
+        local = self.vehicle.latest.get(LocalPosition)
+        return None if self._frame is None or local is None else self._frame.position_from_ned(local.position_ned_m)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
         self.vehicle = observe(self.vehicle, self._link.receive())
-        position = self._position_m = self._located()
+        position = self.position_game_m = self._located()
         beat = self.vehicle.latest.get(Heartbeat)
         guided = beat is not None and beat.armed and beat.custom_mode == ROVER.custom_modes[Mode.GUIDED]
         self.ready = guided and position is not None

@@ -60,8 +60,8 @@ def faults_after(flown: Flown, *events: str) -> Iterator[tuple[str, dict[str, An
     for scenario, vehicle, evader in pursuits_of(flown):
         for fault in scenario.fault:
             if fault.after in events:
-                times = {"at_s": fault.at_s} | ({} if fault.for_s is None else {"for_s": fault.for_s})
-                yield {PURSUER: vehicle, EVADER: evader}[fault.vehicle], {"kind": fault.kind, **times, **fault.keys()}
+                keys = fault.model_dump(exclude={"vehicle", "after"}, exclude_none=True)
+                yield {PURSUER: vehicle, EVADER: evader}[fault.vehicle], keys
 
 
 def script(flown: Flown) -> dict[str, Any]:

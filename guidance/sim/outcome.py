@@ -136,7 +136,7 @@ def achieved_and_regret(
     if game == "pe":
         achieved = game_time_s if end == "captured" else math.nan
         return achieved, achieved - predicted
-    achieved = evader_to_target_m if end == "captured" else (0.0 if end == "arrived" else math.nan)
+    achieved = {"captured": evader_to_target_m, "arrived": 0.0}.get(end, math.nan)
     return achieved, predicted - achieved
 
 

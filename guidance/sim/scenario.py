@@ -6,7 +6,7 @@ Positions are in the game frame: x east, y north, z up, in metres about the site
 import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple, Self
 
 from pydantic import ConfigDict, Field, WithJsonSchema, model_validator
 
@@ -180,7 +180,7 @@ class Wind(Section):
 
 
 class Fault(Section):
-    """A fault in a mocked flight: a kind from `sitl-mock list faults` with its keys."""
+    """A fault in a mocked flight: a kind from `sitl-mock list faults` with its keys, which are extra fields."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -189,10 +189,6 @@ class Fault(Section):
     after: Literal["engaged", "start"] = Field("engaged", description="the moment from which at_s counts")
     at_s: Annotated[float, Field(ge=0.0)] = Field(0.0, description="start of the fault")
     for_s: Annotated[float, Field(gt=0.0)] | None = Field(None, description="duration; default: until the end")
-
-    def keys(self) -> dict[str, Any]:
-        """The keys of this kind of fault."""
-        return dict(self.model_extra or {})
 
 
 class AnyScenario(Section):

@@ -72,14 +72,13 @@ def begin(sensor: Sensor, evader_m: Array) -> Received:
     """Return the knowledge at the begin: the evader stands at `evader_m`, (n, 3)."""
     count = len(evader_m)
     none = np.zeros(count, dtype=np.int64)
-    depth = math.floor(sensor.latency_s * _rate_hz(sensor)) + 2
-    ring = np.zeros((count, depth, 6))
+    ring = np.zeros((count, math.floor(sensor.latency_s * (sensor.rate_hz or FASTEST_HZ)) + 2, 6))
     return Received(evader_m.copy(), np.zeros_like(evader_m), np.zeros(count), none, none.copy(), ring)
 
 
 def next_event_s(sensor: Sensor, heard: Received) -> Array:
     """Return the times, (n,), of the next measurement or arrival."""
-    period_s = 1.0 / _rate_hz(sensor)
+    period_s = 1.0 / (sensor.rate_hz or FASTEST_HZ)
     return np.asarray(np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s))
 
 
@@ -96,7 +95,7 @@ def listen(
         evader_m: Position of the evader, (n, 3), m.
         velocity_m_s: Velocity of the evader, (n, 3).
     """
-    period_s, near_s, ring = 1.0 / _rate_hz(sensor), now_s + 1e-9, heard.on_the_way
+    period_s, near_s, ring = 1.0 / (sensor.rate_hz or FASTEST_HZ), now_s + 1e-9, heard.on_the_way
     rows = np.flatnonzero(heard.measurements * period_s <= near_s)
     if rows.size:
         number, report = heard.measurements[rows], np.concatenate([evader_m[rows], velocity_m_s[rows]], axis=1)
@@ -134,10 +133,6 @@ def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> tu
     seen_m_s = np.sqrt(heard.velocity_m_s[:, 0] ** 2 + heard.velocity_m_s[:, 1] ** 2)
     bound = np.maximum(declared_m_s, seen_m_s - _SURE * noise.velocity_m_s)
     return position_m, bound, age_s
-
-
-def _rate_hz(sensor: Sensor) -> float:
-    return FASTEST_HZ if sensor.rate_hz is None else sensor.rate_hz
 
 
 _SLACK_S = 1e-9

@@ -9,7 +9,6 @@ from collections.abc import Hashable, Sequence
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema, model_validator
 
 from guidance.autopilots import AutopilotName
@@ -17,12 +16,10 @@ from guidance.config import Section
 from guidance.flight.settings import TeamSection
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, End, Game
 from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
-from guidance.sim.batch import by_kind
+from guidance.sim.batch import Array, by_kind
 from guidance.sim.expect import WINNERS, Range, Ranges
 from guidance.sim.outcome import achieved_and_regret, winner_name
 from guidance.sim.scenario import AnyScenario, Point2, ScenarioLimits, Sensor, Site, Speed, Standoff, TakeoffHeight
-
-Array = NDArray[np.float64]
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_POLICIES]})]
 EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})]
@@ -135,16 +132,15 @@ def teams_of(scenario: TeamScenario) -> Teams:
 def _players(
     groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int
 ) -> tuple[Array, Array, tuple[str, ...]]:
-    places, speeds, policies = [], [], []
+    places: list[tuple[float, float, float]] = []
     for number, group in enumerate(groups):
         draws = np.random.default_rng([seed, side, number])
         x, y, z = (*group.position_m, 0.0)[:3]
         for _ in range(group.count):
             far, turn = group.scatter_m * math.sqrt(draws.random()), 2.0 * math.pi * draws.random()
             places.append((x + far * math.cos(turn), y + far * math.sin(turn), z))
-        speeds += [group.speed_m_s] * group.count
-        policies += [group.policy] * group.count
-    return np.array(places), np.array(speeds), tuple(policies)
+    each = [group for group in groups for _ in range(group.count)]
+    return np.array(places), np.array([one.speed_m_s for one in each]), tuple(one.policy for one in each)
 
 
 class TeamOutcome(NamedTuple):
@@ -238,11 +234,7 @@ def opening_of(scenario: TeamScenario) -> Matching:
 
 def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
     """Return the summary of a game of teams."""
-    return {
-        "pursuers": rows[0].pursuers,
-        "evaders": rows[0].evaders,
-        "guaranteed": rows[0].guaranteed,
-        "captured": rows[0].captured,
+    return {name: getattr(rows[0], name) for name in ("pursuers", "evaders", "guaranteed", "captured")} | {
         "total": math.fsum(row.predicted for row in rows if row.predicted_winner == "pursuer"),
         "worst_regret": max((row.regret for row in rows if not math.isnan(row.regret)), default=math.nan),
     }
@@ -281,7 +273,8 @@ def outcomes_of(
     plays = "+".join(dict.fromkeys(teams.pursuer_policy))
     counts = len(teams.pursuers_m), len(teams.evaders_m), int(first.guaranteed), captured
     for j, (end, time_s, away_m, captor) in enumerate(ends):
-        sure, predicted = bool(first.first[j] >= 0), float(first.value[j])
+        matched = {name: getattr(first, name)[j].item() for name in ("first", "second", "lower_bound")}
+        sure, predicted = matched["first"] >= 0, float(first.value[j])
         achieved, regret = achieved_and_regret(scenario.game, end, time_s, away_m, predicted)
         names = scenario.title, run, scenario.game, j, plays, teams.evader_policy[j], scenario.seed
         rows.append(
@@ -290,17 +283,15 @@ def outcomes_of(
                 end=end,
                 winner=WINNERS.get(end, "none"),
                 predicted_winner=winner_name(int(first.winner[j])),
-                first=int(first.first[j]),
-                second=int(first.second[j]),
                 captor=captor,
                 game_time_s=time_s,
                 capture_time_s=time_s if end == "captured" else math.nan,
                 evader_to_target_m=away_m,
                 predicted=predicted,
-                lower_bound=float(first.lower_bound[j]),
                 achieved=achieved,
                 regret=regret if sure else math.nan,
                 ratio=achieved / predicted if sure and predicted else math.nan,
+                **matched,
             )
         )
     return rows

@@ -212,7 +212,9 @@ class Watch:
 
     def _follow_pilot(self, now_s: float) -> None:
         """Check that the vehicle does not return to the guided mode after a pilot's switch."""
-        wanted = {fault.keys().get("mode") for fault in self.case.scenario.fault if fault.kind == "pilot_mode"}
+        wanted = {
+            (fault.model_extra or {}).get("mode") for fault in self.case.scenario.fault if fault.kind == "pilot_mode"
+        }
         mode = self._pursuer.mode
         if self._pilots is None and self._engaged_s is not None and mode in wanted:
             self._pilots = mode

@@ -340,7 +340,7 @@ class Sortie:
             self.first[name] = one.evader
             vehicle = Vehicle(cycle.acceleration, cycle.envelope, cycle.game.pursuer.horizontal_m_s, cycle.tolerance_m)
             for evader, speed_m_s in flight.settings.evaders.items():
-                there = self.world.players[evader].position_game_m()
+                there = self.world.players[evader].position_game_m
                 if here is None or there is None:
                     continue
                 game = Game(cycle.game.pursuer, speed_m_s, standoff=cycle.game.standoff)

@@ -65,7 +65,7 @@ class Around:
             self.engaged_s = now_s
         if self.engaged_s is None:
             return
-        evader, truth = tracking.evader(now_s), self._world.players["evader"].position_game_m()
+        evader, truth = tracking.evader(now_s), self._world.players["evader"].position_game_m
         believed = tracking.game_frame.position_from_ned(evader.position_ned_m)
         self.worst_m = max(self.worst_m, math.dist(believed[:2], truth[:2]))
         if outputs.state is State.HOLDING and self.held_s is None:

@@ -64,7 +64,7 @@ def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch
     flight.run(6.0)
     frame = flight.flight.tracking.game_frame
     believed = frame.position_from_ned(flight.flight.tracking.evader(flight.now_s).position_ned_m)
-    told = flight.evader.position_game_m()
+    told = flight.evader.position_game_m
     # Without the sender's clock compared (TIMESYNC) a constant delay cannot be seen: the error is at most what the
     # evader runs in it. With constant velocity the estimate still lies on its course.
     assert math.dist(believed[:2], told[:2]) <= 1.5 * delay_s + 0.6
@@ -84,7 +84,7 @@ def test_22_a_senders_clock_that_is_wrong_or_drifts_changes_nothing(sortie, skew
     flight.run(8.0)
     frame = flight.flight.tracking.game_frame
     believed = frame.position_from_ned(flight.flight.tracking.evader(flight.now_s).position_ned_m)
-    assert math.dist(believed[:2], flight.evader.position_game_m()[:2]) < 0.6
+    assert math.dist(believed[:2], flight.evader.position_game_m[:2]) < 0.6
 
 
 def test_26_two_vehicles_and_a_ground_station_on_one_wire_and_only_ours_is_heard(sortie):
