@@ -60,14 +60,14 @@ class Broadcast(Record):
         self._last: CycleEntry | None = None
         self._role: Role | None = None
         self._queries: deque[Any] = deque(maxlen=_MAX_QUERIES)
+        json_of = zenoh.Encoding.APPLICATION_JSON.with_schema
+        yields: dict[str, Any] = {
+            "congestion_control": zenoh.CongestionControl.DROP,
+            "priority": zenoh.Priority.DATA_LOW,
+        }
         self._publishers = {
-            what: session.declare_publisher(
-                broadcast_key(name, what),
-                encoding=zenoh.Encoding.APPLICATION_JSON.with_schema(f"guidance.{what.capitalize()}"),
-                congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.DATA_LOW,
-            )
-            for what in _CODECS
+            what: session.declare_publisher(broadcast_key(name, what), encoding=json_of(codec.title), **yields)
+            for what, codec in _CODECS.items()
         }
         self._queryable = session.declare_queryable(broadcast_key(name, FLIGHT), self._queries.append)
         self._stop = threading.Event()

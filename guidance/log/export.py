@@ -211,10 +211,8 @@ def geojson(features: Sequence[Feature], title: str) -> str:
 
 def kml(features: Sequence[Feature], title: str) -> str:
     """Return a KML document with a placemark for each feature."""
-    styles = "\n".join(
-        f'<Style id="{name}"><LineStyle><color>{colour}</color><width>2</width></LineStyle></Style>'
-        for name, colour in _COLOURS.items()
-    )
+    style = '<Style id="{}"><LineStyle><color>{}</color><width>2</width></LineStyle></Style>'
+    styles = "\n".join(style.format(name, colour) for name, colour in _COLOURS.items())
     placemarks = "\n".join(map(_placemark, features))
     return f"""<?xml version="1.0" encoding="utf-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2"><Document>

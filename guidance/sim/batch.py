@@ -182,15 +182,9 @@ def strategy_of(scenario: Scenario, name: str, start_m: Array, speeds: SpeedSet,
         case "waypoints":
             course = waypoints(start_m, np.array([(*point, 0.0)[:3] for point in player.waypoints_m]), speeds)
         case "random_turns":
-            course = random_turns(
-                start_m,
-                speeds.horizontal_m_s,
-                seed,
-                stream=_STREAMS[name],
-                every_s=player.turn_every_s,
-                max_turn_rad=np.deg2rad(player.turn_most_deg),
-                duration_s=scenario.time_limit_s,
-            )
+            turns = {"max_turn_rad": np.deg2rad(player.turn_most_deg), "every_s": player.turn_every_s}
+            until_s, stream = scenario.time_limit_s, _STREAMS[name]
+            course = random_turns(start_m, speeds.horizontal_m_s, seed, stream=stream, duration_s=until_s, **turns)
         case "recorded":
             course = recorded(start_m, player.track)
     return Strategy(player.policy, course, scenario.pursuer.navigation_gain)

@@ -53,13 +53,10 @@ class Ranges(Section):
 
     def verdicts(self, values: Mapping[str, Any]) -> list[CheckedExpectation]:
         """Return the verdict on everything that is expected, from the values of all columns."""
+        wanted = ((column, each, values[column]) for column, each in self if isinstance(each, (Range, str)))
         return [
-            CheckedExpectation(
-                column, str(each), value, each.holds(value) if isinstance(each, Range) else each == value
-            )
-            for column, each in self
-            if isinstance(each, (Range, str))
-            for value in [values[column]]
+            CheckedExpectation(name, str(each), value, each.holds(value) if isinstance(each, Range) else each == value)
+            for name, each, value in wanted
         ]
 
 
@@ -123,10 +120,8 @@ class Expectations(Ranges):
 
     def verdicts(self, outcome: Mapping[str, Any]) -> list[CheckedExpectation]:
         """Return the verdict on every expectation."""
-        happened = outcome["events"]
-        events = [
-            CheckedExpectation("events", f"has {one!r}", ", ".join(happened), one in happened) for one in self.events
-        ]
+        seen = outcome["events"]
+        events = [CheckedExpectation("events", f"has {one!r}", ", ".join(seen), one in seen) for one in self.events]
         return [*super().verdicts(outcome), *events]
 
 

@@ -94,8 +94,7 @@ def outcome_of(
     *,
     end: str,
     predicted: float = math.nan,
-    predicted_winner: str = "none",
-    **measured: Any,  # noqa: ANN401 - a column's
+    **measured: Any,  # noqa: ANN401 - columns
 ) -> Outcome:
     """Return a complete row: compute the columns that follow from the others, the same for every kind of run.
 
@@ -104,13 +103,12 @@ def outcome_of(
         run: `maths`, `fast`, `live` or `vehicle`.
         end: See `Outcome`.
         predicted: The game's value at engagement, for either winner.
-        predicted_winner: `pursuer`, `evader` or `none`.
-        **measured: Other columns of `Outcome` that the run measures.
+        **measured: Other columns of `Outcome` that the run measures or predicts.
     """
     names = (scenario.title, run, scenario.game, scenario.pursuer.policy, scenario.evader.policy)
-    row = Outcome(*names, scenario.seed, end, WINNERS.get(end, "none"), predicted_winner, **measured)
+    row = Outcome(*names, scenario.seed, end, WINNERS.get(end, "none"), **measured)
     achieved, regret = achieved_and_regret(row.game, end, row.game_time_s, row.evader_to_target_m, predicted)
-    pe, winnable, nan = row.game == "pe", predicted_winner != "evader", math.nan
+    pe, winnable, nan = row.game == "pe", row.predicted_winner != "evader", math.nan
     return row._replace(
         capture_time_s=row.game_time_s if end == "captured" else nan,
         predicted_capture_time_s=predicted if pe else nan,

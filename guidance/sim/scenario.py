@@ -205,15 +205,11 @@ class AnyScenario(Section):
     time_limit_s: float = Field(300.0, gt=0.0, description="longest game, from engagement")
 
     @model_validator(mode="after")
-    def _check_target(self) -> Self:
+    def _check_target_and_policies(self) -> Self:
         if self.game == "tad" and self.target is None:
             raise ValueError('target.position_m: missing; game = "tad" needs a target')
         if self.game == "pe" and self.target is not None:
             raise ValueError('target: not allowed with game = "pe"; use game = "tad"')
-        return self
-
-    @model_validator(mode="after")
-    def _check_policies(self) -> Self:
         for player, known in self.known.items():
             given = getattr(self, player)
             named = {f"{player}[{number}]": one for number, one in enumerate(given)} if isinstance(given, tuple) else {}

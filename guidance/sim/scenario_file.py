@@ -28,9 +28,8 @@ def load_scenario(name: str) -> tuple[Path, Scenario]:
     """
     path, scenario = load_any(name)
     if isinstance(scenario, TeamScenario):
-        raise ConfigError(
-            f"{path}: has teams, which this command does not play: guidance scenario run {path} --as maths"
-        )
+        command = f"guidance scenario run {path} --as maths"
+        raise ConfigError(f"{path}: has teams, which this command does not play: {command}")
     return path, scenario
 
 

@@ -2,7 +2,7 @@
 
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.sim.scenario import Evader, Pursuer, Pursuit, Scenario
+from guidance.sim.scenario import Pursuit, Scenario
 from guidance.sim.teams import Teams, TeamScenario, opening_of, teams_of
 
 
@@ -37,21 +37,14 @@ def _scenario_of(scenario: TeamScenario, teams: Teams, number: int, evader: int)
     Raises:
         ConfigError: If the vehicle cannot fly it.
     """
-    flight, (x, y, z), (east_m, north_m, _) = scenario.flight, teams.pursuers_m[number], teams.evaders_m[evader]
+    flight, keys = scenario.flight, ("policy", "position_m", "speed_m_s")
+    pursuer = teams.pursuer_policy[number], teams.pursuers_m[number].tolist(), float(teams.pursuer_speed_m_s[number])
+    chased = teams.evader_policy[evader], teams.evaders_m[evader, :2].tolist(), float(teams.evader_speed_m_s[evader])
+    own = {name: getattr(flight, name) for name in ("autopilot", "takeoff_height_m")}
     document = {
         **{name: getattr(scenario, name) for name in ("title", "game", "target", "seed", "time_limit_s")},
         **{name: getattr(flight, name) for name in ("standoff", "limits", "sensor", "site", "hold_s")},
-        "pursuer": Pursuer(
-            policy=teams.pursuer_policy[number],
-            position_m=(float(x), float(y), float(z)),
-            speed_m_s=float(teams.pursuer_speed_m_s[number]),
-            autopilot=flight.autopilot,
-            takeoff_height_m=flight.takeoff_height_m,
-        ),
-        "evader": Evader(
-            policy=teams.evader_policy[evader],
-            position_m=(float(east_m), float(north_m)),
-            speed_m_s=float(teams.evader_speed_m_s[evader]),
-        ),
+        "pursuer": dict(zip(keys, pursuer, strict=True)) | own,
+        "evader": dict(zip(keys, chased, strict=True)),
     }
     return parse(Scenario, document, source=f"{scenario.title}, uav{number + 1} in flight")

@@ -212,17 +212,10 @@ def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: b
     """Simulate several teams of one kind as a batch, with the settings of a scenario."""
     target = None if teams[0].target_m is None else np.array([[one.target_m] for one in teams])
     P, E, u, v = (np.array(part) for part in zip(*(one[:4] for one in teams), strict=True))
-    start = Game(Ball(u[..., None]), v[:, None]), P, E, target
-    return rollout_teams(
-        *start,
-        pursuer_policy=teams[0].pursuer_policy,
-        evader_policy=teams[0].evader_policy,
-        capture_m=scenario.capture_m,
-        hysteresis=scenario.hysteresis,
-        step_s=scenario.step_s,
-        duration_s=scenario.time_limit_s,
-        keep_path=keep_path,
-    )
+    game = Game(Ball(u[..., None]), v[:, None])
+    policies = {name: getattr(teams[0], name) for name in ("pursuer_policy", "evader_policy")}
+    steps = {name: getattr(scenario, name) for name in ("capture_m", "hysteresis", "step_s")}
+    return rollout_teams(game, P, E, target, **policies, **steps, duration_s=scenario.time_limit_s, keep_path=keep_path)
 
 
 def opening_of(scenario: TeamScenario) -> Matching:

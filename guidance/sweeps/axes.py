@@ -159,9 +159,7 @@ class Axis:
 
     def columns(self) -> dict[str, pa.DataType]:
         """Return names and types of the columns of the values; vectors of one length have one for each element."""
-        sizes = {
-            len(value) if isinstance(value, list) and _type_of(value) != pa.string() else 0 for value in self.extremes
-        }
+        sizes = {len(one) if isinstance(one, list) and _type_of(one) != pa.string() else 0 for one in self.extremes}
         if len(sizes) == 1 and (size := sizes.pop()):
             return {f"{self.key}[{place}]": pa.float64() for place in range(size)}
         return {self.key: _type_of(self.extremes)}

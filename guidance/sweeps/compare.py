@@ -10,7 +10,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 from rich.table import Table
 from scipy import stats
 
@@ -18,10 +17,9 @@ from guidance.errors import ConfigError
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sim.outcome import Outcome
+from guidance.sweeps.axes import Array
 from guidance.sweeps.folder import END, PAIR, POINT, SEED, Folder, read_folder, read_json
 from guidance.sweeps.plan import ROW, Plan
-
-Array = NDArray[np.float64]
 
 CONFIDENCE: Final = 0.95
 CAPTURED: Final = "captured"
@@ -88,25 +86,21 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
     matched = matched_pairs(a.plan, b.plan)
     paired = bool(matched) and a.plan.axes == b.plan.axes
     tables = [_read(folder) for folder in (a, b)]
-    groups, largest = list[dict[str, Any]](), list[dict[str, Any]]()
+    groups, largest = [], list[dict[str, Any]]()
     if not matched:
         groups.append(_group("all rows", "all rows", *tables, paired=False))
-    for one, other in matched.items():
-        first, second = (
-            table.filter(pc.equal(table[PAIR], number)) for table, number in zip(tables, (one, other), strict=True)
-        )
+    for numbers in matched.items():
+        first, second = (table.filter(pc.equal(table[PAIR], one)) for table, one in zip(tables, numbers, strict=True))
         if paired:
             first, second = _shared(first, second), _shared(second, first)
             largest += _largest(first, second, column, rows)
         if first.num_rows or second.num_rows:
-            names = " / ".join(a.plan.pairs[one]), " / ".join(b.plan.pairs[other])
-            groups.append(_group(*names, first, second, paired=paired))
+            name_a, name_b = (" / ".join(of.plan.pairs[one]) for of, one in zip((a, b), numbers, strict=True))
+            groups.append(_group(name_a, name_b, first, second, paired=paired))
     largest.sort(key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"]))))
     means = "Student's t of the paired differences" if paired else "Welch's t"
-    found: dict[str, Any] = plain(
-        {"paired": paired, "intervals": f"95 %: {means}", "groups": groups, "largest": largest[:rows]}
-    )
-    return found
+    found = {"paired": paired, "intervals": f"95 %: {means}", "groups": groups, "largest": largest[:rows]}
+    return {name: plain(part) for name, part in found.items()}
 
 
 def _shared(rows: pa.Table, others: pa.Table) -> pa.Table:
@@ -154,13 +148,8 @@ def _largest(a: pa.Table, b: pa.Table, column: str, count: int) -> list[dict[str
 def compare_outcomes(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
     """Compare two outcomes column by column; the difference of values that are not numbers is None."""
     return {
-        name: {
-            "a": value,
-            "b": b[name],
-            "difference": b[name] - value if {type(value), type(b[name])} <= {int, float} else None,
-        }
-        for name, value in a.items()
-        if name in b
+        name: {"a": one, "b": other, "difference": other - one if {type(one), type(other)} <= {int, float} else None}
+        for name, one, other in ((name, one, b[name]) for name, one in a.items() if name in b)
     }
 
 

@@ -116,9 +116,8 @@ class Folder:
 
     def table(self, columns: Sequence[str]) -> pa.Table:
         """Read columns of all rows, with `PAIR`, `POINT` and `SEED`; texts but the end are dictionary encoded."""
-        texts = [
-            one.name for one in self.plan.schema if pa.types.is_string(one.type) and one.name in {*columns} - {END}
-        ]
+        encoded = {*columns} - {END}
+        texts = [one.name for one in self.plan.schema if pa.types.is_string(one.type) and one.name in encoded]
         table = parquet.read_table(self.parts, columns=list(columns), read_dictionary=texts).unify_dictionaries()
         for name, values in zip((PAIR, POINT, SEED), self.plan.places(table[ROW].to_numpy()), strict=True):
             table = table.append_column(name, pa.array(values))
@@ -181,9 +180,8 @@ def alone(path: Path) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise ConfigError(
-                f"--out {path}: another process is writing this sweep; wait until it ends, or stop it"
-            ) from None
+            fault = "another process is writing this sweep; wait until it ends, or stop it"
+            raise ConfigError(f"--out {path}: {fault}") from None
         yield
 
 
@@ -191,10 +189,8 @@ def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     manifest = _manifest(path)
     was, now = plan_of(manifest).decisive, plan.decisive
     if differing := [name for name in {**was, **now} if was.get(name) != now.get(name)]:
-        raise ConfigError(
-            f"--out {path}: holds another sweep ({', '.join(differing)} differ{'s' * (len(differing) == 1)}); "
-            "choose another folder"
-        )
+        differ = f"{', '.join(differing)} differ{'s' * (len(differing) == 1)}"
+        raise ConfigError(f"--out {path}: holds another sweep ({differ}); choose another folder")
     if (there := manifest["versions"]) != (here := _versions()):
         changed = "; ".join(f"{one} {there.get(one)}, now {here[one]}" for one in here if there.get(one) != here[one])
         raise ConfigError(f"--out {path}: was begun with {changed}: rows could differ; choose another folder")

@@ -68,9 +68,12 @@ class Seeds(Section):
 
 
 def _seeds(given: Any) -> Any:  # noqa: ANN401 - from a file
-    if isinstance(given, int) and not isinstance(given, bool):
-        return {"count": given}
-    return {"list": given} if isinstance(given, list) else given
+    keys = {int: "count", list: "list"}
+    return {keys[type(given)]: given} if type(given) in keys else given
+
+
+AnySeeds = Annotated[Seeds, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds)]
+Document = Annotated[dict[str, Any], WithJsonSchema({"type": "string"})]
 
 
 class Cases(NamedTuple):
@@ -98,14 +101,10 @@ class Plan(Section):
 
     title: str = Field("", description="a few words")
     description: str = Field("", description="what it shows, and why it is as it is")
-    scenario: Annotated[dict[str, Any], WithJsonSchema({"type": "string"})] = Field(
-        description="a scenario's name or path; beside the sweep's file, or with the package"
-    )
+    scenario: Document = Field(description="a scenario's name or path; beside the sweep's file, or with the package")
     way: Way = Field("maths", alias="as", description="maths: point masses; fast: flights of the mock in virtual time")
     number: int | None = Field(None, alias="rows", ge=1, description="number of rows, instead of seeds")
-    seeds: Annotated[Seeds, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds)] = Field(
-        Seeds(), description="how many, a list, or { from = 100, count = 50 }; default: one, 0"
-    )
+    seeds: AnySeeds = Field(Seeds(), description="how many, a list, or { from = 100, count = 50 }; default: one, 0")
     grid: dict[str, Annotated[list[Any], BeforeValidator(grid_values)]] = Field(
         {}, description="keys of the scenario and their values; all combinations are played"
     )
@@ -203,11 +202,9 @@ class Plan(Section):
     def schema(self) -> pa.Schema:
         """Columns of the table: number of the row, swept values, outcome."""
         swept = (column for axis in self.axes for column in axis.columns().items())
-        outcome = (TeamOutcome if self.teams else Outcome).__annotations__
+        outcome = (TeamOutcome if self.teams else Outcome).__annotations__.items()
         texts = pa.list_(pa.string())
-        return pa.schema(
-            [(ROW, pa.int64()), *swept, *((name, _TYPES.get(kind, texts)) for name, kind in outcome.items())]
-        )
+        return pa.schema([(ROW, pa.int64()), *swept, *((name, _TYPES.get(kind, texts)) for name, kind in outcome)])
 
     @property
     def document(self) -> dict[str, Any]:

@@ -33,6 +33,8 @@ _ROUNDING: Final = 5e-5
 """Smaller regrets are rounding errors."""
 _NO_INTERVAL: Final = Interval(math.nan, math.nan, math.nan)
 _COLUMNS: Final = ("end", "predicted_winner", "regret", "evader_to_target_m", "game_time_s", "reason")
+Rows = list[tuple[str, ...]]
+
 _EITHER: Final = {
     "predicted": ("predicted_capture_time_s", "predicted_evader_to_target_m"),
     "away_m": ("evader_to_target_m", "distance_to_disc_m"),
@@ -75,9 +77,8 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
 
 def _read(folder: Folder) -> pa.Table:
     swept, teams = [column for axis in folder.plan.axes for column in axis.columns()], folder.plan.teams
-    table = folder.table(
-        [ROW, *swept, *_COLUMNS, *(("predicted",) if teams else (*_EITHER["predicted"], "distance_to_disc_m"))]
-    )
+    predicted = ("predicted",) if teams else (*_EITHER["predicted"], "distance_to_disc_m")
+    table = folder.table([ROW, *swept, *_COLUMNS, *predicted])
     for name, (first, second) in () if teams else _EITHER.items():
         table = table.append_column(name, pc.if_else(pc.is_nan(table[first]), table[second], table[first]))
     for name, counted in (("game", pc.not_equal(table[END], "invalid")), (CAPTURED, pc.equal(table[END], CAPTURED))):
@@ -119,29 +120,27 @@ def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], worst: Sequence[
     by_key = {key.column: _groups(plan, table, [key]) for key in keys}
     by_point = _groups(plan, table, grid) if len(grid) == 2 else {}
     whole, ends, pairs = _groups(plan, table, []), np.array(table[END].to_pylist()), table[PAIR].to_numpy()
-    report: dict[str, Any] = plain(
-        {
-            "title": plan.title or plan.scenario["title"],
-            "scenario": plan.scenario["title"],
-            "as": plan.way,
-            "digest": plan.digest,
-            "rows": table.num_rows,
-            "rows_planned": plan.rows,
-            "teams": plan.teams,
-            "unit": "s" if plan.scenario["game"] == "pe" else "m",
-            "intervals": "95 %, of random draws only: Wilson's for probabilities, Student's t for means",
-            "policies": [
-                {**pair._asdict(), "ends": Counter(ends[pairs == number].tolist()), **whole[number][0]}
-                | {"by_key": {column: found[number] for column, found in by_key.items()}}
-                | {"by_point": by_point.get(number, [])}
-                for number, pair in enumerate(plan.pairs)
-                if number in whole
-            ],
-            "invalid": _reasons(table),
-            "worst": worst,
-        }
-    )
-    return report
+    report = {
+        "title": plan.title or plan.scenario["title"],
+        "scenario": plan.scenario["title"],
+        "as": plan.way,
+        "digest": plan.digest,
+        "rows": table.num_rows,
+        "rows_planned": plan.rows,
+        "teams": plan.teams,
+        "unit": "s" if plan.scenario["game"] == "pe" else "m",
+        "intervals": "95 %, of random draws only: Wilson's for probabilities, Student's t for means",
+        "policies": [
+            {**pair._asdict(), "ends": Counter(ends[pairs == number].tolist()), **whole[number][0]}
+            | {"by_key": {column: found[number] for column, found in by_key.items()}}
+            | {"by_point": by_point.get(number, [])}
+            for number, pair in enumerate(plan.pairs)
+            if number in whole
+        ],
+        "invalid": _reasons(table),
+        "worst": worst,
+    }
+    return {name: plain(part) for name, part in report.items()}
 
 
 def _place(key: Key) -> str:
@@ -151,9 +150,8 @@ def _place(key: Key) -> str:
 def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
     names = [PAIR, *map(_place, keys)]
-    grouped = table.group_by(names).aggregate(
-        [("game", "sum"), (CAPTURED, "sum"), ("regret", "list"), ("predicted", "mean"), ("game_time_s", "min_max")]
-    )
+    sums = [("game", "sum"), (CAPTURED, "sum"), ("regret", "list"), ("predicted", "mean"), ("game_time_s", "min_max")]
+    grouped = table.group_by(names).aggregate(sums)
     mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
     found: dict[int, list[dict[str, Any]]] = {}
     grouped = grouped.sort_by([(name, "ascending") for name in names])
@@ -241,9 +239,7 @@ def _names(policies: Mapping[str, Any]) -> str:
     return f"{policies['pursuer']} against {policies['evader']}"
 
 
-def _by_key(
-    policies: Mapping[str, Any], grid: Sequence[Key]
-) -> Iterator[tuple[str, Sequence[str], list[tuple[str, ...]]]]:
+def _by_key(policies: Mapping[str, Any], grid: Sequence[Key]) -> Iterator[tuple[str, Sequence[str], Rows]]:
     """Yield title, headings and rows of the maps over two keys, or of the curve over each key."""
     if len(grid) == 2:
         first, second = grid

@@ -169,7 +169,7 @@ def table_of(plan: Plan, rows: range) -> pa.Table:
     found = list(scenarios_of(plan, cases))
     played = iter(_played(plan, [scenario for scenario in found if not isinstance(scenario, str)]))
     outcomes = [
-        [_invalid(plan, cases, place, one)] if isinstance(one, str) else next(played) for place, one in enumerate(found)
+        [_invalid(plan, cases, row, one)] if isinstance(one, str) else next(played) for row, one in enumerate(found)
     ]
     return as_table(plan, cases, outcomes)
 
