@@ -26,7 +26,6 @@ class SteppedMock:
     def __init__(self, name: str, vehicle: Faulted, clock: Clock) -> None:
         self._vehicle, self._clock, self._ends = vehicle, clock, list[Wire]()
         self.wire = TappedWire(self.listener(), clock.now_s, name)
-        self.drain = self.wire.drain
 
     def listener(self) -> Wire:
         """Return one more wire that hears the vehicle."""
@@ -109,7 +108,7 @@ class EvaderHere(EvaderPilot):
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Step the rover and its pilot."""
         self._mock.advance(now_s)
-        self._mock.drain()  # the rover's own link is not recorded
+        self._mock.wire.drain()  # the rover's own link is not recorded
         super().step(now_s, pursuers_game_m, playing=playing)
 
     def engage(self) -> None:

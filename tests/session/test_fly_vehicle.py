@@ -96,7 +96,7 @@ class World(VirtualClock):
 
     def ordered(self):
         """Return our messages to the vehicle that change something, without heartbeats and queries."""
-        frames = [one.frame for one in self.mock.drain() if one.topic.endswith("/in")]
+        frames = [one.frame for one in self.mock.wire.drain() if one.topic.endswith("/in")]
         messages = [mavlink.MAVLink(None).decode(bytearray(frame)) for frame in frames]
         return [
             one for one in messages
