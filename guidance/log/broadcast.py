@@ -61,12 +61,9 @@ class Broadcast(Record):
         self._role: Role | None = None
         self._queries: deque[Any] = deque(maxlen=_MAX_QUERIES)
         json_of = zenoh.Encoding.APPLICATION_JSON.with_schema
-        yields: dict[str, Any] = {
-            "congestion_control": zenoh.CongestionControl.DROP,
-            "priority": zenoh.Priority.DATA_LOW,
-        }
+        how: dict[str, Any] = {"congestion_control": zenoh.CongestionControl.DROP, "priority": zenoh.Priority.DATA_LOW}
         self._publishers = {
-            what: session.declare_publisher(broadcast_key(name, what), encoding=json_of(codec.title), **yields)
+            what: session.declare_publisher(broadcast_key(name, what), encoding=json_of(codec.title), **how)
             for what, codec in _CODECS.items()
         }
         self._queryable = session.declare_queryable(broadcast_key(name, FLIGHT), self._queries.append)

@@ -69,12 +69,8 @@ class Batch(NamedTuple):
 
 
 _ALIKE: Final = attrgetter(
-    "game",
-    "pursuer.speed_set",
-    "pursuer.navigation_gain",
-    "sensor.rate_hz",
-    "sensor.latency_s",
-    "sensor.outages_s",
+    *("game", "pursuer.speed_set", "pursuer.navigation_gain"),
+    *(f"sensor.{key}" for key in ("rate_hz", "latency_s", "outages_s")),
     *(f"{player}.{key}" for player in (PURSUER, EVADER) for key in Player.model_fields),
 )
 

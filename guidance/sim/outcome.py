@@ -119,22 +119,20 @@ def outcome_of(
     )
 
 
-def achieved_and_regret(
-    game: str, end: str, game_time_s: float, evader_to_target_m: float, predicted: float
-) -> tuple[float, float]:
+def achieved_and_regret(game: str, end: str, time_s: float, away_m: float, predicted: float) -> tuple[float, float]:
     """Return the achieved value of a game and the pursuer's regret, both in the unit of the value.
 
     Args:
         game: "pe" or "tad".
         end: As in `Outcome`.
-        game_time_s: From engagement to the end.
-        evader_to_target_m: At the end, in TAD.
+        time_s: From engagement to the end.
+        away_m: Distance of the evader from its target at the end, in TAD.
         predicted: The game's value at engagement: s in PE, m in TAD.
     """
     if game == "pe":
-        achieved = game_time_s if end == "captured" else math.nan
+        achieved = time_s if end == "captured" else math.nan
         return achieved, achieved - predicted
-    achieved = {"captured": evader_to_target_m, "arrived": 0.0}.get(end, math.nan)
+    achieved = {"captured": away_m, "arrived": 0.0}.get(end, math.nan)
     return achieved, predicted - achieved
 
 

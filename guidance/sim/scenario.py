@@ -180,7 +180,7 @@ class Wind(Section):
 
 
 class Fault(Section):
-    """A fault in a mocked flight: a kind from `sitl-mock list faults` with its keys, which are extra fields."""
+    """A fault in a mocked flight: a kind from `sitl-mock list faults` with its keys."""
 
     model_config = ConfigDict(extra="allow")
 

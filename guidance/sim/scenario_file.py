@@ -116,13 +116,11 @@ def read_track(path: Path, player: str, *, key: str) -> Rows:
 
 def _from_csv(path: Path) -> Rows:
     with path.open(newline="", encoding="utf-8") as file:
-        reader = csv.DictReader(file)
-        missing = [name for name in _COLUMNS[:3] if name not in (reader.fieldnames or [])]
+        rows = csv.DictReader(file)
+        missing = [name for name in _COLUMNS[:3] if name not in (rows.fieldnames or [])]
         if missing:
             raise ValueError(f"column {missing[0]} is missing")
-        return [
-            (float(row["t_s"]), float(row["x_m"]), float(row["y_m"]), float(row.get("z_m") or 0.0)) for row in reader
-        ]
+        return [(float(row["t_s"]), float(row["x_m"]), float(row["y_m"]), float(row.get("z_m") or 0.0)) for row in rows]
 
 
 def _from_record(path: Path, part: str) -> Rows:

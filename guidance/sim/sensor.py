@@ -82,9 +82,7 @@ def next_event_s(sensor: Sensor, heard: Received) -> Array:
     return np.asarray(np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s))
 
 
-def listen(
-    sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, velocity_m_s: Array
-) -> Received:
+def listen(sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, run_m_s: Array) -> Received:
     """Make the measurements and receive the reports that are due.
 
     Args:
@@ -93,12 +91,12 @@ def listen(
         heard: Knowledge so far; its arrays are changed.
         now_s: Time of each row, (n,).
         evader_m: Position of the evader, (n, 3), m.
-        velocity_m_s: Velocity of the evader, (n, 3).
+        run_m_s: Velocity of the evader, (n, 3).
     """
     period_s, near_s, ring = 1.0 / (sensor.rate_hz or FASTEST_HZ), now_s + 1e-9, heard.on_the_way
     rows = np.flatnonzero(heard.measurements * period_s <= near_s)
     if rows.size:
-        number, report = heard.measurements[rows], np.concatenate([evader_m[rows], velocity_m_s[rows]], axis=1)
+        number, report = heard.measurements[rows], np.concatenate([evader_m[rows], run_m_s[rows]], axis=1)
         for place, stream in _STREAMS.items():
             spread = noise.position_m if place < 3 else noise.velocity_m_s
             report[:, place] += np.broadcast_to(spread, now_s.shape)[rows] * normal(noise.seed[rows], stream, number)

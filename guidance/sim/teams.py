@@ -123,15 +123,13 @@ class Teams(NamedTuple):
 
 def teams_of(scenario: TeamScenario) -> Teams:
     """Place the players of a scenario; a player's place depends on the seed and not on the number of others."""
-    P, u, plays = _players(scenario.pursuer, scenario.seed, 0)
-    E, v, flees = _players(scenario.evader, scenario.seed, 1)
+    P, u, plays = _placed(scenario.pursuer, scenario.seed, 0)
+    E, v, flees = _placed(scenario.evader, scenario.seed, 1)
     target = None if scenario.target is None else np.array([*scenario.target.position_m, 0.0])
     return Teams(P, E, u, v, target, plays, flees)
 
 
-def _players(
-    groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int
-) -> tuple[Array, Array, tuple[str, ...]]:
+def _placed(groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int) -> tuple[Array, Array, tuple[str, ...]]:
     places: list[tuple[float, float, float]] = []
     for number, group in enumerate(groups):
         draws = np.random.default_rng([seed, side, number])

@@ -35,6 +35,9 @@ Rows = NDArray[np.intp]
 _TYPES: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 
 
+Pursuers = PursuerPolicy | tuple[PursuerPolicy, ...]
+
+
 class Pair(NamedTuple):
     """Policies of both players."""
 
@@ -45,9 +48,7 @@ class Pair(NamedTuple):
 class Policies(Section):
     """Policies of both players; every pursuer's policy plays every evader's."""
 
-    pursuer: PursuerPolicy | tuple[PursuerPolicy, ...] = Field(
-        (), description="one or several; default: the scenario's own"
-    )
+    pursuer: Pursuers = Field((), description="one or several; default: the scenario's own")
     evader: EvaderPolicy | tuple[EvaderPolicy, ...] = Field((), description="likewise")
 
 

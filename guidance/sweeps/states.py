@@ -183,11 +183,11 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool)
     names, game = set(chunk.column_names), _with_ratios(game, chunk, ratio_given=ratio_given)
     target = _place(chunk, "target") if names & {"target_x_m", "target_y_m"} else None
     if any(map(_PLAYER.fullmatch, names)):
-        columns = _team_answers(game, chunk, target, lost)
+        fields = _team_answers(game, chunk, target, lost)
     else:
-        columns = {}
-        for name, field in solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)._asdict().items():
-            columns |= dict(_flat(name, re.sub(r"(_m_s|_m)$", r"_{}\1", name) if field.ndim > 1 else name, field))
+        answer = solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)._asdict().items()
+        fields = {re.sub(r"(_m_s|_m)$", r"_{}\1", name) if one.ndim > 1 else name: one for name, one in answer}
+    columns = {name: values for column, field in fields.items() for name, values in _flat(column, field)}
     taken = names & set(columns)
     if taken and taken != set(columns):
         raise ConfigError(
@@ -228,17 +228,17 @@ def _column(chunk: pa.Table, name: str) -> Array:
     return numbers
 
 
-def _flat(name: str, column: str, field: Array) -> Iterator[tuple[str, Any]]:
+def _flat(column: str, field: Array) -> Iterator[tuple[str, Any]]:
     """Yield the columns of an answer's field (rows, ...): one for each player and axis; codes as words."""
-    words = _WORDS.get(name)
+    words = _WORDS.get(column.rpartition("_")[2])
     for place in np.ndindex(field.shape[1:]):
         values = field[:, *place]
-        labels = (*place[:-1], "xyz"[place[-1]]) if name.endswith(("_m", "_m_s")) else place
+        labels = (*place[:-1], "xyz"[place[-1]]) if column.endswith(("_m", "_m_s")) else place
         yield column.format(*labels), values if words is None else [words(code).word for code in values.tolist()]
 
 
 def _team_answers(game: Game, chunk: pa.Table, target: Array | None, lost: set[int]) -> dict[str, Any]:
-    """Return the columns of answers to the rows of a file of teams.
+    """Return the answers to the rows of a file of teams: name of the columns, and a field (rows, ...).
 
     Args:
         game: the game.
@@ -273,8 +273,7 @@ def _team_answers(game: Game, chunk: pa.Table, target: Array | None, lost: set[i
             else:
                 of = pursuers if "pursuer" in _TEAM_COLUMNS[name][0] else evaders
                 whole[np.ix_(row, of)] = part[..., : whole.shape[-1]] if whole.ndim == 3 else part
-    flat = (_flat(name, _TEAM_COLUMNS[name][0], field) for name, field in answers.items())
-    return {name: values for columns in flat for name, values in columns}
+    return {_TEAM_COLUMNS[name][0]: field for name, field in answers.items()}
 
 
 def _players(chunk: pa.Table, player: str) -> Array:
