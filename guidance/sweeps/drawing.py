@@ -32,6 +32,10 @@ _SHOWN: Final = 0.995
 """The regret's axis ends at this quantile, because a single game can flatten all others."""
 
 
+Regrets = Sequence[NDArray[np.float64]]
+"""Regrets of each pair of policies."""
+
+
 class Key(NamedTuple):
     """Groups of rows by one column.
 
@@ -50,9 +54,7 @@ class Key(NamedTuple):
     grid: bool
 
 
-def draw_all(
-    report: Mapping[str, Any], keys: Sequence[Key], regrets: Sequence[NDArray[np.float64]], out: Path
-) -> list[Path]:
+def draw_all(report: Mapping[str, Any], keys: Sequence[Key], regrets: Regrets, out: Path) -> list[Path]:
     """Draw all pictures as PNG and PDF; return their paths.
 
     Args:
@@ -109,7 +111,7 @@ def _legend(figure: Figure, axes: Any) -> None:  # noqa: ANN401 - Matplotlib has
     legend_below(figure, *axes.ravel(), columns=3, title="pursuer")
 
 
-def _regret(report: Mapping[str, Any], regrets: Sequence[NDArray[np.float64]]) -> Figure | None:
+def _regret(report: Mapping[str, Any], regrets: Regrets) -> Figure | None:
     """Draw the share of games with at most a given regret; one panel for each evader."""
     known = [one for one in report["policies"] if one["regret_games"]]
     if not known:
@@ -164,12 +166,9 @@ def _map(report: Mapping[str, Any], down: Key, across: Key, measure: str, name: 
     evaders, pursuers = _names(report, "evader"), _names(report, "pursuer")
     maps = {}
     for one in report["policies"]:
-        values = np.full((len(down.labels), len(across.labels)), np.nan)
-        for group in one["by_point"]:
-            first, second = group["at"].values()
-            value = group[measure]["estimate"]
-            values[down.labels.index(first), across.labels.index(second)] = np.nan if value is None else value
-        maps[one["pursuer"], one["evader"]] = values
+        cells = {tuple(group["at"].values()): group[measure]["estimate"] for group in one["by_point"]}
+        rows = [[cells.get((first, second)) for second in across.labels] for first in down.labels]
+        maps[one["pursuer"], one["evader"]] = np.array(rows, dtype=np.float64)
     known = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
     if not known.size or not np.ptp(known):
         return None

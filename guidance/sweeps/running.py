@@ -208,8 +208,7 @@ def run_sweep(
         by = by if scheduler is None else f"on the cluster at {scheduler}"
         there.print(f"{count} chunks of {folder.chunk_rows}, {by}")
         begun_s = time.monotonic()
-        progress = Shown(folder, unit)
-        with progress:
+        with Shown(folder, unit) as progress:
             try:
                 finish(folder, progress, workers=size, scheduler=scheduler)
             except KeyboardInterrupt:
