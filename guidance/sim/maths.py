@@ -72,9 +72,8 @@ class Moment(NamedTuple):
         lost_s: Waiting time for a report.
         standoff_m: Least horizontal distance so far.
         altitude_m: Least height above the evader's plane so far.
-        met: Which of `LIMITS` have held the pursuer back, (n, 3).
-        lost: Whether the evader was ever lost.
-        no_game: Whether the evader was too fast for a game.
+        happened: Which of `LIMITS` have held the pursuer back, whether the evader was ever lost, and whether it was too
+            fast for a game, (n, 5).
         end: Index into `ENDS`.
     """
 
@@ -90,9 +89,7 @@ class Moment(NamedTuple):
     lost_s: Array
     standoff_m: Array
     altitude_m: Array
-    met: NDArray[np.bool_]
-    lost: NDArray[np.bool_]
-    no_game: NDArray[np.bool_]
+    happened: NDArray[np.bool_]
     end: NDArray[np.int8]
 
 
@@ -124,7 +121,7 @@ def opening(batch: Batch) -> Solution:
 def begun(batch: Batch) -> Moment:
     """Return the moment of engagement."""
     P, E, count, sensor = batch.pursuer_m, batch.evader_m, len(batch.pursuer_m), batch.kind.sensor
-    zeros, no = np.zeros(count), np.zeros(count, dtype=bool)
+    zeros = np.zeros(count)
     return Moment(
         row=np.arange(count),
         now_s=zeros,
@@ -138,9 +135,7 @@ def begun(batch: Batch) -> Moment:
         lost_s=zeros,
         standoff_m=beside(P, E),
         altitude_m=P[:, 2],
-        met=np.zeros((count, len(LIMITS)), dtype=bool),
-        lost=no,
-        no_game=no,
+        happened=np.zeros((count, len(LIMITS) + 2), dtype=bool),
         end=np.zeros(count, dtype=np.int8),
     )
 
@@ -173,7 +168,7 @@ def _listed(arrays: Any) -> Any:  # noqa: ANN401 - a named tuple
 def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
     now = np.where(moment.now_s >= batch.limit_s, TIME_UP, RUNNING)
-    now = np.where(moment.no_game | (moment.lost_s >= _LONG_LOST_S), FAILED, now)
+    now = np.where(moment.happened[:, -1] | (moment.lost_s >= _LONG_LOST_S), FAILED, now)
     now = np.where(ahead.arrival_s <= NANOSECOND_S, ARRIVED, now)
     now = np.where(ahead.capture_s <= NANOSECOND_S, CAPTURED, now)
     return np.where(moment.end == RUNNING, now, moment.end).astype(np.int8)
@@ -198,7 +193,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     if (long := h > CYCLE_S).any():
         mean = _mean_slope(batch, moment, h, first)
         slope = tuple(np.where(long[:, None], over, held) for over, held in zip(mean, first, strict=True))
-    P, met = _held_back(batch, P + h[:, None] * slope[0])
+    P, left = _held_back(batch, P + h[:, None] * slope[0])
     E = E + h[:, None] * slope[1]
     return moment._replace(
         now_s=moment.now_s + h,
@@ -212,9 +207,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
         lost_s=np.where(waiting, moment.lost_s + h, 0.0),
         standoff_m=np.minimum(moment.standoff_m, beside(P, E)),
         altitude_m=np.minimum(moment.altitude_m, P[:, 2]),
-        met=moment.met | met,
-        lost=moment.lost | waiting,
-        no_game=moment.no_game | no_game,
+        happened=moment.happened | np.stack([*left, waiting, no_game], axis=-1),
     )
 
 
@@ -330,15 +323,15 @@ def _changes_s(batch: Batch, moment: Moment, heard: Received | None) -> Iterator
         yield next_event_s(batch.kind.sensor, heard) - moment.now_s
 
 
-def _held_back(batch: Batch, P: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the pursuer's position inside fence, floor and ceiling, and which of them it had left, (n, 3)."""
+def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_]]]:
+    """Return the pursuer's position inside fence, floor and ceiling, and for each whether it had left it, (n,)."""
     x, y, out = _from_home(batch, P)
     beyond = out > batch.fence_m
     back = np.where(beyond, 1.0 - batch.fence_m / np.where(beyond, out, 1.0), 0.0)
     low, high = P[:, 2] < batch.lowest_m, P[:, 2] > batch.highest_m
     height = np.minimum(np.maximum(P[:, 2], batch.lowest_m), batch.highest_m)
     held = np.stack([P[:, 0] - back * x, P[:, 1] - back * y, height], axis=-1)
-    return held, np.stack([beyond, low, high], axis=-1)
+    return held, (beyond, low, high)
 
 
 def _from_home(batch: Batch, P: Array) -> tuple[Array, Array, Array]:
@@ -349,8 +342,9 @@ def _from_home(batch: Batch, P: Array) -> tuple[Array, Array, Array]:
 
 def _outcome(scenario: Scenario, first: Any, row: int, ended: Any, place: int) -> Outcome:  # noqa: ANN401
     """Return the outcome of one game: a row of the opening's lists, and a place in those of an ended moment."""
-    end, no_game, P, E = ENDS[ended.end[place]], ended.no_game[place], ended.pursuer_m[place], ended.evader_m[place]
-    happened = (ended.lost[place], no_game, end == "captured", end == "arrived")
+    end, P, E = ENDS[ended.end[place]], ended.pursuer_m[place], ended.evader_m[place]
+    *met, lost, no_game = ended.happened[place]
+    happened = (lost, no_game, end == "captured", end == "arrived")
     return outcome_of(
         scenario,
         "maths",
@@ -364,7 +358,7 @@ def _outcome(scenario: Scenario, first: Any, row: int, ended: Any, place: int) -
         min_standoff_m=ended.standoff_m[place],
         min_altitude_m=ended.altitude_m[place] + scenario.evader.height_m,
         duration_s=ended.now_s[place],
-        limits=tuple(itertools.compress(LIMITS, ended.met[place])),
+        limits=tuple(itertools.compress(LIMITS, met)),
         events=tuple(map(str, itertools.compress(_EVENTS, happened))),
         reason="" if end != "failed" else str(Event.NO_GAME if no_game else Event.EVADER_LOST),
     )
