@@ -10,7 +10,7 @@ import json
 import threading
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import zenoh
 
@@ -20,9 +20,6 @@ from guidance.links.zenoh_wire import is_over
 from guidance.log.codec import Codec
 from guidance.log.entries import CONFIG, CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, Idle, Item
 from guidance.log.writer import Entry, Record
-
-if TYPE_CHECKING:
-    from guidance.messages import Role
 
 MAX_WAITING: Final = 256
 """Five seconds of cycles; further entries are dropped and counted."""
@@ -58,7 +55,7 @@ class Broadcast(Record):
         self._name, self._metadata = name, dict(metadata)
         self._latest, self._waiting = dict[type, Any](), deque[CycleEntry | EventEntry]()
         self._last: CycleEntry | None = None
-        self._role: Role | None = None
+        self._heard = Inputs()
         self._queries: deque[Any] = deque(maxlen=_MAX_QUERIES)
         json_of = zenoh.Encoding.APPLICATION_JSON.with_schema
         how: dict[str, Any] = {"congestion_control": zenoh.CongestionControl.DROP, "priority": zenoh.Priority.DATA_LOW}
@@ -100,7 +97,7 @@ class Broadcast(Record):
             entry = self._waiting.popleft()
             what = "cycle" if isinstance(entry, CycleEntry) else "event"
             if isinstance(entry, CycleEntry):  # viewers that join later need the latest
-                self._last, self._role = entry, entry.inputs.role or self._role
+                self._last, self._heard = entry, Inputs(role=entry.inputs.role or self._heard.role)
                 self._latest.update((type(message), message) for message in entry.inputs.messages)
             elif entry.event == RELOADED:
                 self._metadata[CONFIG] = entry.detail
@@ -112,7 +109,7 @@ class Broadcast(Record):
             query = self._queries.popleft()
             answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
             if self._last is not None:
-                inputs = Inputs(tuple(self._latest.values()), role=self._role)
+                inputs = self._heard._replace(messages=tuple(self._latest.values()))
                 answer["heard"] = CYCLE.plain(CycleEntry(self._last.now_s, self._last.state, inputs, ()))
             data = json.dumps(answer, allow_nan=False).encode()
             query.reply(broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON)
