@@ -88,14 +88,7 @@ class Outcome(NamedTuple):
         return self.evader_to_target_m if self.end in {"captured", "arrived"} else math.nan
 
 
-def outcome_of(
-    scenario: Scenario,
-    run: str,
-    *,
-    end: str,
-    predicted: float = math.nan,
-    **measured: Any,  # noqa: ANN401 - columns
-) -> Outcome:
+def outcome_of(scenario: Scenario, run: str, *, end: str, predicted: float = math.nan, **measured: Any) -> Outcome:  # noqa: ANN401 - columns
     """Return a complete row: compute the columns that follow from the others, the same for every kind of run.
 
     Args:
@@ -106,21 +99,21 @@ def outcome_of(
         **measured: Other columns of `Outcome` that the run measures or predicts.
     """
     names = (scenario.title, run, scenario.game, scenario.pursuer.policy, scenario.evader.policy)
-    row = Outcome(*names, scenario.seed, end, WINNERS.get(end, "none"), **measured)
-    achieved, regret = achieved_and_regret(row.game, end, row.game_time_s, row.evader_to_target_m, predicted)
+    row = Outcome(*names, scenario.seed, end, **measured)
     pe, winnable, nan = row.game == "pe", row.predicted_winner != "evader", math.nan
+    _, columns = judged(row.game, end, row.game_time_s, row.evader_to_target_m, predicted, promised=winnable)
     return row._replace(
-        capture_time_s=row.game_time_s if end == "captured" else nan,
         predicted_capture_time_s=predicted if pe else nan,
         predicted_evader_to_target_m=predicted if winnable and not pe else nan,
         predicted_short_m=nan if winnable or pe else predicted,
-        regret=regret if winnable else nan,
-        ratio=achieved / predicted if winnable and predicted else nan,
+        **columns,
     )
 
 
-def achieved_and_regret(game: str, end: str, time_s: float, away_m: float, predicted: float) -> tuple[float, float]:
-    """Return the achieved value of a game and the pursuer's regret, both in the unit of the value.
+def judged(
+    game: str, end: str, time_s: float, away_m: float, predicted: float, *, promised: bool
+) -> tuple[float, dict[str, Any]]:
+    """Return the achieved value of a game in the unit of the value, and the columns that follow from it and the end.
 
     Args:
         game: "pe" or "tad".
@@ -128,12 +121,20 @@ def achieved_and_regret(game: str, end: str, time_s: float, away_m: float, predi
         time_s: From engagement to the end.
         away_m: Distance of the evader from its target at the end, in TAD.
         predicted: The game's value at engagement: s in PE, m in TAD.
+        promised: Whether the value was the pursuer's; else there is neither regret nor ratio.
     """
     if game == "pe":
         achieved = time_s if end == "captured" else math.nan
-        return achieved, achieved - predicted
-    achieved = {"captured": away_m, "arrived": 0.0}.get(end, math.nan)
-    return achieved, predicted - achieved
+        regret = achieved - predicted
+    else:
+        achieved = {"captured": away_m, "arrived": 0.0}.get(end, math.nan)
+        regret = predicted - achieved
+    return achieved, {
+        "winner": WINNERS.get(end, "none"),
+        "capture_time_s": time_s if end == "captured" else math.nan,
+        "regret": regret if promised else math.nan,
+        "ratio": achieved / predicted if promised and predicted else math.nan,
+    }
 
 
 def distance_to_disc_m(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> float:

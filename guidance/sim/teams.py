@@ -17,8 +17,8 @@ from guidance.flight.settings import TeamSection
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, End, Game
 from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
 from guidance.sim.batch import Array, by_kind
-from guidance.sim.expect import WINNERS, Range, Ranges
-from guidance.sim.outcome import achieved_and_regret, winner_name
+from guidance.sim.expect import Range, Ranges
+from guidance.sim.outcome import judged, winner_name
 from guidance.sim.scenario import AnyScenario, Point2, ScenarioLimits, Sensor, Site, Speed, Standoff, TakeoffHeight
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_POLICIES]})]
@@ -265,24 +265,10 @@ def outcomes_of(
     counts = len(teams.pursuers_m), len(teams.evaders_m), int(first.guaranteed), captured
     for j, (end, time_s, away_m, captor) in enumerate(ends):
         matched = {name: getattr(first, name)[j].item() for name in ("first", "second", "lower_bound")}
-        sure, predicted = matched["first"] >= 0, float(first.value[j])
-        achieved, regret = achieved_and_regret(scenario.game, end, time_s, away_m, predicted)
+        predicted = float(first.value[j])
+        achieved, columns = judged(scenario.game, end, time_s, away_m, predicted, promised=matched["first"] >= 0)
+        columns |= matched | {"end": end, "captor": captor, "game_time_s": time_s, "evader_to_target_m": away_m}
+        columns |= {"predicted": predicted, "achieved": achieved, "predicted_winner": winner_name(first.winner[j])}
         names = scenario.title, run, scenario.game, j, plays, teams.evader_policy[j], scenario.seed
-        rows.append(
-            TeamOutcome(
-                *(names + counts),
-                end=end,
-                winner=WINNERS.get(end, "none"),
-                predicted_winner=winner_name(int(first.winner[j])),
-                captor=captor,
-                game_time_s=time_s,
-                capture_time_s=time_s if end == "captured" else math.nan,
-                evader_to_target_m=away_m,
-                predicted=predicted,
-                achieved=achieved,
-                regret=regret if sure else math.nan,
-                ratio=achieved / predicted if sure and predicted else math.nan,
-                **matched,
-            )
-        )
+        rows.append(TeamOutcome(*names, *counts, **columns))
     return rows
