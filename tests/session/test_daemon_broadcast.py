@@ -157,7 +157,7 @@ def test_who_joins_late_is_told_what_the_vehicle_said_before(base, bus):
     kinds = [type(message).__name__ for message in known.messages]
     assert {"Home", "Origin", "LocalPosition", "Heartbeat"} <= set(kinds)
     assert len(kinds) == len(set(kinds))
-    assert base.daemon.flight.vehicle.last(type(known.messages[0])) is not None
+    assert base.daemon.flight.vehicle.latest.get(type(known.messages[0])) is not None
 
 
 def test_a_record_that_stops_is_an_event_on_the_bus(base, bus):
