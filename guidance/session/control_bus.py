@@ -6,6 +6,7 @@ A liveliness token says that the vehicle has an owner. It vanishes with the owne
 import contextlib
 import json
 import socket
+import threading
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -101,7 +102,7 @@ def control_bus(
         LinkError: If no session can be opened, or another daemon owns the vehicle.
     """
     shown = {"name": name} | ({"team": team, "vehicles": sorted({name, *mates})} if team else {})
-    orders, queries = local.Exchanges(MOST_ORDERS), local.Exchanges(MOST_QUERIES)
+    orders, queries = threading.BoundedSemaphore(MOST_ORDERS), threading.BoundedSemaphore(MOST_QUERIES)
 
     def hear(query: "zenoh.Query") -> None:
         """On Zenoh's thread, which must not wait. Queries never keep an order out."""
@@ -109,7 +110,7 @@ def control_bus(
             query.drop()  # type: ignore[no-untyped-call]
             return
         word = str(query.key_expr).rpartition("/")[2]
-        (queries if word in QUERIES else orders).begin(partial(reply, query, word))
+        local.begin(queries if word in QUERIES else orders, reply, query, word)
 
     def reply(query: "zenoh.Query", order: str) -> None:
         by = "" if query.payload is None else local.name_in(query.payload.to_bytes())

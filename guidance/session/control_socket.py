@@ -22,7 +22,6 @@ import stat
 import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -206,28 +205,22 @@ def ask_here(
     return dict(answer)
 
 
-class Exchanges:
-    """Runs each exchange with a client on a thread of its own, `most` at once.
+def begin(free: threading.BoundedSemaphore, exchange: Callable[..., None], *given: object) -> bool:
+    """Start an exchange with a client on a thread of its own; False if `free` says that too many are under way.
 
     No exchange waits for another one: an abort does not wait until an engage order is answered.
     """
+    if not free.acquire(blocking=False):
+        return False
 
-    def __init__(self, most: int) -> None:
-        self._free = threading.BoundedSemaphore(most)
+    def run() -> None:
+        try:
+            exchange(*given)
+        finally:
+            free.release()
 
-    def begin(self, exchange: Callable[[], None]) -> bool:
-        """Start one; False if too many are under way."""
-        if not self._free.acquire(blocking=False):
-            return False
-
-        def run() -> None:
-            try:
-                exchange()
-            finally:
-                self._free.release()
-
-        threading.Thread(target=run, name="order", daemon=True).start()
-        return True
+    threading.Thread(target=run, name="order", daemon=True).start()
+    return True
 
 
 class ControlSocket:
@@ -244,7 +237,7 @@ class ControlSocket:
 
     def __init__(self, name: str, answer: Callable[[str, str], Mapping[str, Any]], token: ControlToken) -> None:
         self._name, self._answer, self._token = name, answer, token
-        self._path, self._exchanges = socket_path(token.path), Exchanges(_MOST_AT_ONCE)
+        self._path, self._free = socket_path(token.path), threading.BoundedSemaphore(_MOST_AT_ONCE)
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._path.unlink(missing_ok=True)  # of a daemon that was killed: the endpoint is ours by now
@@ -276,7 +269,7 @@ class ControlSocket:
                 there, _ = self._listener.accept()
             except OSError:
                 return
-            if not self._exchanges.begin(partial(self._exchange, there)):
+            if not begin(self._free, self._exchange, there):
                 there.close()
 
     def _exchange(self, there: socket.socket) -> None:
