@@ -236,7 +236,7 @@ class Daemon:
             self.finished = True
             return
         self._log.say(logging.INFO, "ending", by=order, state=self.flight.state)
-        self._notifier.stopping()
+        self._notifier.say("STOPPING=1")
         self._leaving = ShutdownHandover(order, now_s, authority)
         self._give_up_engaging("the daemon is ending", now_s)
 

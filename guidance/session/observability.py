@@ -162,25 +162,17 @@ class Notifier:
         if self._socket is not None:
             self._socket.setblocking(False)
 
-    def ready(self) -> None:
-        """The daemon hears its vehicle and takes orders."""
-        self._send("READY=1")
-
     def alive(self, now_s: float) -> None:
         """Say so, as often as the watchdog wants it; called by the loop, so that a loop that hangs says nothing."""
         if self._every_s is not None and now_s - self._alive_s >= self._every_s:
             self._alive_s = now_s
-            self._send("WATCHDOG=1")
+            self.say("WATCHDOG=1")
 
     def status(self, text: str) -> None:
         """Show a line in `systemctl status`, when it changes."""
         if text != self._status:
             self._status = text
-            self._send(f"STATUS={text}")
-
-    def stopping(self) -> None:
-        """The daemon is about to end."""
-        self._send("STOPPING=1")
+            self.say(f"STATUS={text}")
 
     def close(self) -> None:
         """Close the socket; may be called twice."""
@@ -188,7 +180,8 @@ class Notifier:
             self._socket.close()
             self._socket = None
 
-    def _send(self, text: str) -> None:
+    def say(self, text: str) -> None:
+        """Send a message: READY=1 once the daemon hears its vehicle and takes orders, STOPPING=1 when it ends."""
         if self._socket is not None:
             with contextlib.suppress(OSError):
                 self._socket.sendto(text.encode(), self._address)

@@ -249,7 +249,7 @@ def run_vehicle(path: Path, config: Config) -> None:
         name, required = config.name, config.record.required
         used = replace(opened, metrics=metrics, record=record, broadcast=broadcast, record_required=required, team=team)
         daemon = Daemon(name, plan, world.links[name], world.evaders[name], used)
-        used.notifier.ready()
+        used.notifier.say("READY=1")
         started = {"name": name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
         used.log.say(logging.INFO, "running", **started, scheduling=claim())
         used.mailbox.meanwhile = None

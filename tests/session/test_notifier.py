@@ -30,11 +30,11 @@ def test_systemd_hears_readiness_life_status_and_the_end(systemd):
     path, read = systemd
     environment = {"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3000000", "WATCHDOG_PID": "77"}
     notifier = Notifier(environment, 77)
-    notifier.ready()
+    notifier.say("READY=1")
     for cycle in range(100):
         notifier.alive(0.02 * cycle)
         notifier.status("ready, mode hold")
-    notifier.stopping()
+    notifier.say("STOPPING=1")
     notifier.close()
     notifier.close()
     assert read() == ["READY=1", "WATCHDOG=1", "STATUS=ready, mode hold", "WATCHDOG=1", "STOPPING=1"]
@@ -51,7 +51,7 @@ def test_systemd_hears_readiness_life_status_and_the_end(systemd):
 )
 def test_without_systemd_nothing_is_said_and_nothing_fails(environment):
     notifier = Notifier(environment, 1)
-    notifier.ready()
+    notifier.say("READY=1")
     notifier.alive(1.0)
     notifier.close()
 
