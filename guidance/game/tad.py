@@ -77,12 +77,12 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
     flown = pe.fly_to(xp, game, state._replace(hold=hold), to, xp.select(won, lead.time, contest.guard))
-    over = won & (lead.time <= 0) & (caught == 0)
-    if not is_zero(age) and (xp.differentiates or np.any(over)):
-        # At the meeting point and not captured: with old information the evader may not have run there. A pursuer that
+    if not is_zero(age):
+        # With old information, a pursuer at the meeting point may find that the evader has not run there. One that
         # stayed would let it pass, so it plays PE.
-        chased = pe.pursuit(xp, game, state).pursuer_velocity_m_s
-        flown = *xp.select2(over, chased[:2], flown[:2]), xp.select(over, chased[2], flown[2])
+        over = won & (lead.time <= 0) & (caught == 0)
+        if xp.differentiates or np.any(over):
+            flown = xp.select_all(over, pe.pursuit(xp, game, state).pursuer_velocity_m_s, flown)
     reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
     reason = xp.select(arrived, int(Reason.ARRIVED), reason)
     return StateSolution(
