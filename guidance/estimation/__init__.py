@@ -1,8 +1,8 @@
 """The evader's track. An `Observer` is the memory of one evader: `observe` adds a report, `predict` returns the evader.
 
 A report passes clock (`measurement`), frame and track (`track`), and the detection of a second source (`rivals`). The
-prediction has position, velocity, speed bound, age and uncertainty at any time of our clock. If the origin of the local
-frame moves, all positions move with it (`moved`) and their uncertainty stays the same.
+prediction, an `EvaderEstimate`, has position, velocity, speed bound, age and uncertainty at any time of our clock. If
+the origin of the local frame moves, all positions move with it (`moved`) and their uncertainty stays the same.
 """
 
 import math
