@@ -33,15 +33,15 @@ _ROUNDING: Final = 1e-9
 class Interval(NamedTuple):
     """An estimate with its 95 % confidence interval; NaN if unknown."""
 
-    estimate: float
-    low: float
-    high: float
+    estimate: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
 
 
 def share(successes: int, of: int) -> Interval:
     """Return a probability with Wilson's interval."""
     if of == 0:
-        return Interval(math.nan, math.nan, math.nan)
+        return Interval()
     return Interval(successes / of, *stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson"))
 
 
@@ -54,7 +54,7 @@ def mean(numbers: Array) -> Interval:
 def difference_of_means(a: Array, b: Array) -> Interval:
     """Return mean b − mean a of independent samples with Welch's t interval."""
     if min(a.size, b.size) < 2:
-        return Interval(float(b.mean() - a.mean()) if a.size and b.size else math.nan, math.nan, math.nan)
+        return Interval(float(b.mean() - a.mean()) if a.size and b.size else math.nan)
     apart, errors = float(b.mean() - a.mean()), np.array([stats.sem(a), stats.sem(b)]) ** 2
     total = float(errors.sum())
     freedom = total**2 / float((errors**2 / [a.size - 1, b.size - 1]).sum()) if total else 1.0

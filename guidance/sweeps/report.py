@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import math
 import re
 import sys
 from collections import Counter
@@ -31,7 +30,6 @@ _SHOWN: Final = {"5 %": "0.05", "median": "0.5", "95 %": "0.95", "max": "1"}
 _BINS: Final = 10
 _ROUNDING: Final = 5e-5
 """Smaller regrets are rounding errors."""
-_NO_INTERVAL: Final = Interval(math.nan, math.nan, math.nan)
 _COLUMNS: Final = ("end", "predicted_winner", "regret", "evader_to_target_m", "game_time_s", "reason")
 Rows = list[tuple[str, ...]]
 
@@ -163,7 +161,7 @@ def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[
         regrets = regrets[np.isfinite(regrets)]
         captured, regret = share(row["captured_sum"], row["game_sum"]), mean(regrets)
         if not drawn or mixed or plan.teams:
-            captured, regret = (_NO_INTERVAL._replace(estimate=one.estimate) for one in (captured, regret))
+            captured, regret = Interval(captured.estimate), Interval(regret.estimate)
         quantiles = np.quantile(regrets, QUANTILES).tolist() if regrets.size else []
         summary = {
             "games": row["game_sum"],

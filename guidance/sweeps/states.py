@@ -107,9 +107,8 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
                 writer.close()
     there.print(f"{out}: {done} rows", soft_wrap=True)
     if strange:
-        rows_lost = len({row for row, *_ in strange})
-        lost = f"{rows_lost} of {done} rows have no answer, because a cell is not a number: {_listed(strange)}"
-        there.print(f"{states}: {lost}", soft_wrap=True, markup=False)
+        lost = f"{len({row for row, *_ in strange})} of {done} rows have no answer, because a cell is not a number"
+        there.print(f"{states}: {lost}: {_listed(strange)}", soft_wrap=True, markup=False)
 
 
 def _checked_out(states: Path, out: Path | None) -> Path:
