@@ -17,6 +17,7 @@ from guidance.messages import (
     EvaderReport,
     MateState,
     Message,
+    Role,
     Setpoint,
     StatusText,
     Timesync,
@@ -51,6 +52,7 @@ inputs = st.builds(
     refusals=st.lists(st.text(max_size=10), max_size=3).map(tuple),
     mission=st.lists(st.sampled_from(Event), max_size=2).map(tuple),
     mates=st.none() | st.lists(of_kind(MateState), max_size=2).map(tuple),
+    role=st.none() | st.builds(Role, evader=VALUES[str], above_m=finite),  # a role's message has no other heights
 )
 
 
