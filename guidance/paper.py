@@ -152,8 +152,7 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     ring = flat_circle(circle.centre_m, float(circle.radius_m)).T
     axes.plot(*ring, 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
     _plot_tracks(axes, cases, [0, 1, 2], "s")
-    q = solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m
-    places = (PE_PURSUER, PE_EVADER, circle.centre_m, q)
+    places = (PE_PURSUER, PE_EVADER, circle.centre_m, solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m)
     for name, marker, place in zip(("P", "E", "c", "q*"), "^s+*", places, strict=True):
         axes.plot(*place, color="black", marker=marker, linestyle="", markersize=9, zorder=5)
         axes.text(place[0] + 0.9, place[1], place[2] + 0.6, name, zorder=6, fontsize=12)

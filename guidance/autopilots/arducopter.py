@@ -19,10 +19,9 @@ _RADIUS_M: Final = 0.011131884502145034e7 * 180.0 / math.pi  # LOCATION_SCALING_
 
 def _to_metres(zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
     """See `guidance.frames.Projection`."""
-    north = math.radians(latitude_deg - zero.latitude_deg)
     east = math.radians(wrap_deg(longitude_deg - zero.longitude_deg))
     midway = math.cos(math.radians(0.5 * (latitude_deg + zero.latitude_deg)))
-    return _RADIUS_M * north, _RADIUS_M * east * midway
+    return _RADIUS_M * math.radians(latitude_deg - zero.latitude_deg), _RADIUS_M * east * midway
 
 
 def _to_degrees(zero: LocalFrame, north_m: float, east_m: float) -> tuple[float, float]:

@@ -233,15 +233,13 @@ def _advance(
         then = None if T is None else T + share * step * drift
         return velocities(P + share * step * slope[0], E + share * step * slope[1], then, seen)
 
-    first = run = velocities(P, E, T, seen)
+    first = v, w = velocities(P, E, T, seen)
     if order != 1:
         second = at(0.5, first)
         third = at(0.5, second)
         last = at(1.0, third)
-        flown, fled = ((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, last, strict=True))
-        run = flown, fled
-    moved = Sample(time + h, P + step * run[0], E + step * run[1], None if T is None else T + step * drift, end)
-    return moved, first[1]
+        v, w = ((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, last, strict=True))
+    return Sample(time + h, P + step * v, E + step * w, None if T is None else T + step * drift, end), first[1]
 
 
 class Ahead(NamedTuple):
@@ -281,10 +279,8 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
         above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
         ahead = xp.maximum(xp.maximum((beside - met) / closing, above), 0.0)
         over = abs(state.z) - capture
-        inside = (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z)
-        turn = xp.select(over > TOUCH_M, inside, math.inf)
+        turn = xp.select(over > TOUCH_M, (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z), math.inf)
     if target is None:
         return Ahead(ahead, math.inf, turn)
-    x, y, z = to_target(xp, game, components(evader), components(target))
     speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
-    return Ahead(ahead, xp.norm3((x, y, z)) / speed, turn)
+    return Ahead(ahead, xp.norm3(to_target(xp, game, components(evader), components(target))) / speed, turn)

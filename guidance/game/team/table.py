@@ -127,8 +127,7 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, seen: Array | None 
     level, worth = alone, own
     if not is_zero(regions.safe):
         reach, ground = game.standoff.radius_m + game.capture_radius_m, np.array([1.0, 1.0, 0.0])
-        ball = Ball(game.pursuer.horizontal_m_s)
-        flat = replace(game, pursuer=ball, capture_radius_m=reach, standoff=StandOff())
+        flat = replace(game, pursuer=Ball(game.pursuer.horizontal_m_s), capture_radius_m=reach, standoff=StandOff())
         level = solve(flat, P * ground + E * (1.0 - ground), E, T)
         worth = worth_in(level, T)
     end, goal = level.meeting_point_m - E, None
@@ -177,9 +176,8 @@ def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN
         found = np.minimum(found, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe))
     alone = own.max(axis=-1)
     single = ~bind | (alone >= found)
-    best = own[..., 1] > own[..., 0]
     one, other = who[..., 0], who[..., 1]
-    chosen = np.where(best, other, one)
+    chosen = np.where(own[..., 1] > own[..., 0], other, one)
     first, second = np.where(single, chosen, one), np.where(single, chosen, other)
     return Meeting(x, y, np.where(single, alone, found), first, second)
 
