@@ -236,8 +236,7 @@ def _evader_of(table: Table, first: Array, second: Array) -> Array:
     score = table.worth if table.target is None else table.all.alone.margin_s
     closest = np.argmax(np.where(pool & table.plays, score, -np.inf), axis=1)
     own = np.where(mine.any(axis=1), np.argmax(mine, axis=1), closest)
-    plays = (table.present[..., None] & table.plays).any(axis=1)
-    return np.where(plays, own, -1)
+    return np.where((table.present[..., None] & table.plays).any(axis=1), own, -1)
 
 
 def _to_target(table: Table, target: Array) -> Array:

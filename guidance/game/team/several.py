@@ -142,8 +142,7 @@ def solve_team(
     with np.errstate(all="ignore"):
         team = team_of(game, P, lone["evader"], lone.get("target"), lone.get("evader_velocity_m_s"))
         answer, best = (chase if target is None else defence)(team, rest["evader"], _best_pair(team))
-        late = np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0)
-        answer = answer._replace(multipliers=late)
+        answer = answer._replace(multipliers=np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0))
     worst, none = np.max(team.alone.reason, axis=-1), int(Reason.NOT_FINITE)
     fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
 
