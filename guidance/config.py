@@ -3,9 +3,9 @@
 import difflib
 import re
 import tomllib
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
 
@@ -45,20 +45,19 @@ def line_of(text: str, location: Location) -> int | None:
         text: A TOML document.
         location: Names of the key's tables and of the key; numbers are array indices.
     """
-    reached = ((_depth(document, location), -line) for line, document in _grown(text))
-    depth, line = max(reached, default=(0, 0))
-    return -line if depth else None
+    lines = text.splitlines(keepends=True)
 
+    def reached(end: int) -> tuple[int, int]:
+        """Return how many parts are there after so many lines, and the last line that counts: a value counts whole."""
+        while end:
+            with suppress(tomllib.TOMLDecodeError):
+                return _depth(tomllib.loads("".join(lines[:end])), location), end
+            end -= 1
+        return 0, 0
 
-@lru_cache(maxsize=1)
-def _grown(text: str) -> list[tuple[int, dict[str, Any]]]:
-    """Return the document as it is after each heading or key, with the line where that begins."""
-    lines, begin, grown = text.splitlines(keepends=True), 1, []
-    for end in range(1, len(lines) + 1):
-        with suppress(tomllib.TOMLDecodeError):  # in the middle of a value
-            grown.append((begin, tomllib.loads("".join(lines[:end]))))
-            begin = end + 1
-    return grown
+    depth, _ = reached(len(lines))
+    end = bisect_left(range(len(lines)), (depth, 0), key=reached)
+    return reached(end - 1)[1] + 1 if depth else None
 
 
 def _depth(value: Any, location: Location) -> int:  # noqa: ANN401 - any value of a document
