@@ -4,12 +4,12 @@ import difflib
 import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError, model_validator
 from pydantic_core import CoreSchema, ErrorDetails
 
 from guidance.errors import ConfigError
@@ -107,6 +107,16 @@ class Section(BaseModel):
         schema = handler(source)
         _make_strict(schema)
         return schema
+
+    def _faults(self) -> Iterator[str]:
+        """Yield what is wrong with values that are allowed one by one. The first is reported, and ends the check."""
+        yield from ()
+
+    @model_validator(mode="after")
+    def _refuse_faults(self) -> Self:
+        for fault in self._faults():
+            raise ValueError(fault)
+        return self
 
 
 Model = TypeVar("Model", bound=Section)

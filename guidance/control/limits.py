@@ -4,12 +4,13 @@ Heights are above home, distances are from home. Speeds bound every command; the
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from guidance.config import Latitude, Longitude, Section
 from guidance.control.polygon import Polygon, corners_about_home
@@ -166,22 +167,19 @@ class Limits(Section):
     climb_m_s: AtMostIfAny = Field(None, gt=0.0, le=11.0, description=f"climb rate of every command{_DEFAULT}")
     descent_m_s: AtMostIfAny = Field(None, gt=0.0, le=11.0, description=f"descent rate of every command{_DEFAULT}")
 
-    @model_validator(mode="after")
-    def _check_fence(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.floor_m >= self.ceiling_m:
-            raise ValueError(f"limits.floor_m = {self.floor_m:g}: must be below limits.ceiling_m = {self.ceiling_m:g}")
+            yield f"limits.floor_m = {self.floor_m:g}: must be below limits.ceiling_m = {self.ceiling_m:g}"
         keys = ("fence_polygon_ne_m", "fence_polygon_deg", "fence_plan_file")
         polygons = {f"limits.{key}": getattr(self, key) for key in keys}
         given = [key for key, value in polygons.items() if value is not None]
         if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)}: only one polygon is allowed; remove the others")
+            yield f"{' and '.join(given)}: only one polygon is allowed; remove the others"
         if self.fence_radius_m is None and not given:
-            raise ValueError(
-                f"limits.fence_radius_m: missing; give it or one of {', '.join(polygons)}: every flight needs a fence"
-            )
+            others = ", ".join(polygons)
+            yield f"limits.fence_radius_m: missing; give it or one of {others}: every flight needs a fence"
         if self.fence_polygon_deg is not None:
-            _check_corners(self.fence_polygon_deg)
-        return self
+            yield from _corner_faults(self.fence_polygon_deg)
 
     @property
     def reach_m(self) -> float:
@@ -204,10 +202,9 @@ class Limits(Section):
         for name, played_m_s in game._asdict().items():
             limit_m_s: float | None = getattr(self, name)
             if limit_m_s is not None and limit_m_s < played_m_s:
-                raise ValueError(
-                    f"limits.{name} = {limit_m_s:g}: must be at least {section}.{name} = {played_m_s:g}, the game's "
-                    f"own speed; raise limits.{name} or lower {section}.{name}"
-                )
+                played = f"{section}.{name} = {played_m_s:g}, the game's own speed"
+                mend = f"raise limits.{name} or lower {section}.{name}"
+                raise ValueError(f"limits.{name} = {limit_m_s:g}: must be at least {played}; {mend}")
             limits.append(CATCH_UP_RATIO * played_m_s if limit_m_s is None else limit_m_s)
         return Speeds(*limits)
 
@@ -251,18 +248,16 @@ class Limits(Section):
         return replace(envelope, fence_polygon=Polygon(corners_m))
 
 
-def _check_corners(corners_deg: tuple[tuple[float, float], ...]) -> None:
+def _corner_faults(corners_deg: tuple[tuple[float, float], ...]) -> Iterator[str]:
     """Check the polygon in metres about its first corner; about home it has the same shape."""
     if not corners_deg:
-        raise ValueError("limits.fence_polygon_deg has 0 corners: needs at least 3")
+        yield "limits.fence_polygon_deg has 0 corners: needs at least 3"
     corners_m = corners_about_home(corners_deg, (0.0, 0.0, 0.0), LocalFrame(*corners_deg[0], Amsl(0.0)))
     try:
         Polygon(corners_m)
     except ConfigError as error:
-        raise ValueError(f"limits.fence_polygon_deg, in metres about its first corner: {error}") from error
+        yield f"limits.fence_polygon_deg, in metres about its first corner: {error}"
     widest_m = max(math.hypot(*corner) for corner in corners_m)
     if widest_m > FARTHEST_FENCE_M:
-        raise ValueError(
-            f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner: at most {FARTHEST_FENCE_M:g} m "
-            "are allowed; are latitude and longitude exchanged?"
-        )
+        reach = f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner"
+        yield f"{reach}: at most {FARTHEST_FENCE_M:g} m are allowed; are latitude and longitude exchanged?"

@@ -1,11 +1,11 @@
 """Inputs, outputs and settings of a flight, and the `[flight]` section of a vehicle file."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
-from typing import Final, Literal, NamedTuple, Self
+from typing import Final, Literal, NamedTuple
 
-from pydantic import Field, InstanceOf, model_validator
+from pydantic import Field, InstanceOf
 
 from guidance.autopilots import Autopilot
 from guidance.certificate import Certificate
@@ -54,14 +54,11 @@ class Reserve(Section):
     landing_speed_m_s: float = Field(0.7, gt=0.0, le=5.0, description="descent rate of the autopilot's landing")
     wind_m_s: float = Field(0.0, ge=0.0, lt=30.0, description="strongest headwind")
 
-    @model_validator(mode="after")
-    def _check_wind(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.wind_m_s >= self.return_speed_m_s:
-            raise ValueError(
-                f"flight.reserve.wind_m_s = {self.wind_m_s:g}: must be below flight.reserve.return_speed_m_s = "
-                f"{self.return_speed_m_s:g}; otherwise the vehicle cannot fly home against the wind"
-            )
-        return self
+            allowed = f"must be below flight.reserve.return_speed_m_s = {self.return_speed_m_s:g}"
+            why = "otherwise the vehicle cannot fly home against the wind"
+            yield f"flight.reserve.wind_m_s = {self.wind_m_s:g}: {allowed}; {why}"
 
     def needed(self, away_m: float, height_m: float) -> float:
         """Return the share of the charge, 0 to 1, needed to fly home and land.

@@ -4,11 +4,11 @@ The keys are the same in the section `[zenoh]` of a vehicle file and in the file
 """
 
 import ssl
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from guidance.config import Section, load
 from guidance.errors import ConfigError
@@ -30,16 +30,14 @@ class ZenohSection(Section):
     user: str | None = Field(None, pattern=r"^[^\s:]{1,64}$", description="our name at a router that asks for one")
     password_file: Path | None = Field(None, description="one line; only you may read it")
 
-    @model_validator(mode="after")
-    def _check_together(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         authority, certificate, key, password = _PATHS
         for one, other in (
             *((certificate, key), (key, certificate), (certificate, authority)),
             *(("user", password), (password, "user")),
         ):
             if getattr(self, one) is not None and getattr(self, other) is None:
-                raise ValueError(f"zenoh.{other}: missing; zenoh.{one} = {str(getattr(self, one))!r} needs it")
-        return self
+                yield f"zenoh.{other}: missing; zenoh.{one} = {str(getattr(self, one))!r} needs it"
 
     def beside(self, folder: Path) -> Self:
         """Return a copy whose relative paths are relative to a folder."""

@@ -3,8 +3,9 @@
 import json
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
@@ -51,13 +52,11 @@ class Target(Section):
         middle = [sum(numbers) / len(corners) for numbers in zip(*corners, strict=True)]
         return {"latitude_deg": middle[0], "longitude_deg": middle[1], **given}
 
-    @model_validator(mode="after")
-    def _check_polygon(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         try:
             _ = self.extent
         except ConfigError as error:
-            raise ValueError(f"game.target.polygon_deg, in metres east and north of the place: {error}") from error
-        return self
+            yield f"game.target.polygon_deg, in metres east and north of the place: {error}"
 
 
 _PLANS: Final = {"limits.fence_plan_file": "fence_polygon_deg", "game.target.polygon_plan_file": "polygon_deg"}
@@ -161,8 +160,7 @@ class EvaderSection(Section):
                 raise ValueError(f'kind = "{info.data["kind"]}" arrives over Zenoh: must be zenoh://host:port/key')
         return url
 
-    @model_validator(mode="after")
-    def _check_source(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         kind, zenoh = f'kind = "{self.kind}"', self.kind in ON_ZENOH
         no_url, polled, signed = self.url is None, self.request_rate_hz is not None, self.signing_key_file is not None
         others = "the vehicle's link uses the vehicle's key, Zenoh uses TLS"
@@ -176,10 +174,7 @@ class EvaderSection(Section):
             f"signing_key_file: not allowed; {own_url}": signed and (zenoh or no_url),
             f"icao_address: missing; {kind} needs the aircraft's address": adsb and self.icao_address is None,
         }
-        for words, is_wrong in faults.items():
-            if is_wrong:
-                raise ValueError(f"evader.{words}")
-        return self
+        yield from (f"evader.{words}" for words, is_wrong in faults.items() if is_wrong)
 
 
 class GameSection(Section):
@@ -206,21 +201,17 @@ class GameSection(Section):
         """The pursuer's speeds in the game."""
         return Speeds(self.speed_m_s, self.climb_m_s, self.descent_m_s)
 
-    @model_validator(mode="after")
-    def _check_game(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         moves_m_s, evader = math.hypot(*self.target_velocity_m_s), f"game.evader_speed_m_s = {self.evader_speed_m_s:g}"
         if self.speed_m_s <= self.evader_speed_m_s:
-            allowed = f"must be above {evader}; a slower pursuer is another game"
-            raise ValueError(f"game.speed_m_s = {self.speed_m_s:g}: {allowed}")
+            yield f"game.speed_m_s = {self.speed_m_s:g}: must be above {evader}; a slower pursuer is another game"
         if self.kind == "tad" and self.target is None:
-            place = "the latitude_deg and longitude_deg of the place to defend"
-            raise ValueError(f'game.target: missing; kind = "tad" needs {place}')
+            yield 'game.target: missing; kind = "tad" needs the latitude_deg and longitude_deg of the place to defend'
         if not moves_m_s < self.evader_speed_m_s or (moves_m_s > 0.0 and self.kind == "pe"):
             allowed = f'must be slower than {evader}, and only with kind = "tad"'
-            raise ValueError(f"game.target_velocity_m_s = {list(self.target_velocity_m_s)}: {allowed}")
+            yield f"game.target_velocity_m_s = {list(self.target_velocity_m_s)}: {allowed}"
         if self.kind == "pe" and self.target is not None:
-            raise ValueError('game.target: not allowed with kind = "pe"; use kind = "tad"')
-        return self
+            yield 'game.target: not allowed with kind = "pe"; use kind = "tad"'
 
 
 class Vehicle(Section):
@@ -239,11 +230,9 @@ class Vehicle(Section):
         """The event that shows that it is there, in words."""
         return f"a HEARTBEAT of system {self.system_id}, component {self.component_id} at {self.url}"
 
-    @model_validator(mode="after")
-    def _check_signing(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.signing_key_file is not None and self.link == "mavsdk":
-            raise ValueError('vehicle.signing_key_file with link = "mavsdk": MAVSDK does not sign; use "pymavlink"')
-        return self
+            yield 'vehicle.signing_key_file with link = "mavsdk": MAVSDK does not sign; use "pymavlink"'
 
 
 class Control(Section):
@@ -266,14 +255,11 @@ class Control(Section):
         """Whether orders arrive through a router that checks certificates."""
         return _BY_TLS.fullmatch(self.endpoint) is not None
 
-    @model_validator(mode="after")
-    def _check_host(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.by_tls and self.host:
-            raise ValueError(f"control.endpoint = {self.endpoint!r}: is a router; set control.host = false")
+            yield f"control.endpoint = {self.endpoint!r}: is a router; set control.host = false"
         if self.by_tls and self.token_file is not None:
-            reason = "not allowed with TLS, where certificates identify us"
-            raise ValueError(f"control.token_file = {str(self.token_file)!r}: {reason}")
-        return self
+            yield f"control.token_file = {str(self.token_file)!r}: not allowed with TLS, where certificates identify us"
 
 
 class LogSection(Section):
@@ -345,35 +331,32 @@ class Config(Section):
         """Speed limits of every command."""
         return self.limits.speeds(self.game.speeds, section="game")
 
-    @model_validator(mode="after")
-    def _check_together(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         _ = self.speed_limits
         if self.control.by_tls and self.zenoh.tls_certificate_file is None:
             needs = "needs zenoh.tls_certificate_file; without mutual TLS anyone could command the vehicle"
-            raise ValueError(f"control.endpoint = {self.control.endpoint!r}: {needs}")
+            yield f"control.endpoint = {self.control.endpoint!r}: {needs}"
         if self.team is not None:
-            self._check_team(self.team)
+            yield from self._team_faults(self.team)
         low, high = self.limits.floor_m, self.limits.ceiling_m
         takeoff_m, disc_m = self.flight.takeoff_height_m, self.game.standoff_height_m
         if low <= takeoff_m < low + _ABOVE_THE_FLOOR_M:
             above = f"{_ABOVE_THE_FLOOR_M:g} m above limits.floor_m = {low:g} at least"
             why = "the vehicle sinks slightly when the game begins"
-            raise ValueError(f"flight.takeoff_height_m = {takeoff_m:g}: must be {above}: {why}")
+            yield f"flight.takeoff_height_m = {takeoff_m:g}: must be {above}: {why}"
         for key, height_m in {"flight.takeoff_height_m": takeoff_m, "game.standoff_height_m": disc_m}.items():
             if not low <= height_m <= high:
-                allowed = f"allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
-                raise ValueError(f"{key} = {height_m:g}: {allowed}")
-        return self
+                yield f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
 
-    def _check_team(self, team: Team) -> None:
+    def _team_faults(self, team: Team) -> Iterator[str]:
         if len({self.name, *team.mates}) <= len(team.mates):
-            raise ValueError(f"team.mates = {list(team.mates)}: must be other names than {self.name!r}, each once")
+            yield f"team.mates = {list(team.mates)}: must be other names than {self.name!r}, each once"
         if team.evader in team.evaders:
-            raise ValueError(f"team.evaders.{team.evader}: is [evader] already (team.evader); name only the others")
+            yield f"team.evaders.{team.evader}: is [evader] already (team.evader); name only the others"
         for name, one in team.evaders.items():
             if one.speed_m_s >= self.game.speed_m_s:
                 key, allowed = f"team.evaders.{name}.speed_m_s", f"game.speed_m_s = {self.game.speed_m_s:g}"
-                raise ValueError(f"{key} = {one.speed_m_s:g}: must be below {allowed}")
+                yield f"{key} = {one.speed_m_s:g}: must be below {allowed}"
 
 
 def load_vehicle(path: Path) -> Config:

@@ -5,10 +5,10 @@ Positions are in the game frame: x east, y north, z up, in metres about the site
 
 import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
-from typing import Annotated, ClassVar, Final, Literal, NamedTuple, Self
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
-from pydantic import ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import ConfigDict, Field, WithJsonSchema
 
 from guidance.autopilots import AutopilotName
 from guidance.config import Latitude, Longitude, Section
@@ -57,17 +57,15 @@ class Player(Section):
     turn_most_deg: float = Field(90.0, gt=0.0, le=180.0, description='with policy = "random_turns": largest turn')
     track: tuple[TrackRow, ...] = Field((), description='of policy = "recorded": rows t, x, y, z, or a .csv or .mcap')
 
-    @model_validator(mode="after")
-    def _check_course(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         for policy, key in (("waypoints", "waypoints_m"), ("recorded", "track")):
             given = bool(getattr(self, key))
             if (self.policy == policy) != given:
                 fault = f"{key}: {'not allowed' if given else 'missing'} with policy = {self.policy!r}"
-                raise ValueError(f"{fault}; it is the course of policy = {policy!r}")
+                yield f"{fault}; it is the course of policy = {policy!r}"
         times = [row[0] for row in self.track]
         if any(later <= sooner for sooner, later in itertools.pairwise(times)) or len(times) == 1:
-            raise ValueError("track: needs at least two rows, with increasing times")
-        return self
+            yield "track: needs at least two rows, with increasing times"
 
 
 class Pursuer(Player):
@@ -119,13 +117,11 @@ class Target(Section):
         """The shape about the place."""
         return Extent(self.polygon_m or ((0.0, 0.0),), self.radius_m)
 
-    @model_validator(mode="after")
-    def _check_polygon(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         try:
             _ = self.extent
         except ConfigError as error:
-            raise ValueError(f"target.polygon_m = {self.polygon_m}: {error}") from error
-        return self
+            yield f"target.polygon_m = {self.polygon_m}: {error}"
 
 
 class Standoff(Section):
@@ -143,12 +139,11 @@ class ScenarioLimits(Limits):
     ceiling_m: AtMost = Field(120.0, gt=5.0, description="greatest height")
     fence_radius_m: AtMost = Field(300.0, gt=10.0, description="greatest distance from home")
 
-    @model_validator(mode="after")
-    def _check_polygon(self) -> Self:
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
         for key in ("fence_polygon_ne_m", "fence_polygon_deg", "fence_plan_file"):
             if getattr(self, key) is not None:
-                raise ValueError(f"limits.{key}: not allowed in a scenario; give it in the vehicle file")
-        return self
+                yield f"limits.{key}: not allowed in a scenario; give it in the vehicle file"
 
 
 class Sensor(Section):
@@ -161,12 +156,10 @@ class Sensor(Section):
     dropout: float = Field(0.0, ge=0.0, lt=1.0, description="share of lost reports")
     outages_s: tuple[tuple[float, float], ...] = Field((), description="[from, to] after engagement without a report")
 
-    @model_validator(mode="after")
-    def _check_outages(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         for begin, end in self.outages_s:
             if not 0.0 <= begin < end:
-                raise ValueError(f"outages_s: [{begin:g}, {end:g}]: must be [from, to] with 0 <= from < to")
-        return self
+                yield f"outages_s: [{begin:g}, {end:g}]: must be [from, to] with 0 <= from < to"
 
 
 class Wind(Section):
@@ -204,21 +197,19 @@ class AnyScenario(Section):
     seed: int = Field(0, ge=0, description="seed of all random numbers")
     time_limit_s: float = Field(300.0, gt=0.0, description="longest game, from engagement")
 
-    @model_validator(mode="after")
-    def _check_target_and_policies(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.game == "tad" and self.target is None:
-            raise ValueError('target.position_m: missing; game = "tad" needs a target')
+            yield 'target.position_m: missing; game = "tad" needs a target'
         if self.game == "pe" and self.target is not None:
-            raise ValueError('target: not allowed with game = "pe"; use game = "tad"')
+            yield 'target: not allowed with game = "pe"; use game = "tad"'
         for player, known in self.known.items():
             given = getattr(self, player)
             named = {f"{player}[{number}]": one for number, one in enumerate(given)} if isinstance(given, tuple) else {}
             for key, one in (named or {player: given}).items():
                 if one.policy not in known:
-                    raise ValueError(f"{key}.policy = {one.policy!r}: allowed are {', '.join(known)}")
+                    yield f"{key}.policy = {one.policy!r}: allowed are {', '.join(known)}"
                 if one.policy == "task_oriented" and self.target is None:
-                    raise ValueError(f"{key}.policy = {one.policy!r}: needs target.position_m")
-        return self
+                    yield f"{key}.policy = {one.policy!r}: needs target.position_m"
 
 
 class Scenario(AnyScenario):
@@ -248,41 +239,37 @@ class Scenario(AnyScenario):
         """Speed limits of every command to the pursuer."""
         return self.limits.speeds(self.pursuer.speeds, section="pursuer")
 
-    @model_validator(mode="after")
-    def _check_players(self) -> Self:
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
         _ = self.speed_limits
         wind_m_s = math.hypot(*self.wind.velocity_m_s)
         evader, u = self.evader, self.pursuer.speed_m_s
         for key, v in (("speed_m_s", evader.speed_m_s), ("declared_speed_m_s", evader.believed_speed_m_s)):
             if u <= v + wind_m_s:
                 wind = f" with {wind_m_s:g} m/s of wind" if wind_m_s else ""
-                raise ValueError(
-                    f"speed ratio pursuer.speed_m_s / evader.{key} = {u:g} / {v:g} = {u / v:.3g}{wind}: "
-                    "must be above 1, with the wind added to the evader's speed; a slower pursuer is another game"
-                )
+                ratio = f"speed ratio pursuer.speed_m_s / evader.{key} = {u:g} / {v:g} = {u / v:.3g}{wind}"
+                allowed = "must be above 1, with the wind added to the evader's speed"
+                yield f"{ratio}: {allowed}; a slower pursuer is another game"
         if evader.height_m >= self.standoff.height_m:
             lowest = f"standoff.height_m = {self.standoff.height_m:g}, the pursuer's lowest height"
-            raise ValueError(f"evader.height_m = {evader.height_m:g}: must be below {lowest}")
+            yield f"evader.height_m = {evader.height_m:g}: must be below {lowest}"
         if any(len(point) == 2 for point in self.pursuer.waypoints_m):
-            raise ValueError("pursuer.waypoints_m: every point needs x, y and z")
+            yield "pursuer.waypoints_m: every point needs x, y and z"
         for part in (self.expect, self.expect.maths, self.expect.flown):
-            part.check(self.game)
-        return self
+            yield from part.contradictions(self.game)
+        yield from self._place_faults()
 
-    @model_validator(mode="after")
-    def _check_places(self) -> Self:
+    def _place_faults(self) -> Iterator[str]:
         z, lowest_m, limits = self.pursuer.position_m[2], self.standoff.height_m, self.limits
         if not lowest_m <= z <= limits.ceiling_m:
             allowed = f"standoff.height_m = {lowest_m:g} to limits.ceiling_m = {limits.ceiling_m:g}"
-            raise ValueError(f"pursuer.position_m: height {z:g} m; allowed is {allowed}")
+            yield f"pursuer.position_m: height {z:g} m; allowed is {allowed}"
         if limits.floor_m > lowest_m:
-            above = f"must not be above standoff.height_m = {lowest_m:g}"
-            raise ValueError(f"limits.floor_m = {limits.floor_m:g}: {above}")
+            yield f"limits.floor_m = {limits.floor_m:g}: must not be above standoff.height_m = {lowest_m:g}"
         out_m = math.dist(self.evader.position_m, self.home_m)
         if out_m > limits.fence_radius_m:
             allowed = f"allowed is limits.fence_radius_m = {limits.fence_radius_m:g}"
-            raise ValueError(f"evader.position_m: {out_m:.0f} m from the pursuer's home; {allowed}")
-        return self
+            yield f"evader.position_m: {out_m:.0f} m from the pursuer's home; {allowed}"
 
 
 class Pursuit(NamedTuple):

@@ -5,11 +5,11 @@ scatters `count` of them over a disc, so a sweep can vary their number. Every ev
 """
 
 import math
-from collections.abc import Hashable, Sequence
-from typing import Annotated, Any, ClassVar, NamedTuple, Self
+from collections.abc import Hashable, Iterator, Sequence
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import Field, WithJsonSchema, model_validator
+from pydantic import Field, WithJsonSchema
 
 from guidance.autopilots import AutopilotName
 from guidance.config import Section
@@ -35,11 +35,9 @@ class PlayerGroup(Section):
     scatter_m: float = Field(0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters them")
     speed_m_s: Speed = Field(description="speed in every direction")
 
-    @model_validator(mode="after")
-    def _check_scatter(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.count > 1 and self.scatter_m == 0:
-            raise ValueError(f"scatter_m: missing; count = {self.count} players need a disc to be scattered over")
-        return self
+            yield f"scatter_m: missing; count = {self.count} players need a disc to be scattered over"
 
 
 class PursuerGroup(PlayerGroup):
@@ -90,13 +88,12 @@ class TeamScenario(AnyScenario):
     flight: TeamFlightSection = TeamFlightSection()
     expect: TeamExpect = TeamExpect()
 
-    @model_validator(mode="after")
-    def _check_speeds(self) -> Self:
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
         slowest, fastest = min(one.speed_m_s for one in self.pursuer), max(one.speed_m_s for one in self.evader)
         if slowest <= fastest:
-            speeds = f"{slowest:g} / {fastest:g}"
-            raise ValueError(f"speed ratio of the slowest pursuer to the fastest evader = {speeds}: must be above 1")
-        return self
+            ratio = f"speed ratio of the slowest pursuer to the fastest evader = {slowest:g} / {fastest:g}"
+            yield f"{ratio}: must be above 1"
 
 
 class Teams(NamedTuple):

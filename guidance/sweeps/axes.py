@@ -11,12 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import blake2b
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 from scipy import stats
 
 from guidance.config import Section
@@ -72,18 +72,16 @@ class Distribution(Section):
     )
     about_m: Two = (0.0, 0.0)
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         forms = {name: field.description for name, field in type(self).model_fields.items() if name != "about_m"}
         kind, *more = [*self.model_fields_set - {"about_m"}] or [""]
         if more or not kind:
-            raise ValueError(f"must be one of {'; '.join(map(str, forms.values()))}")
+            yield f"must be one of {'; '.join(map(str, forms.values()))}"
         if "about_m" in self.model_fields_set and not self.radii_m:
-            raise ValueError("about_m: only with disc or annulus")
+            yield "about_m: only with disc or annulus"
         inner, outer = self.radii_m or (0.0, 1.0)
         if not 0.0 <= inner < outer or (self.law is not None and not math.isfinite(self.law.median())):
-            raise ValueError(f"must be {forms[kind]}")
-        return self
+            yield f"must be {forms[kind]}"
 
     @property
     def radii_m(self) -> Two | None:

@@ -7,15 +7,15 @@ import itertools
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from hashlib import sha256
-from typing import Annotated, Any, Final, Literal, NamedTuple, Self
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, WithJsonSchema, field_validator
 
 from guidance.config import Section, as_toml, find, parse, read
 from guidance.errors import ConfigError
@@ -120,30 +120,27 @@ class Plan(Section):
         inner = (Mapping,) if info.field_name == "random" else (Mapping, list)
         return dict(flat(given, inner)) if isinstance(given, Mapping) else given
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.teams and self.way != "maths":
-            raise ValueError(f'as = "{self.way}": the scenario has teams, which can only be played as maths')
+            yield f'as = "{self.way}": the scenario has teams, which can only be played as maths'
         if self.number is not None and "seeds" in self.model_fields_set:
-            raise ValueError("rows, seeds: give only one; rows = seeds × grid points × pairs of policies")
+            yield "rows, seeds: give only one; rows = seeds × grid points × pairs of policies"
         for key, random in self.random.items():
             if random.radii_m and not key.endswith("position_m"):
-                raise ValueError(
-                    f"random.{key}: a disc or an annulus is a position: use it for pursuer.position_m or "
-                    "evader.position_m as a whole; give each number of another key its own distribution"
-                )
+                use = "use it for pursuer.position_m or evader.position_m as a whole"
+                other = "give each number of another key its own distribution"
+                yield f"random.{key}: a disc or an annulus is a position: {use}; {other}"
         columns = [name for axis in self.axes for name in axis.columns()]
         pairs = [" against ".join(pair) for pair in self.pairs]
         for key, given in (("policies", pairs), ("seeds", self.seeds.values), ("grid, random", columns)):
             if twice := [one for one, count in Counter(given).items() if count > 1]:
-                raise ValueError(f"{key}: {twice[0]} is given twice")
+                yield f"{key}: {twice[0]} is given twice"
         step = math.prod(self.shape[:2])
         if self.number is not None and self.number % step:
-            raise ValueError(
+            yield (
                 f"rows = {self.number}: must be a multiple of {step} ({self.shape[1]} grid points × {self.shape[0]} "
                 f"pairs of policies); the nearest is {max(1, round(self.number / step)) * step}"
             )
-        return self
 
     @cached_property
     def teams(self) -> bool:
