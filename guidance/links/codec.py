@@ -18,10 +18,9 @@ _MAX_BYTEWISE: Final = 0x7F7FFFFF
 """Largest integer whose bytes form a finite float. Those of a negative integer form a NaN, which JSON cannot carry."""
 
 # POSITION_TARGET_TYPEMASK: a set bit tells the autopilot to ignore that field.
-IGNORE_POSITION: Final = 1 | 2 | 4
-IGNORE_ACCELERATION: Final = 64 | 128 | 256
-IGNORE_YAW: Final = 1024
-IGNORE_YAW_RATE: Final = 2048
+_VELOCITY_ALONE: Final = 0b1101_1100_0111
+_ACCELERATION: Final = 0b0001_1100_0000
+_YAW: Final = 0b0100_0000_0000
 
 VALID_MOTION: Final = 4 | 8 | 128
 """Flags of ADSB_VEHICLE: heading, velocity and vertical velocity are valid."""
@@ -193,9 +192,7 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, to: tuple[int, int]) 
     numbers = (*velocity, *(acceleration or _ZERO), yaw_rad or 0.0)
     if not math.hypot(*numbers) <= FLOAT32_MAX:
         raise ValueError(f"{setpoint}: a setpoint must be finite; it was not sent")
-    mask = IGNORE_POSITION | IGNORE_YAW_RATE
-    mask |= IGNORE_ACCELERATION if acceleration is None else 0
-    mask |= IGNORE_YAW if yaw_rad is None else 0
+    mask = _VELOCITY_ALONE - (0 if acceleration is None else _ACCELERATION) - (0 if yaw_rad is None else _YAW)
     target = int(now_s * 1e3) % 2**32, *to, mavlink.MAV_FRAME_LOCAL_NED, mask
     return mavlink.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
 

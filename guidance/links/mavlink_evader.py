@@ -7,6 +7,7 @@ attached to the next report if the report's own time agrees with it: some messag
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from typing import Final
 
 from guidance.links.carriers import Carrier, accepted
@@ -20,36 +21,31 @@ _CLOCKS_AGREE_S: Final = 0.1
 _MAX_DELAY_S: Final = 5.0
 
 
+@dataclass(eq=False)
 class MavlinkEvader:
-    """`EvaderSource` over a wire. Only one system id is accepted, even after it has fallen silent."""
+    """`EvaderSource` over a wire. Only one system id is accepted, even after it has fallen silent.
 
-    def __init__(
-        self,
-        wire: Wire,
-        carrier: Carrier,
-        *,
-        system_id: int,
-        component_id: int | None = None,
-        clock: Clock | None = None,
-        signing_key: SigningKey | None = None,
-    ) -> None:
-        """Take over a wire.
+    Args:
+        wire: Closed with the source.
+        carrier: The message that reports, and how it is read.
+        system_id: The evader's.
+        component_id: The evader's; None accepts any.
+        clock: For TIMESYNC; None sends nothing.
+        signing_key: Accept only frames signed with it, and sign ours; None does neither.
+    """
 
-        Args:
-            wire: Closed with the source.
-            carrier: The message that reports, and how it is read.
-            system_id: The evader's.
-            component_id: The evader's; None accepts any.
-            clock: For TIMESYNC; None sends nothing.
-            signing_key: Accept only frames signed with it, and sign ours; None does neither.
-        """
-        self._wire = wire
-        self._carrier = carrier
-        self._system_id = system_id
-        self._component_id = component_id
-        self._frames = FrameReader((carrier.message, "TIMESYNC"))
-        self._station = Station(system_id, OWN_COMPONENT_ID, signing_key=signing_key, clock=clock)
-        self._clock = clock
+    wire: Wire
+    carrier: Carrier
+    _: KW_ONLY
+    system_id: int
+    component_id: int | None = None
+    clock: Clock | None = None
+    signing_key: SigningKey | None = None
+
+    def __post_init__(self) -> None:
+        """Begin with nothing heard."""
+        self._frames = FrameReader((self.carrier.message, "TIMESYNC"))
+        self._station = Station(self.system_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock)
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
         self._sent_s: float | None = None
@@ -59,22 +55,22 @@ class MavlinkEvader:
     def receive(self) -> Sequence[EvaderReport]:
         """Return all reports since the last call, in order of arrival."""
         reports = []
-        for data in self._wire.impostors():
+        for data in self.wire.impostors():
             frame = self._frames.first(data)
-            self._impostors += frame is not None and frame.name == self._carrier.message and self._is_meant(frame)
-        for received_s, data in self._wire.receive():
-            for frame in self._frames.read(data, stream=self._wire.stream):
+            self._impostors += frame is not None and frame.name == self.carrier.message and self._is_meant(frame)
+        for received_s, data in self.wire.receive():
+            for frame in self._frames.read(data, stream=self.wire.stream):
                 if self._is_meant(frame):
                     reports += self._read(frame, received_s)
-        if self._clock is not None and self._counts["reports"]:
-            now_s = self._clock()
+        if self.clock is not None and self._counts["reports"]:
+            now_s = self.clock()
             if now_s >= self._timesync.next_ask_s:
-                self._wire.send(self._station.pack(self._timesync.ask(now_s)))
+                self.wire.send(self._station.pack(self._timesync.ask(now_s)))
         return reports
 
     def _is_meant(self, frame: Frame) -> bool:
         """Return whether a frame is the evader's, validly signed if there is a key."""
-        if frame.system_id != self._system_id or self._component_id not in (None, frame.component_id):
+        if frame.system_id != self.system_id or self.component_id not in (None, frame.component_id):
             self._counts["foreign"] += 1
             return False
         if (check := self._station.check) is None or (problem := check.problem(frame)) is None:
@@ -86,11 +82,11 @@ class MavlinkEvader:
         if frame.name == "TIMESYNC":
             self._answer = self._timesync.hear(frame.fields, received_s)[0] or self._answer
             return []
-        report = accepted(self._counts, self._carrier.report, frame.fields, received_s)
+        report = accepted(self._counts, self.carrier.report, frame.fields, received_s)
         if report is None:
             return []
         impostors, self._impostors = self._impostors, 0
-        sent_s, period_s = report.sent_s, self._carrier.period_s
+        sent_s, period_s = report.sent_s, self.carrier.period_s
         if not math.isnan(sent_s):  # the reading nearest to the last one: a late report from before a wrap stays there
             sent_s += 0.0 if self._sent_s is None else period_s * round((self._sent_s - sent_s) / period_s)
             self._sent_s = sent_s
@@ -110,8 +106,8 @@ class MavlinkEvader:
     def counters(self) -> Mapping[str, int]:
         """Return the number of reports, of refused ones by reason, and the wire's counts."""
         own = {"reports": 0, "foreign": 0, "garbage_bytes": self._frames.garbage_bytes, **self._counts}
-        return {**own, **self._wire.counters()}
+        return {**own, **self.wire.counters()}
 
     def close(self) -> None:
         """Close the wire."""
-        self._wire.close()
+        self.wire.close()

@@ -45,17 +45,11 @@ def _log(level: int, message: bytes | None, _file: bytes | None, _line: int, _us
     return True  # handled: MAVSDK prints nothing
 
 
-_callback = LogCallback(_log)
-
-
-def route_to_logging() -> None:
-    """Send MAVSDK's log to `logging`, for the whole process. Calling it again changes nothing.
-
-    The library's own `log_subscribe` prints an error when a vehicle sends text that is not UTF-8.
-    """
-    if not any(isinstance(handler, logging.NullHandler) for handler in LOGGER.handlers):
-        LOGGER.addHandler(logging.NullHandler())  # silent unless the program sets up logging
-        _cmavsdk_lib.mavsdk_log_subscribe(_callback, None)
+# MAVSDK's log goes to `logging`, for the whole process. The library's own `log_subscribe` prints an error when a
+# vehicle sends text that is not UTF-8.
+LOGGER.addHandler(logging.NullHandler())  # silent unless the program sets up logging
+_callback = LogCallback(_log)  # a name, as the library keeps only its address
+_cmavsdk_lib.mavsdk_log_subscribe(_callback, None)
 
 
 class MavsdkLink(PymavlinkLink):
@@ -69,7 +63,6 @@ class MavsdkLink(PymavlinkLink):
         Raises:
             LinkError: If MAVSDK refuses its connection.
         """
-        route_to_logging()
         self._numbering = threading.Lock()
         self._direct: MavlinkDirect | None = None
         self._own_frames = FrameReader()

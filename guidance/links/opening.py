@@ -14,7 +14,7 @@ from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import Clock, EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink, own_heartbeat
 from guidance.links.streams import SerialWire, TcpWire
-from guidance.links.udp import UdpWire
+from guidance.links.udp import AddressPins, UdpWire
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_evader import KEYS, ZenohEvader
 from guidance.links.zenoh_wire import ZenohWire, session_to
@@ -59,7 +59,7 @@ def open_wire(
     listen = endpoint.scheme.endswith("in")
     if endpoint.scheme.startswith("udp"):
         checks = {system_id: SignatureCheck(signing_key) for system_id in systems or () if signing_key is not None}
-        return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, systems=systems, checks=checks)
+        return UdpWire(clock, endpoint.host, endpoint.port, AddressPins(systems, checks) if listen else None)
     return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
 
 

@@ -23,11 +23,6 @@ from guidance.links.requests import RequestQueue, TimesyncPeer
 USED: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
 """Names of the messages that a link reads."""
 
-ADDRESSED: Final = frozenset(
-    message.msgname for message in mavlink.mavlink_map.values() if "target_system" in message.fieldnames
-)
-"""Names of the messages that are addressed to one station."""
-
 QUEUE_LENGTH: Final = 2048
 _TEXT_CHUNK_BYTES: Final = 50
 _TEXT_TIMEOUT_S: Final = 1.0
@@ -169,7 +164,11 @@ class PymavlinkLink:
             KeyError, TypeError, ValueError, ArithmeticError: If its values are implausible.
         """
         name, fields = frame.name, frame.fields
-        if name in ADDRESSED and not self._is_for_us(fields):
+        system_id, component_id = self._own
+        if (
+            getattr(fields, "target_system", 0) not in (0, system_id)
+            or getattr(fields, "target_component", 0) not in (0, component_id)  # 0: addressed to all
+        ):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
             self._inbox.extend(self._texts.hear(fields, received_s))
@@ -187,11 +186,6 @@ class PymavlinkLink:
                 self.heartbeats += 1
             elif self._requests.waiting:
                 self._requests.hear(value)
-
-    def _is_for_us(self, message: Fields) -> bool:
-        """Return whether the message is addressed to us or to all (0)."""
-        system_id, component_id = message.target_system, getattr(message, "target_component", 0)
-        return system_id in (0, self._own[0]) and component_id in (0, self._own[1])
 
     def _tend(self, now_s: float) -> None:
         """Send unanswered requests again, and our TIMESYNC once a HEARTBEAT has arrived."""

@@ -147,31 +147,22 @@ class AddressPins:
 class UdpWire(QueuedWire):
     """One socket. A listening wire hears and answers one address per system, see `AddressPins`."""
 
-    def __init__(
-        self,
-        clock: Clock,
-        *,
-        host: str,
-        port: int,
-        listen: bool,
-        systems: Collection[int | None] | None = None,
-        checks: Mapping[int | None, SignatureCheck] | None = None,
-    ) -> None:
-        """Open the socket; `systems` and `checks` apply to a listening wire, see `AddressPins`.
+    def __init__(self, clock: Clock, host: str, port: int, pins: AddressPins | None = None) -> None:
+        """Open the socket. With `pins` it listens for the systems that they accept; without, it calls the address.
 
         Raises:
             LinkError: If the address cannot be bound or resolved.
         """
         super().__init__(clock)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._pins = AddressPins(systems, checks) if listen else None
+        self._pins = pins
         try:
             # Of a connected socket, the kernel drops datagrams from all other addresses.
-            (self._socket.bind if listen else self._socket.connect)((host, port))
+            (self._socket.connect if pins is None else self._socket.bind)((host, port))
         except OSError as error:
             self._socket.close()
-            advice = "choose another port or end the program that uses it" if listen else "is the host name right?"
-            raise LinkError(f"udp {host}:{port}: {error}; {advice}") from error
+            busy, wrong = "choose another port or end the program that uses it", "is the host name right?"
+            raise LinkError(f"udp {host}:{port}: {error}; {wrong if pins is None else busy}") from error
         self._socket.setblocking(False)
         self._watched, self._readable = select.poll(), select.poll()  # for the reader thread; for the lock holder
         for poll in (self._watched, self._readable):

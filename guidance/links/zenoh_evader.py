@@ -182,13 +182,12 @@ class CdrReader:
     def string(self) -> str:
         """Return a string: its length with the closing zero, then the bytes."""
         (length,) = self.take("I")
-        if not 1 <= length <= MAX_STRING or self._at + length > len(self._body):
+        if not 1 <= length <= MAX_STRING:
             raise Refused("length")
-        raw = self._body[self._at : self._at + length]
-        self._at += length
+        (raw,) = self.take("s", length)
         if raw[-1] != 0:
             raise Refused("encoding")
-        return raw[:-1].decode(errors="replace")
+        return str(raw[:-1], errors="replace")
 
 
 def rmw_key(topic: str, dds_type: str) -> str:

@@ -8,9 +8,9 @@ session's `namespace`. Frames are sent at real-time priority, unbatched, and dro
 import contextlib
 import json
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 
@@ -41,6 +41,26 @@ def is_over(stop: threading.Event, wait_s: float = 0.0) -> bool:
     return stop.wait(wait_s) or not threading.main_thread().is_alive()
 
 
+def direct_session(mode: str, endpoints: Mapping[str, Mapping[str, Any]], **transport: Any) -> Session:  # noqa: ANN401 - JSON
+    """Open a session that neither searches the network nor shares memory.
+
+    Args:
+        mode: "client" or "router".
+        endpoints: Zenoh's keys of "listen" or "connect"; without endpoints there, it does not.
+        transport: More keys of Zenoh's "transport".
+
+    Raises:
+        ZError: If there is no session.
+    """
+    document = {
+        "mode": mode,
+        **{key: endpoints.get(key, {"endpoints": []}) for key in ("listen", "connect")},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {"shared_memory": {"enabled": False}, **transport},
+    }
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
+
+
 def open_session(endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS) -> Session:
     """Open a client session to one endpoint (`tcp/127.0.0.1:7447`). It neither listens nor searches the network.
 
@@ -48,16 +68,10 @@ def open_session(endpoint: str, *, timeout_s: float = 3.0, credentials: Credenti
         LinkError: If the endpoint does not answer within `timeout_s`, or refuses us.
     """
     sending = {"queue": {"size": {"real_time": 16}}}  # room for bursts; sending never waits
+    there = {"endpoints": [endpoint], "timeout_ms": round(timeout_s * 1e3), "exit_on_failure": True}
     link = {"tx": sending, "tls": credentials.tls or {}}
-    config = {
-        "mode": "client",
-        "listen": {"endpoints": []},
-        "connect": {"endpoints": [endpoint], "timeout_ms": round(timeout_s * 1e3), "exit_on_failure": True},
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "transport": {"shared_memory": {"enabled": False}, "link": link, "auth": credentials.auth or {}},
-    }
     try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        return direct_session("client", {"connect": there}, link=link, auth=credentials.auth or {})
     except zenoh.ZError as error:
         raise LinkError(
             f"zenoh {endpoint}: no session within {timeout_s:g} s ({_short(error)}); "

@@ -17,7 +17,7 @@ import zenoh
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_wire import close_all, open_session
+from guidance.links.zenoh_wire import close_all, direct_session, open_session
 from guidance.session import control_socket as local
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
 from guidance.session.vehicle_file import Control
@@ -34,15 +34,9 @@ def host_session(endpoint: str, token: local.ControlToken | None = None) -> "zen
         LinkError: If it cannot listen there.
     """
     auth = {} if token is None else {"auth": token.auth(dictionary_file=str(token.path))}
-    document = {
-        "mode": "router",
-        "listen": {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True},
-        "connect": {"endpoints": []},
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "transport": {"shared_memory": {"enabled": False}, **auth},
-    }
+    there = {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True}
     try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
+        return direct_session("router", {"listen": there}, **auth)
     except zenoh.ZError as error:
         who = "another program has the port"
         with contextlib.suppress(GuidanceError):

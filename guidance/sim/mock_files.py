@@ -3,7 +3,7 @@
 Faults that count from the start form a script. Faults that count from engagement are added when the game begins.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 from guidance.autopilots import autopilot_named
@@ -64,9 +64,9 @@ def faults_after(flown: Flown, *events: str) -> Iterator[tuple[str, dict[str, An
                 yield {PURSUER: vehicle, EVADER: evader}[fault.vehicle], keys
 
 
-def script(flown: Flown) -> dict[str, Any]:
-    """Return the fault script with the faults that count from the start, and the wind."""
-    faults = [{**keys, "vehicle": vehicle} for vehicle, keys in faults_after(flown, "start")]
+def script(flown: Flown, events: Sequence[str] = ("start",)) -> dict[str, Any]:
+    """Return the fault script with the faults that count from one of `events`, and the wind."""
+    faults = [{**keys, "vehicle": vehicle} for vehicle, keys in faults_after(flown, *events)]
     for scenario, vehicle, _ in pursuits_of(flown):
         east, north = scenario.wind.velocity_m_s
         if east or north:
@@ -91,10 +91,8 @@ def check_faults(flown: Flown) -> None:
     Raises:
         ConfigError: With the key, the value and what is allowed.
     """
-    faults = [{**keys, "vehicle": vehicle} for vehicle, keys in faults_after(flown, "start", "engaged")]
     try:
-        if faults:
-            _faulted(flown, {"seed": 0, "fault": faults})
+        _faulted(flown, script(flown, ("start", "engaged")))
     except MockConfigError as error:
         raise ConfigError(str(error)) from error
 

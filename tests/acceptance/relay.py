@@ -60,7 +60,7 @@ class Relay:
         self.profile: AutopilotProfile = next(
             one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot
         )
-        self._client = UdpWire(time.monotonic, host="127.0.0.1", port=client_port, listen=False)
+        self._client = UdpWire(time.monotonic, "127.0.0.1", client_port)
         self._down, self._up = FrameReader(), FrameReader()
         self._pilot = mavlink.MAVLink(None, *PILOT)
         self._reader = mavlink.MAVLink(None)

@@ -105,8 +105,7 @@ class Field:
         self._frame = LocalFrame(site.latitude_deg, site.longitude_deg, Amsl(site.altitude_amsl_m))
         chased = {one.evader: one.scenario for one in reversed(pursuits_of_team(scenario))}
         self._radios = {
-            name: FanOut([UdpWire(clock.now_s, host="127.0.0.1", port=ports[name][to], listen=False) for to in NAMES])
-            for name in chased
+            name: FanOut([UdpWire(clock.now_s, "127.0.0.1", ports[name][to]) for to in NAMES]) for name in chased
         }
         self._rovers = {name: EvaderHere(chased[name], clock, radio) for name, radio in self._radios.items()}
         self._ended = threading.Event()

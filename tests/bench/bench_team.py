@@ -27,7 +27,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.frames import Station
 from guidance.links.udp import UdpWire
-from guidance.links.wires import raw_keys
+from guidance.links.wires import TO_VEHICLE
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_session
 from guidance.log.entries import CYCLE_TOPIC
@@ -65,7 +65,7 @@ class Mates:
         self._rovers = [
             (
                 Station(number, 1),
-                stack.enter_context(closing(UdpWire(time.monotonic, host="127.0.0.1", port=port, listen=False))),
+                stack.enter_context(closing(UdpWire(time.monotonic, "127.0.0.1", port))),
                 ROVERS[name],
             )
             for number, (name, port) in enumerate(ports.items(), start=2)
@@ -165,7 +165,7 @@ def latencies_s(record: Path, sent: Sequence[tuple[float, str]], arrived_s: dict
     for item in scan(record):
         if item.topic == CYCLE_TOPIC:
             changed = (json.loads(item.data)["inputs"].get("role") or {}).get("evader")
-        elif changed and item.topic == raw_keys(NAME)[0] and item.data in arrived_s:
+        elif changed and item.topic == f"{NAME}/{TO_VEHICLE}" and item.data in arrived_s:
             firsts.append((arrived_s[item.data], changed))
             changed = None
     waits = []
@@ -186,7 +186,7 @@ def measure(seconds: float, folder: Path) -> None:
         stack.callback(daemon.terminate)
         listener = stack.enter_context(open_session(fleet[NAME].zenoh))
         listener.declare_subscriber(
-            raw_keys(NAME)[0], lambda sample: arrived_s.setdefault(sample.payload.to_bytes(), time.monotonic())
+            f"{NAME}/{TO_VEHICLE}", lambda sample: arrived_s.setdefault(sample.payload.to_bytes(), time.monotonic())
         )
         if not wait(token_path(endpoint).exists, WITHIN_S):
             sys.exit("the daemon did not start")

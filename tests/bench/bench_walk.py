@@ -26,7 +26,7 @@ import guidance
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.udp import UdpWire
+from guidance.links.udp import AddressPins, UdpWire
 from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
@@ -140,7 +140,7 @@ def walk(autopilot: str) -> Walk:
     plan = plan_of(scenario=scenario)
     vehicle = MockVehicle(autopilot, seed=1, ready_after_s=1.0)
     wire, theirs = (
-        WatchedWire(clock.now_s, host="127.0.0.1", port=0, listen=True),
+        WatchedWire(clock.now_s, "127.0.0.1", 0, AddressPins()),
         socket.socket(type=socket.SOCK_DGRAM),
     )
     with contextlib.closing(wire), theirs:

@@ -60,4 +60,4 @@ class PinnedWire:
 def evader_wire(world: SteppedWorld) -> Wire:
     """Return the wire of a world's evader reports."""
     assert isinstance(world.evaders["pursuer"]["evader"], MavlinkEvader)
-    return world.evaders["pursuer"]["evader"]._wire
+    return world.evaders["pursuer"]["evader"].wire

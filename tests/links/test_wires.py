@@ -13,8 +13,9 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import LinkError
 from guidance.links import MemoryWire, udp
+from guidance.links.opening import open_wire
 from guidance.links.streams import SerialWire, StreamWire, TcpWire
-from guidance.links.udp import UdpWire
+from guidance.links.udp import AddressPins, UdpWire
 from guidance.links.wires import QUEUE_LENGTH, Arrivals
 from guidance.links.zenoh_wire import ZenohWire, open_session
 from tests.links.peer import Peer, until
@@ -107,7 +108,7 @@ def opened(kind, router):
             assert until(lambda: publisher.matching_status.matching)
             yield wire, publisher.put
         elif kind == "udp":
-            wire = stack.enter_context(closing(UdpWire(clock, host="127.0.0.1", port=0, listen=True)))
+            wire = stack.enter_context(closing(UdpWire(clock, "127.0.0.1", 0, AddressPins())))
             caller = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             yield wire, lambda data: caller.sendto(data, ("127.0.0.1", port_of(wire)))
         else:
@@ -203,7 +204,7 @@ def test_a_new_peer_gets_whole_frames_only(port, wire):
 
 
 def test_udp_answers_the_vehicles_address_only():
-    wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,))
+    wire = UdpWire(clock, "127.0.0.1", 0, AddressPins({1}))
     with closing(wire), contextlib.ExitStack() as stack:
         stranger, vehicle, impostor = (
             stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(3)
@@ -230,7 +231,7 @@ def test_udp_answers_the_vehicles_address_only():
 def test_udp_out_receives_only_from_the_address_it_calls():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs, socket.socket(type=socket.SOCK_DGRAM) as stranger:
         theirs.bind(("127.0.0.1", 0))
-        with closing(UdpWire(clock, host="127.0.0.1", port=theirs.getsockname()[1], listen=False)) as wire:
+        with closing(UdpWire(clock, "127.0.0.1", theirs.getsockname()[1])) as wire:
             wire.send(FRAME)
             data, address = theirs.recvfrom(100)
             assert data == FRAME
@@ -252,7 +253,7 @@ class Asleep:
 
 def test_udp_receive_reads_the_socket_itself_a_bounded_number_at_once(monkeypatch):
     monkeypatch.setattr(udp, "Reader", Asleep)
-    wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,))
+    wire = UdpWire(clock, "127.0.0.1", 0, AddressPins({1}))
     with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         said = [FRAME, *(b"%d" % n for n in range(40))]
         for data in said:
@@ -268,7 +269,7 @@ def test_udp_receive_reads_the_socket_itself_a_bounded_number_at_once(monkeypatc
 
 def test_udp_keeps_the_order_while_the_loop_and_the_reader_both_read():
     got = list[bytes]()
-    wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,))
+    wire = UdpWire(clock, "127.0.0.1", 0, AddressPins({1}))
     with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         for burst in range(100):
             said = [FRAME, *(b"%d" % n for n in range(20 * burst, 20 * burst + 20))]
@@ -284,7 +285,7 @@ def test_udp_keeps_the_order_while_the_loop_and_the_reader_both_read():
 
 
 def test_udp_to_an_unused_port_keeps_working():
-    with closing(UdpWire(clock, host="127.0.0.1", port=free_port(), listen=False)) as wire:
+    with closing(UdpWire(clock, "127.0.0.1", free_port())) as wire:
         for _ in range(10):
             wire.send(FRAME)
             time.sleep(0.001)
@@ -338,13 +339,12 @@ def test_tcp_to_a_peer_that_does_not_read_never_blocks():
         assert slowest_s < 0.05
 
 
-@pytest.mark.parametrize("make", [UdpWire, TcpWire])
-def test_a_port_in_use_is_a_link_error(make):
-    kind = socket.SOCK_DGRAM if make is UdpWire else socket.SOCK_STREAM
+@pytest.mark.parametrize(("scheme", "kind"), [("udpin", socket.SOCK_DGRAM), ("tcpin", socket.SOCK_STREAM)])
+def test_a_port_in_use_is_a_link_error(scheme, kind):
     with socket.socket(socket.AF_INET, kind) as other:
         other.bind(("127.0.0.1", 0))
         with pytest.raises(LinkError, match="in use"):
-            make(clock, host="127.0.0.1", port=other.getsockname()[1], listen=True)
+            open_wire(f"{scheme}://127.0.0.1:{other.getsockname()[1]}", clock=clock)
 
 
 def test_a_serial_port_that_is_full_never_blocks():

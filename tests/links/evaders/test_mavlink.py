@@ -111,7 +111,7 @@ def test_reports_from_other_addresses_are_counted_in_the_next_report():
     world = World(FOLLOW_TARGET)
     other = Peer(lambda data: None, system_id=9)
     elsewhere = [other.packed(follow()), other.packed(dialect.MAVLink_timesync_message(1, 2)), b"\xfd garbage"]
-    world.source._wire.impostors = lambda: [elsewhere.pop()] if elsewhere else []
+    world.source.wire.impostors = lambda: [elsewhere.pop()] if elsewhere else []
     impostors = [world.report(follow(ms=1500 + n)).impostors for n in range(5)]
     assert impostors == [None, None, 1, None, None]
 
