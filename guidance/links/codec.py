@@ -54,11 +54,6 @@ def _system_status(m: Fields, received_s: float) -> messages.Message:
     return messages.SystemStatus(received_s, present, health, remaining, voltage_v)
 
 
-def _gps_fix(m: Fields, received_s: float) -> messages.Message:
-    satellites = None if m.satellites_visible == _UNKNOWN_U8 else m.satellites_visible
-    return messages.GpsFix(received_s, m.fix_type, satellites)
-
-
 def velocity_in_cm_s(m: Fields) -> Vector:
     """Return the velocity of a GLOBAL_POSITION_INT: north, east, down in m/s."""
     return m.vx / 1e2, m.vy / 1e2, m.vz / 1e2
@@ -113,7 +108,9 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
         at_s, m.custom_mode, bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), m.system_status, m.autopilot
     ),
     "SYS_STATUS": _system_status,
-    "GPS_RAW_INT": _gps_fix,
+    "GPS_RAW_INT": lambda m, at_s: messages.GpsFix(
+        at_s, m.fix_type, None if m.satellites_visible == _UNKNOWN_U8 else m.satellites_visible
+    ),
     "ATTITUDE": lambda m, at_s: messages.Attitude(at_s, m.time_boot_ms / 1e3, m.yaw),
     "LOCAL_POSITION_NED": lambda m, at_s: messages.LocalPosition(
         at_s, m.time_boot_ms / 1e3, (m.x, m.y, m.z), (m.vx, m.vy, m.vz)

@@ -19,7 +19,6 @@ from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder
 from guidance.links.zenoh_access import AUTHORITY, ROUTER
 
-_CURVE: Final = ec.SECP256R1()
 _NO_USES: Final = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
 
 
@@ -74,28 +73,26 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
 def _authority(validity: Validity) -> KeyPair:
     unused = dict.fromkeys((*_NO_USES, "encipher_only", "decipher_only"), False)
     uses = x509.KeyUsage(key_cert_sign=True, crl_sign=True, **unused)
-    constraints = x509.BasicConstraints(ca=True, path_length=0)
-    return _certified(None, "pursuit guidance test authority", validity, [(constraints, True), (uses, True)])
+    return _certified(None, "pursuit guidance test authority", validity, [(uses, True)])
 
 
 def _signed(
     authority: KeyPair, common_name: str, hosts: Sequence[str], use: x509.ObjectIdentifier, validity: Validity
 ) -> KeyPair:
     called = x509.SubjectAlternativeName([_general(host) for host in hosts or (common_name,)])
-    constraints = x509.BasicConstraints(ca=False, path_length=None)
-    extensions = [(constraints, True), (called, False), (x509.ExtendedKeyUsage([use]), False)]
-    return _certified(authority, common_name, validity, extensions)
+    return _certified(authority, common_name, validity, [(called, False), (x509.ExtendedKeyUsage([use]), False)])
 
 
 def _certified(
     authority: KeyPair | None, name: str, validity: Validity, extensions: Sequence[tuple[x509.ExtensionType, bool]]
 ) -> KeyPair:
     """Return a new key and its certificate, self-signed without an authority. Extensions may be critical (True)."""
-    key, subject = ec.generate_private_key(_CURVE), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    key, subject = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     issuer = subject if authority is None else authority.certificate.subject
     number = x509.random_serial_number()
     built = x509.CertificateBuilder(issuer, subject, key.public_key(), number, validity.begin, validity.end)
-    for extension, critical in extensions:
+    constraints = x509.BasicConstraints(ca=authority is None, path_length=0 if authority is None else None)
+    for extension, critical in ((constraints, True), *extensions):
         built = built.add_extension(extension, critical=critical)
     return KeyPair(key, built.sign(key if authority is None else authority.key, hashes.SHA256()))
 

@@ -125,13 +125,12 @@ def wait_until_heard(link: PymavlinkLink, *, clock: Clock, timeout_s: float, sle
 
 
 class Found(NamedTuple):
-    """An autopilot's ids and its HEARTBEAT: MAV_AUTOPILOT, MAV_TYPE, and whether it is armed."""
+    """An autopilot's ids and its HEARTBEAT: MAV_AUTOPILOT and MAV_TYPE."""
 
     system_id: int
     component_id: int
     autopilot: int
     vehicle_type: int
-    armed: bool
 
 
 def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str) -> Found:
@@ -155,8 +154,7 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
             _, *ids, _, beat, _ = frame
             # INVALID: a ground station, companion computer or camera. No sender has the id 0, which means all.
             if all(ids) and beat.type != mavlink.MAV_TYPE_GCS and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
-                armed = bool(beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-                return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type, armed)
+                return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type)
             heard += 1
     raise LinkError(
         f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({heard + reader.unused} other frames heard); is "

@@ -109,7 +109,6 @@ _HOSTS_AND_PORTS: Final = ("udpin", "udpout", "tcpin", "tcpout", "zenoh")
 class Endpoint(NamedTuple):
     """A parsed URL: host and port, or for serial the device (`host`) and baud rate (`port`); `namespace` is Zenoh's."""
 
-    url: str
     scheme: str
     host: str
     port: int
@@ -159,7 +158,7 @@ def taken_apart(url: str) -> Endpoint:
         device, _, baud = rest.rpartition(":")
         if not device or not baud.isdecimal() or int(baud) == 0:
             raise ValueError("a device and a baud rate are needed, as in serial:///dev/ttyACM0:57600")
-        return Endpoint(url, scheme, device, int(baud))
+        return Endpoint(scheme, device, int(baud))
     return _host_and_port(url, scheme)
 
 
@@ -173,4 +172,4 @@ def _host_and_port(url: str, scheme: str) -> Endpoint:
         raise ValueError("only zenoh:// takes a path (its namespace)")
     if any(character in namespace for character in "*$#?") or "//" in namespace:
         raise ValueError("a namespace is a plain key such as uav1, without wildcards")
-    return Endpoint(url, scheme, host, port, namespace)
+    return Endpoint(scheme, host, port, namespace)

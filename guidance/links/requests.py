@@ -88,7 +88,12 @@ class RequestQueue:
         """Note a message of the vehicle, which may answer a request."""
         match message:
             case messages.CommandAck(now_s, command, result):
-                self._acknowledged((Command, command), result, now_s)
+                lane = self.waiting.get((Command, command))
+                if lane and lane[0].sends > 0 and result == mavlink.MAV_RESULT_IN_PROGRESS:  # wait without repeats
+                    lane[0].sends = lane[0].max_sends
+                    lane[0].next_send_s = now_s + IN_PROGRESS_TIMEOUT_S
+                elif lane and lane[0].sends > 0:  # every other result is final
+                    lane.popleft()
             case messages.Parameter(name=name):
                 self.waiting.pop((ParameterRequest, name), None)
                 self.waiting.pop((ParameterSet, name), None)
@@ -99,17 +104,6 @@ class RequestQueue:
                 lane = self.waiting.get((FenceRequest, None))
                 if lane and lane[0].request == answered:
                     lane.clear()
-
-    def _acknowledged(self, key: Key, result: int, now_s: float) -> None:
-        """Note a COMMAND_ACK. "In progress" means wait without repeats; every other result is final."""
-        lane = self.waiting.get(key)
-        if not lane or lane[0].sends == 0:
-            return
-        if result == mavlink.MAV_RESULT_IN_PROGRESS:
-            lane[0].sends = lane[0].max_sends
-            lane[0].next_send_s = now_s + IN_PROGRESS_TIMEOUT_S
-            return
-        lane.popleft()
 
 
 @dataclass(slots=True)

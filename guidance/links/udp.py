@@ -130,11 +130,9 @@ class AddressPins:
 
     def _stranger(self, now_s: float, data: bytes) -> bytes:
         frame = self._reader.first(data)
-        if frame is None:
-            return self._refuse("garbage")
-        if not self._within_budget(now_s, -1, STRANGERS_PER_S):
-            return self._refuse("stranger")
-        return frame.data
+        if frame is not None and self._within_budget(now_s, -1, STRANGERS_PER_S):
+            return frame.data
+        return self._refuse("garbage" if frame is None else "stranger")
 
     def _within_budget(self, now_s: float, key: int, per_s: int) -> bool:
         if int(now_s) != self._second:

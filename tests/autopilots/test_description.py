@@ -95,10 +95,10 @@ def test_a_registered_autopilot_is_known_everywhere(vtol, tmp_path):
     assert plan_of(load_vehicle(path)).flight.autopilot is vtol
     assert "px4_vtol" in json.dumps(Config.model_json_schema())
     assert "px4_vtol" in json.dumps(Scenario.model_json_schema())
-    assert identify(Found(1, 1, 12, 22, armed=False), "udpin://", None) is vtol
-    assert identify(Found(1, 1, 12, 2, armed=False), "udpin://", None) is PX4
+    assert identify(Found(1, 1, 12, 22), "udpin://", None) is vtol
+    assert identify(Found(1, 1, 12, 2), "udpin://", None) is PX4
     with pytest.raises(ConfigError, match="is px4, not --autopilot px4_vtol"):
-        identify(Found(1, 1, 12, 2, armed=False), "udpin://", "px4_vtol")
+        identify(Found(1, 1, 12, 2), "udpin://", "px4_vtol")
 
 
 @pytest.mark.flight

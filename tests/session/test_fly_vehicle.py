@@ -52,7 +52,7 @@ SOON_DOWN = {
     "MPC_LAND_SPEED": 1.5, "MPC_LAND_CRWL": 1.5, "COM_DISARM_LAND": 0.3,
 }  # fmt: skip
 """Parameters of PX4 that bring a vehicle home in less time."""
-PX4_FOUND = Found(1, 1, 12, 2, armed=False)
+PX4_FOUND = Found(1, 1, 12, 2)
 ASKING = {"COMMAND_LONG": {511, 512}}
 
 
@@ -319,7 +319,7 @@ def test_the_first_autopilot_is_found_among_ground_stations_cameras_and_garbage(
     for frame in (beat(255, 190, 6, 8), b"\x00garbage", beat(7, 100, 30, 8), beat(7, 1, 2, 3, 128)):
         end.send(frame)
     found = find_autopilot(ours, clock=clock.now_s, timeout_s=1.0, sleep=lambda _: None, who="there")
-    assert found == Found(7, 1, 3, 2, armed=True)
+    assert found == Found(7, 1, 3, 2)
     assert len(end.receive()) == 1  # our own HEARTBEAT, without which a vehicle that is called would not answer
 
 

@@ -23,7 +23,7 @@ def read_file(text):
 
 def px4(**parameters):
     told = {"MPC_XY_VEL_MAX": 12.0, "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.5} | parameters
-    return Surveyed("px4", Found(7, 1, PX4, QUADROTOR, armed=False), told)
+    return Surveyed("px4", Found(7, 1, PX4, QUADROTOR), told)
 
 
 def test_what_the_autopilot_allows_less_of_is_less_in_the_file():
@@ -45,7 +45,7 @@ def test_a_slow_and_low_vehicle_gets_a_game_that_it_can_play():
 
 def test_centimetres_are_read_as_such_and_a_fence_that_is_off_is_said():
     told = {"WPNAV_SPEED": 500.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0, "FENCE_RADIUS": 150.0}
-    surveyed = Surveyed("arducopter", Found(1, 1, ARDUPILOT, QUADROTOR, armed=False), told)
+    surveyed = Surveyed("arducopter", Found(1, 1, ARDUPILOT, QUADROTOR), told)
     config = read_file(vehicle_file("arducopter", name="uav1", surveyed=surveyed))
     assert (config.game.speed_m_s, config.game.descent_m_s, config.limits.fence_radius_m) == (4.5, 1.3, 145.0)
     text = vehicle_file("px4", name="uav1", surveyed=px4(GF_MAX_HOR_DIST=0.0))
