@@ -79,9 +79,8 @@ def solve_accelerating(
     if not all(map(math.isfinite, given)):
         raise ConfigError(f"positions, velocity and speeds must be finite numbers, not {given}")
     if not 0.0 <= evader_speed_m_s < speed_m_s:
-        raise ConfigError(
-            f"evader_speed_m_s = {evader_speed_m_s:g}: allowed is 0 up to below {speed_m_s:g} (speed_m_s)"
-        )
+        allowed = f"allowed is 0 up to below {speed_m_s:g} (speed_m_s)"
+        raise ConfigError(f"evader_speed_m_s = {evader_speed_m_s:g}: {allowed}")
     away = (evader_m[0] - pursuer_m[0], evader_m[1] - pursuer_m[1])
     excess = max(1.0, math.hypot(*pursuer_m_s) / (_INSIDE * speed_m_s))
     flown = (pursuer_m_s[0] / excess, pursuer_m_s[1] / excess)

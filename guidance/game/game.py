@@ -214,10 +214,8 @@ class Game(Numbers):
             )
         target = math.hypot(*self.target_velocity_m_s)
         if isinstance(self.evader_speed_m_s, float) and not target < self.evader_speed_m_s:
-            raise ConfigError(
-                f"target_velocity_m_s = {self.target_velocity_m_s!r}: must be slower than the evader "
-                f"({self.evader_speed_m_s!r} m/s)"
-            )
+            allowed = f"must be slower than the evader ({self.evader_speed_m_s!r} m/s)"
+            raise ConfigError(f"target_velocity_m_s = {self.target_velocity_m_s!r}: {allowed}")
 
     def _require_space(self) -> None:
         if self.evader_space == "plane":
@@ -226,10 +224,8 @@ class Game(Numbers):
             raise ConfigError(f"evader_space = {self.evader_space!r}: must be 'plane' or 'space'")
         plain = is_zero(self.standoff.radius_m) and is_zero(self.standoff.height_m) and self.target_extent == POINT
         if not (plain and isinstance(self.pursuer, Ball) and self.calm and self.target_velocity_m_s == STILL):
-            raise ConfigError(
-                "evader_space = 'space': an evader that flies is defined for the speed set Ball, without stand-off, "
-                "wind, or a target that moves or has an extent"
-            )
+            allowed = "the speed set Ball, without stand-off, wind, or a target that moves or has an extent"
+            raise ConfigError(f"evader_space = 'space': an evader that flies is defined for {allowed}")
 
 
 def _exchanged(record: Record, **values: object) -> Record:

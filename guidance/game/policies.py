@@ -136,8 +136,7 @@ def policy_of(name: str, policy: str | Policy, catalogue: Mapping[str, Policy]) 
     if not isinstance(policy, str):
         return policy
     if policy not in catalogue:
-        raise ConfigError(
-            f"{name} = {policy!r}: must be one of {', '.join(catalogue)}, or a function "
-            "`Policy`; strategies with a memory and courses are played by scenarios"
-        )
+        allowed = f"must be one of {', '.join(catalogue)}, or a function `Policy`"
+        others = "strategies with a memory and courses are played by scenarios"
+        raise ConfigError(f"{name} = {policy!r}: {allowed}; {others}")
     return catalogue[policy]

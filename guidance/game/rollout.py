@@ -145,9 +145,8 @@ def rollout(
     """
     require("duration_s", duration_s)
     if not is_zero(game.information_age_s):
-        raise ConfigError(
-            f"information_age_s = {game.information_age_s!r}: must be 0, because a rollout keeps no past positions"
-        )
+        allowed = "must be 0, because a rollout keeps no past positions"
+        raise ConfigError(f"information_age_s = {game.information_age_s!r}: {allowed}")
     xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
     P, E, T = given["pursuer"], given["evader"], given.get("target")
     shape = leading_shape(game, given)

@@ -146,9 +146,8 @@ def decode(frame: Frame, received_s: float, autopilot: int = 0) -> messages.Mess
     """
     name, fields = frame.name, frame.fields
     if name.startswith("MISSION_") and fields.mission_type != mavlink.MAV_MISSION_TYPE_FENCE:
-        raise ValueError(
-            f"mission_type {fields.mission_type}: only the fence ({mavlink.MAV_MISSION_TYPE_FENCE}) is read"
-        )
+        fence = mavlink.MAV_MISSION_TYPE_FENCE
+        raise ValueError(f"mission_type {fields.mission_type}: only the fence ({fence}) is read")
     value = _parameter(frame, received_s, autopilot) if name == "PARAM_VALUE" else DECODERS[name](fields, received_s)
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")

@@ -125,9 +125,8 @@ def _read(folder: Path) -> KeyPair:
         key = serialization.load_pem_private_key(path.read_bytes(), None)
         certificate = x509.load_pem_x509_certificate((folder / f"{AUTHORITY}.pem").read_bytes())
     except OSError as error:
-        raise ConfigError(
-            f"{path}: cannot be read ({error.strerror}); certificates need the authority's key"
-        ) from error
+        need = "certificates need the authority's key"
+        raise ConfigError(f"{path}: cannot be read ({error.strerror}); {need}") from error
     except (ValueError, TypeError) as error:
         raise ConfigError(f"{path} and its .pem: not a key and certificate in PEM ({error})") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey) or certificate.public_key() != key.public_key():

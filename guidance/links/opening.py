@@ -118,10 +118,8 @@ def wait_until_heard(link: PymavlinkLink, *, clock: Clock, timeout_s: float, sle
         if link.heard:
             return
     others = ", ".join(map(str, sorted(link.others))) or "none"
-    raise LinkError(
-        f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. "
-        "Is it running, does it send here, and is its system id right?"
-    )
+    ask = "Is it running, does it send here, and is its system id right?"
+    raise LinkError(f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. {ask}")
 
 
 class Found(NamedTuple):
@@ -156,10 +154,9 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
             if all(ids) and beat.type != mavlink.MAV_TYPE_GCS and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
                 return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type)
             heard += 1
-    raise LinkError(
-        f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({heard + reader.unused} other frames heard); is "
-        "it running, and does it send here?"
-    )
+    others = f"{heard + reader.unused} other frames heard"
+    ask = "is it running, and does it send here?"
+    raise LinkError(f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({others}); {ask}")
 
 
 def _looks(beat: Callable[[], None], clock: Clock, timeout_s: float, sleep: Sleep) -> Iterator[None]:

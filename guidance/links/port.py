@@ -148,10 +148,8 @@ def taken_apart(url: str) -> Endpoint:
     """
     scheme, separator, rest = url.partition("://")
     if separator and scheme in ("udp", "tcp"):
-        raise ValueError(
-            f"{scheme}:// does not say who calls whom: {scheme}in://host:port waits for the vehicle, "
-            f"{scheme}out://host:port calls it"
-        )
+        allowed = f"{scheme}in://host:port waits for the vehicle, {scheme}out://host:port calls it"
+        raise ValueError(f"{scheme}:// does not say who calls whom: {allowed}")
     if not separator or scheme not in (*_HOSTS_AND_PORTS, "serial"):
         raise ValueError(f"allowed are {_FORMS}")
     if scheme == "serial":

@@ -144,8 +144,7 @@ class SerialWire(StreamWire):
         try:
             first = connect()
         except (OSError, ValueError, termios.error) as error:
-            raise LinkError(
-                f"serial {device}:{baud}: {error}; is it plugged in, unused and able to do this baud rate, and "
-                "do you have the permission (usually the group dialout)?"
-            ) from error
+            able = "is it plugged in, unused and able to do this baud rate"
+            may = "do you have the permission (usually the group dialout)?"
+            raise LinkError(f"serial {device}:{baud}: {error}; {able}, and {may}") from error
         super().__init__(clock, f"serial {device}", connect, first)

@@ -101,10 +101,8 @@ def _tls(section: ZenohSection) -> Mapping[str, Any] | None:
     try:
         context.load_cert_chain(certificate, key, password=str)  # Zenoh cannot ask for a password either
     except ssl.SSLError as error:
-        raise ConfigError(
-            f"zenoh.tls_certificate_file = {str(certificate)!r}, zenoh.tls_key_file = {str(key)!r}: not a certificate "
-            f"and its key in PEM ({error.reason or error})"
-        ) from error
+        files = f"zenoh.tls_certificate_file = {str(certificate)!r}, zenoh.tls_key_file = {str(key)!r}"
+        raise ConfigError(f"{files}: not a certificate and its key in PEM ({error.reason or error})") from error
     return {**tls, "enable_mtls": True, "connect_certificate": str(certificate), "connect_private_key": str(key)}
 
 

@@ -73,10 +73,8 @@ def open_session(endpoint: str, *, timeout_s: float = 3.0, credentials: Credenti
     try:
         return direct_session("client", {"connect": there}, link=link, auth=credentials.auth or {})
     except zenoh.ZError as error:
-        raise LinkError(
-            f"zenoh {endpoint}: no session within {timeout_s:g} s ({_short(error)}); "
-            + ("is the vehicle (or the mock) running?" if credentials == NO_CREDENTIALS else _REFUSED)
-        ) from error
+        ask = "is the vehicle (or the mock) running?" if credentials == NO_CREDENTIALS else _REFUSED
+        raise LinkError(f"zenoh {endpoint}: no session within {timeout_s:g} s ({_short(error)}); {ask}") from error
 
 
 def session_to(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -> Session:
@@ -155,10 +153,8 @@ def open_router(path: Path, keys: Path | None = None, listen: str | None = None)
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise LinkError(
-            f"{path}: the router cannot listen ({_short(error)}); is its port in use, and do its certificates exist? "
-            "Name their folder with --keys"
-        ) from error
+        ask = "is its port in use, and do its certificates exist? Name their folder with --keys"
+        raise LinkError(f"{path}: the router cannot listen ({_short(error)}); {ask}") from error
 
 
 def _use_keys(config: "zenoh.Config", keys: Path) -> None:

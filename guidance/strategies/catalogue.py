@@ -40,9 +40,8 @@ class Strategy:
         if self.name not in known:
             raise ConfigError(f"policy = {self.name!r}: allowed are {', '.join(known)}")
         if (self.course is not None) != (self.name in COURSES):
-            raise ConfigError(
-                f"policy = {self.name!r}: a course is needed for {', '.join(COURSES)}, and only for these"
-            )
+            courses = ", ".join(COURSES)
+            raise ConfigError(f"policy = {self.name!r}: a course is needed for {courses}, and only for these")
 
 
 def pursue(

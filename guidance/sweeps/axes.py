@@ -195,10 +195,8 @@ def grid_values(spec: Any) -> list[Any]:  # noqa: ANN401 - from a file
             even = _Evenly.model_validate(spec)
             if even.begin != even.end:
                 return list(np.linspace(even.begin, even.end, even.count).tolist())
-        raise ValueError(
-            "must be { from = …, to = …, count = … }: two different numbers, and the number of evenly spaced values, "
-            "at least 2"
-        )
+        allowed = "two different numbers, and the number of evenly spaced values, at least 2"
+        raise ValueError(f"must be {{ from = …, to = …, count = … }}: {allowed}")
     if not isinstance(spec, list) or not spec:
         raise ValueError("must be a list of values or { from = …, to = …, count = … }")
     if any(isinstance(value, Mapping) for value in spec):

@@ -137,10 +137,9 @@ class Plan(Section):
                 yield f"{key}: {twice[0]} is given twice"
         step = math.prod(self.shape[:2])
         if self.number is not None and self.number % step:
-            yield (
-                f"rows = {self.number}: must be a multiple of {step} ({self.shape[1]} grid points × {self.shape[0]} "
-                f"pairs of policies); the nearest is {max(1, round(self.number / step)) * step}"
-            )
+            counts = f"{self.shape[1]} grid points × {self.shape[0]} pairs of policies"
+            nearest = max(1, round(self.number / step)) * step
+            yield f"rows = {self.number}: must be a multiple of {step} ({counts}); the nearest is {nearest}"
 
     @cached_property
     def teams(self) -> bool:

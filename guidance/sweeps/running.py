@@ -88,10 +88,8 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
         with uncollected():  # a failed client that is collected here waits for the lock that this call holds
             client = Client(scheduler, timeout=CONNECT_S)
     except TypeError as error:  # raised by Dask without certificates
-        raise ConfigError(
-            f"--scheduler {scheduler}: TLS needs a certificate; name its files in Dask's configuration, "
-            f"distributed.comm.tls ca-file, client.cert and client.key ({error})"
-        ) from error
+        mend = "name its files in Dask's configuration, distributed.comm.tls ca-file, client.cert and client.key"
+        raise ConfigError(f"--scheduler {scheduler}: TLS needs a certificate; {mend} ({error})") from error
     except (OSError, ValueError, AssertionError) as error:
         reason = str(error) or "check the protocol, tcp:// or tls://, and the certificates"
         raise LinkError(f"--scheduler {scheduler}: no answer from a Dask scheduler ({reason})") from error

@@ -189,10 +189,8 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool)
     columns = {name: values for column, field in fields.items() for name, values in _flat(column, field)}
     taken = names & set(columns)
     if taken and taken != set(columns):
-        raise ConfigError(
-            f"--states: the column {min(taken)} has the name of an answer and would be overwritten: rename it (only a "
-            "complete earlier answer is replaced)"
-        )
+        fault = f"the column {min(taken)} has the name of an answer and would be overwritten"
+        raise ConfigError(f"--states: {fault}: rename it (only a complete earlier answer is replaced)")
     for name, values in columns.items():
         if name.endswith("reason"):
             values = [_NOT_A_NUMBER if row in lost else word for row, word in enumerate(values)]  # noqa: PLW2901
@@ -280,8 +278,7 @@ def _players(chunk: pa.Table, player: str) -> Array:
     found = filter(None, map(_PLAYER.fullmatch, chunk.column_names))
     numbers = {int(one[2]) for one in found if one[1] == player}
     if not numbers or numbers != set(range(len(numbers))) or len(numbers) > MAX_PLAYERS:
-        raise ConfigError(
-            f"--states: the columns number the {player}s {sorted(numbers)}; they must be 0, 1, 2 and so on, "
-            f"at most {MAX_PLAYERS}: {', '.join(f'{player}_0_{axis}_m' for axis in _AXES[player])}, {player}_1_x_m …"
-        )
+        names = ", ".join(f"{player}_0_{axis}_m" for axis in _AXES[player])
+        allowed = f"they must be 0, 1, 2 and so on, at most {MAX_PLAYERS}: {names}, {player}_1_x_m …"
+        raise ConfigError(f"--states: the columns number the {player}s {sorted(numbers)}; {allowed}")
     return np.stack([_place(chunk, f"{player}_{number}") for number in sorted(numbers)], axis=1)

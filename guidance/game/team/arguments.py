@@ -51,10 +51,8 @@ def joined(games: Games, shape: str) -> TeamGame:
     for name in ("evader_space", "target_velocity_m_s", "target_extent"):
         varied |= any(getattr(game, name) != getattr(first, name) for game in known)
     if varied or len({type(game.pursuer) for game in known}) > 1:
-        raise ConfigError(
-            "game: the games of a team must have the same speed set (Ball or Cylinder), target_velocity_m_s, "
-            "target_extent and evader_space, and single numbers"
-        )
+        same = "speed set (Ball or Cylinder), target_velocity_m_s, target_extent and evader_space"
+        raise ConfigError(f"game: the games of a team must have the same {same}, and single numbers")
     rows = table.reshape(len(table), -1)
     alike = [next(filter(None, column), first) for column in rows.T]
     each = [parameters(game or other) for row in rows for game, other in zip(row, alike, strict=True)]
@@ -70,9 +68,8 @@ def joined(games: Games, shape: str) -> TeamGame:
 def _played(game: Game) -> Game:
     """Return a game if teams can play it."""
     if not is_zero(game.information_age_s):
-        raise ConfigError(
-            f"information_age_s = {game.information_age_s!r}: must be 0 in a game of teams; use Game.within_spread"
-        )
+        allowed = "must be 0 in a game of teams; use Game.within_spread"
+        raise ConfigError(f"information_age_s = {game.information_age_s!r}: {allowed}")
     if game.evader_space != "plane":
         raise ConfigError(f"evader_space = {game.evader_space!r}: must be 'plane' in a game of teams")
     return game
@@ -114,9 +111,8 @@ def in_play_of(given: ArrayLike | None, m: int) -> Array:
     present = _array(given)
     truths = (present == 0) | (present == 1)
     if isinstance(given, np.ma.MaskedArray) or present.shape[-1:] != (m,) or not truths.all():
-        raise ConfigError(
-            f"in_play = {given!r}: must say for each of {m} evaders whether it is in play, by true or false"
-        )
+        allowed = f"must say for each of {m} evaders whether it is in play, by true or false"
+        raise ConfigError(f"in_play = {given!r}: {allowed}")
     return present.astype(bool)
 
 
