@@ -1,5 +1,7 @@
 """`guidance view` and `panel`: the viewer and the operator's page, and their processes beside a flight."""
 
+import asyncio
+import contextlib
 import os
 import signal
 import subprocess
@@ -13,6 +15,7 @@ from typing import Annotated, Any, Final
 import typer
 
 from guidance.cli.arguments import TokenFile, WithParent, ZenohFile, refuse
+from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.session.control_socket import ENDPOINT
@@ -102,13 +105,22 @@ def panel(
     - `guidance panel --host 192.168.1.7 --certificate cert.pem --key key.pem --password-file password`: for a tablet
     """
     require("guidance panel", "panel")
-    from guidance.viz.panel.server import PanelOptions, serve_panel  # noqa: PLC0415 - slow import
+    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
+    from guidance.viz.panel.access import Access, listen, map_of, remote_access  # noqa: PLC0415
+    from guidance.viz.panel.hub import DaemonBus, Hub  # noqa: PLC0415
+    from guidance.viz.panel.server import NICE, PanelServer  # noqa: PLC0415
 
     if with_parent:
         end_with_parent()
-    secured = (certificate, key, password_file)
-    options = PanelOptions(endpoint or [ENDPOINT], token_file, host, port, look, records, *secured, tiles, zenoh)
-    serve_panel(options, typer.echo)
+    map_of(tiles)
+    credentials, security = read_credentials(zenoh), remote_access(host, certificate, key, password_file)
+    with listen(host, port) as listening:
+        os.nice(NICE)
+        clock = MonotonicClock()
+        access = Access(host, listening.getsockname()[1], security, clock, typer.echo)
+        buses = [DaemonBus(one, token_file, clock, credentials) for one in endpoint or [ENDPOINT]]
+        with contextlib.closing(Hub(buses, clock)) as hub:
+            asyncio.run(PanelServer(hub, access, look=look, records=records, tiles=tiles).serve(listening))
 
 
 class CommandBeside:

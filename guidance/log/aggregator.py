@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from guidance.certificate import Certificate
 from guidance.flight import FlightSettings
@@ -108,21 +108,20 @@ class Aggregator:
         frame = self._tracking.game_frame
         self._place_home()
         local, setpoint, certificate = self.vehicle.latest.get(LocalPosition), row.setpoint, row.certificate
+        known: dict[str, Any] = {"evader_m": self._evader_m, "evader_age_s": row.now_s - self._report_s}
         trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
-        cycle = Cycle(row.now_s, evader_m=self._evader_m, evader_age_s=row.now_s - self._report_s)
-        cycle = cycle._replace(round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan))
+        known["round_trip_s"] = next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan)
         if row.timing is not None:
-            cycle = cycle._replace(late_s=row.timing.late_s, worked_s=row.timing.worked_s)
+            known |= row.timing._asdict()
         if local is not None:
-            position_m = _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)
-            age_s = row.now_s - local.received_s
-            cycle = cycle._replace(pursuer_m=position_m, flown_ned_m_s=local.velocity_ned_m_s, telemetry_age_s=age_s)
+            known |= {"flown_ned_m_s": local.velocity_ned_m_s, "telemetry_age_s": row.now_s - local.received_s}
+            known["pursuer_m"] = _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)
         if setpoint is not None:
-            cycle = cycle._replace(commanded_ned_m_s=setpoint.velocity_ned_m_s)
+            known["commanded_ned_m_s"] = setpoint.velocity_ned_m_s
         if certificate is not None:
-            played = {name: getattr(certificate, name) for name in _OF_THE_GAME}
-            cycle = cycle._replace(evader_m=certificate.evader_game_m, **played)
-        return cycle
+            known |= {name: getattr(certificate, name) for name in _OF_THE_GAME}
+            known["evader_m"] = certificate.evader_game_m
+        return Cycle(row.now_s, **known)
 
     def _place_home(self) -> None:
         """Place home, and a fence in degrees about it."""

@@ -10,7 +10,7 @@ time is seconds and nanoseconds of the record's clock.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,13 +37,6 @@ _UNUSED: Final = ("metadata", "arrows", "cubes", "cylinders", "triangles", "text
 
 Json = dict[str, Any]
 Array = NDArray[np.float64]
-
-
-class Shape(NamedTuple):
-    """Name and JSON Schema of one type of message."""
-
-    title: str
-    schema: Schema
 
 
 def circle(centre: Vector | Array, radius_m: float, points: int = 181) -> Array:
@@ -100,12 +93,10 @@ def fence_edges(envelope: Envelope, home_m: Vector) -> list[Array]:
     return edges
 
 
-def _color(red: float, green: float, blue: float) -> Json:
-    return {"r": red, "g": green, "b": blue, "a": 1.0}
-
-
-_PURSUER, _EVADER = _color(0.70, 0.15, 0.12), _color(0.04, 0.37, 0.65)
-_MEETING, _DISC = _color(0.90, 0.80, 0.20), _color(0.18, 0.49, 0.20)
+_PURSUER: Final = {"r": 0.70, "g": 0.15, "b": 0.12, "a": 1.0}
+_EVADER: Final = {"r": 0.04, "g": 0.37, "b": 0.65, "a": 1.0}
+_MEETING: Final = {"r": 0.90, "g": 0.80, "b": 0.20, "a": 1.0}
+_DISC: Final = {"r": 0.18, "g": 0.49, "b": 0.20, "a": 1.0}
 
 
 def time_of(now_s: float) -> dict[str, int]:
@@ -158,8 +149,8 @@ def _schema_like(example: Any) -> Schema:  # noqa: ANN401 - any JSON
     return {"type": {bool: "boolean", int: "integer", float: "number", str: "string"}[type(example)]}
 
 
-def _shape(title: str, example: Json) -> Shape:
-    return Shape(title, {"$schema": DIALECT, "title": title, **_schema_like(example)})
+def _shape(title: str, example: Json) -> Schema:
+    return {"$schema": DIALECT, "title": title, **_schema_like(example)}
 
 
 FIX: Final = _shape("foxglove.LocationFix", _fix(0.0, "", _ZERO, math.nan))
@@ -167,8 +158,8 @@ POSE: Final = _shape("foxglove.PoseInFrame", _pose_in_frame(0.0, _ZERO))
 SCENE: Final = _shape("foxglove.SceneUpdate", _scene(0.0, [_ball(_ZERO, 1.0, _PURSUER)], [_ZERO]))
 
 
-Drawn = tuple[str, Shape, Json]
-"""One message for viewers: topic, type and content."""
+Drawn = tuple[str, Schema, Json]
+"""One message for viewers: topic, JSON Schema and content."""
 
 
 class Scene:

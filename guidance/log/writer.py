@@ -19,15 +19,15 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mcap.writer import Writer
 from pydantic_core import to_json
 
 from guidance.files import private_file, private_folder
-from guidance.log.codec import Codec
+from guidance.log.codec import Schema
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
-from guidance.log.scene import Scene, Shape
+from guidance.log.scene import Scene
 
 CHUNK_S: Final = 0.1
 """Period of the recorder's thread, which writes a chunk each time. A killed process loses what it had not written."""
@@ -168,7 +168,7 @@ class Recorder(Record):
                 elif isinstance(what, CycleEntry):
                     self._add_cycle(what)
                 else:
-                    self._file.add(topic, EVENT, now_s, EVENT.encode(what))
+                    self._file.add(topic, EVENT.schema, now_s, EVENT.encode(what))
                 if not waiting:
                     self._file.end_chunk()
         except (OSError, ValueError, TypeError) as error:
@@ -178,10 +178,10 @@ class Recorder(Record):
     def _add_cycle(self, entry: CycleEntry) -> None:
         add, now_s = self._file.add, entry.now_s
         for report in entry.inputs.reports:
-            add(EVADER_TOPIC, REPORT, report.received_s, REPORT.encode(report))
-        add(CYCLE_TOPIC, CYCLE, now_s, CYCLE.encode(entry))
-        for topic, shape, message in self._scene.of(entry):
-            add(topic, shape, now_s, to_json(message, inf_nan_mode="null"))
+            add(EVADER_TOPIC, REPORT.schema, report.received_s, REPORT.encode(report))
+        add(CYCLE_TOPIC, CYCLE.schema, now_s, CYCLE.encode(entry))
+        for topic, schema, message in self._scene.of(entry):
+            add(topic, schema, now_s, to_json(message, inf_nan_mode="null"))
 
     def _rotate(self) -> None:
         """Open the next file, then finish the previous one: a program that follows the record always finds a next."""
@@ -260,9 +260,9 @@ class McapFile:
         self._writer.add_metadata("run", dict(metadata))
         self.end_chunk()
 
-    def add(self, topic: str, shape: Shape | Codec[Any] | None, now_s: float, data: bytes) -> None:
-        """Add a message, JSON if it has a shape, else a MAVLink frame."""
-        channel, time_ns = self._channels.get(topic) or self._channel(topic, shape), round(now_s * 1e9)
+    def add(self, topic: str, schema: Schema | None, now_s: float, data: bytes) -> None:
+        """Add a message, JSON if it has a schema, else a MAVLink frame."""
+        channel, time_ns = self._channels.get(topic) or self._channel(topic, schema), round(now_s * 1e9)
         self._writer.add_message(channel, time_ns, data, time_ns, self.sequence)
         self.sequence += 1
 
@@ -282,11 +282,12 @@ class McapFile:
                 self.end_chunk()
                 self._writer.finish()
 
-    def _channel(self, topic: str, shape: Shape | Codec[Any] | None) -> int:
+    def _channel(self, topic: str, schema: Schema | None) -> int:
         """Describe a new channel, and its schema if that is new; return its number."""
-        if shape is not None and shape.title not in self._schemas:
-            described = json.dumps(shape.schema, separators=(",", ":")).encode()
-            self._schemas[shape.title] = self._writer.register_schema(shape.title, "jsonschema", described)
-        encoding, schema = ("mavlink", 0) if shape is None else ("json", self._schemas[shape.title])
-        self._channels[topic] = self._writer.register_channel(topic, encoding, schema)
+        title = "" if schema is None else schema["title"]
+        if title and title not in self._schemas:
+            described = json.dumps(schema, separators=(",", ":")).encode()
+            self._schemas[title] = self._writer.register_schema(title, "jsonschema", described)
+        encoding = "json" if title else "mavlink"
+        self._channels[topic] = self._writer.register_channel(topic, encoding, self._schemas.get(title, 0))
         return self._channels[topic]

@@ -67,14 +67,14 @@ def figure_of(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure in the format of its name.
+def save(figure: Figure, path: Path, *, private: bool = False) -> None:
+    """Write a figure in the format of its name, `private` for its owner only.
 
     Raises:
         OutputError: If the file cannot be written.
     """
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(private_file(path) if private else path, dpi=DPI)
 
 
 def save_twice(figure: Figure, stem: Path, *, dpi: float, private: bool = False) -> list[Path]:

@@ -60,8 +60,7 @@ def draw_flight(record: Path, path: Path, title: str) -> None:
     """
     figure = figures.chase_figure(chase_of(story_of(record)))
     figure.suptitle(title)
-    with writing(path):
-        figure.savefig(private_file(path), dpi=figures.DPI)
+    figures.save(figure, path, private=True)
 
 
 def chase_of(story: Story) -> Chase:

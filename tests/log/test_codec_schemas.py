@@ -19,7 +19,7 @@ from guidance.log.scene import EVERY_S, FIX, POSE, SCENE, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
 
-SCHEMAS = {codec.title: codec.schema for codec in (CYCLE, EVENT, REPORT, FIX, POSE, SCENE)}
+SCHEMAS = {one["title"]: one for one in (CYCLE.schema, EVENT.schema, REPORT.schema, FIX, POSE, SCENE)}
 SETPOINT = Codec("setpoint", Setpoint)
 RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
 

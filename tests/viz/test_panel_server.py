@@ -16,15 +16,8 @@ from guidance.clock import VirtualClock
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.viz.panel import access as accesses
 from guidance.viz.panel import server as servers
-from guidance.viz.panel.access import (
-    LOGIN_DEADLINE_S,
-    PASSWORD_INTERVAL_S,
-    Access,
-    PasswordThrottle,
-    map_of,
-    remote_access,
-)
-from guidance.viz.panel.server import MAX_QUEUED, PanelOptions, PanelServer
+from guidance.viz.panel.access import LOGIN_DEADLINE_S, PASSWORD_INTERVAL_S, Access, map_of, remote_access
+from guidance.viz.panel.server import MAX_QUEUED, PanelServer
 
 PATHS = ("", "page/main.js", "page/index.html", "alive", "live", "order", "records", "nowhere")
 PASSWORD = "correct horse battery"
@@ -62,8 +55,7 @@ async def opened(monkeypatch):
             listening = closing.enter_context(socket.create_server(("127.0.0.1", 0)))
             port, hub, clock, printed = listening.getsockname()[1], StubHub(), VirtualClock(), []
             access = Access("127.0.0.1", port, security, clock, printed.append)
-            options = PanelOptions([], look=look, tiles=str(tiles))
-            server = PanelServer(hub, access, clock, options)
+            server = PanelServer(hub, access, look=look, records=None, tiles=str(tiles))
             await closing.enter_async_context(server.serving(listening))
             origin = f"{access.scheme}://127.0.0.1:{port}"
             client = ClientSession(f"{origin}{access.path}", cookie_jar=CookieJar(unsafe=True))
@@ -298,7 +290,7 @@ async def test_wrong_passwords_delay_only_the_address_that_sends_them(opened, ce
 
 def test_the_password_throttle_counts_ipv6_by_network_and_forgets_the_oldest():
     clock = VirtualClock()
-    throttle = PasswordThrottle(clock)
+    throttle = Access("127.0.0.1", 8088, None, clock, print)
     throttle.block("2001:db8::1")
     assert throttle.is_blocked("2001:db8::2%eth0")
     assert not throttle.is_blocked("2001:db8:0:1::1")

@@ -57,7 +57,7 @@ class Access:
         host: Address of the page.
         port: Its port.
         remote: TLS and password; None for loopback.
-        clock: Time of password attempts.
+        clock: Time of password attempts and login deadlines.
         say: Prints a line.
 
     Attributes:
@@ -66,6 +66,7 @@ class Access:
         tls: TLS context of the server; None for http, where no password is set.
         scheme: http or https.
         listener: Passes on the connections; set when they are served.
+        clock: As given.
     """
 
     listener: "Listener"
@@ -78,7 +79,8 @@ class Access:
         self.scheme = "http" if remote is None else "https"
         self._hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
         self._address = f"{self.scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
-        self._throttle, self._say = PasswordThrottle(clock), say
+        self.clock, self._say = clock, say
+        self._blocked_until_s = dict[str, float]()  # by network, after a wrong password
 
     def announce(self, remark: str = "") -> None:
         """Print the URL of the page. Its token works once, so each use prints the next."""
@@ -130,12 +132,12 @@ class Access:
         if self.tls is None:
             return web.Response(status=404)
         address = request.remote or ""
-        if self._throttle.is_blocked(address):
+        if self.is_blocked(address):
             return self._door(429, "Wait a second between two passwords.")
         form = parse_qs((await request.read()).decode(errors="replace"))
         if hmac.compare_digest(form.get("password", [""])[0].encode(), self._password.encode()):
             return self._let_in()
-        self._throttle.block(address)
+        self.block(address)
         return self._door(403, "That was not the password.")
 
     def _let_in(self) -> web.Response:
@@ -145,27 +147,15 @@ class Access:
         answer.set_cookie(self._cookie, self._session, **rules)
         return answer
 
-
-class PasswordThrottle:
-    """Accepts one wrong password a second from each address; other addresses do not wait.
-
-    Args:
-        clock: Time of the attempts.
-    """
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._blocked_until_s: dict[str, float] = {}
-
     def is_blocked(self, address: str) -> bool:
-        """True while an address must wait."""
-        return self._clock.now_s() < self._blocked_until_s.get(_network(address), 0.0)
+        """True while an address must wait: each may send one wrong password a second, and the others do not wait."""
+        return self.clock.now_s() < self._blocked_until_s.get(_network(address), 0.0)
 
     def block(self, address: str) -> None:
         """Block an address after a wrong password."""
         network = _network(address)
         self._blocked_until_s.pop(network, None)
-        self._blocked_until_s[network] = self._clock.now_s() + PASSWORD_INTERVAL_S
+        self._blocked_until_s[network] = self.clock.now_s() + PASSWORD_INTERVAL_S
         if len(self._blocked_until_s) > _MAX_ADDRESSES:
             del self._blocked_until_s[next(iter(self._blocked_until_s))]
 

@@ -25,7 +25,7 @@ from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, ite
 from guidance.log.entries import BEGUN, FLIGHT_OVER
 from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session, order_team
 from guidance.session.control_socket import ALIVE, STATUS
-from guidance.viz.panel.snapshot import HISTORY, SnapshotFold, event_row, history_row, level_of, of_operator
+from guidance.viz.panel.snapshot import HISTORY, Plain, SnapshotFold, event_row, history_row, level_of, of_operator
 
 HISTORY_S: Final = 300.0
 HISTORY_INTERVAL_S: Final = 0.25
@@ -34,7 +34,6 @@ MAX_DAEMONS: Final = 32
 NO_CONTACT_S: Final = 2.0
 """After so long without data, a daemon counts as lost."""
 
-Plain = dict[str, Any]
 _BAD_DATA: Final = (ConfigError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError)
 
 MAX_QUEUED_NEWS: Final = 1024

@@ -3,22 +3,19 @@
 import asyncio
 import contextlib
 import json
-import os
 import signal
 import socket
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from guidance.clock import Clock, MonotonicClock
 from guidance.errors import LinkError
-from guidance.links.zenoh_access import read_credentials
-from guidance.viz.panel.access import DEFAULT_TILES, PAGE, Access, Listener, listen, map_of, remote_access
-from guidance.viz.panel.hub import DaemonBus, Hub
+from guidance.viz.panel.access import PAGE, Access, Listener, map_of
+from guidance.viz.panel.hub import Hub
 from guidance.viz.panel.records import RecordFolder
 
 NICE: Final = 5
@@ -37,68 +34,25 @@ _MAX_NAME_LENGTH: Final = 24
 _MAX_ORDERS_AT_ONCE: Final = 16
 
 
-class PanelOptions(NamedTuple):
-    """Options of `guidance panel`; see its `--help`."""
-
-    endpoints: Sequence[str]
-    token_file: Path | None = None
-    host: str = "127.0.0.1"
-    port: int = 8088
-    look: bool = False
-    records: Path | None = None
-    certificate: Path | None = None
-    key: Path | None = None
-    password_file: Path | None = None
-    tiles: str = DEFAULT_TILES
-    zenoh: Path | None = None
-
-
-def serve_panel(options: PanelOptions, say: Callable[[str], None]) -> None:
-    """Serve until SIGINT or SIGTERM.
-
-    Args:
-        options: Options of the command line.
-        say: Prints a line.
-
-    Raises:
-        ConfigError: If an option is not allowed.
-        LinkError: If the port is in use.
-    """
-    map_of(options.tiles)
-    credentials = read_credentials(options.zenoh)
-    security = remote_access(options.host, options.certificate, options.key, options.password_file)
-    with listen(options.host, options.port) as listening:
-        os.nice(NICE)
-        clock = MonotonicClock()
-        access = Access(options.host, listening.getsockname()[1], security, clock, say)
-        buses = [DaemonBus(one, options.token_file, clock, credentials) for one in options.endpoints]
-        with contextlib.closing(Hub(buses, clock)) as hub:
-            asyncio.run(_serve(PanelServer(hub, access, clock, options), listening))
-
-
-async def _serve(server: "PanelServer", listening: socket.socket) -> None:
-    ended, loop = asyncio.Event(), asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, ended.set)
-    async with server.serving(listening):
-        await ended.wait()
-
-
 class PanelServer:
     """Serves the pages of one panel.
 
     Args:
         hub: Source of the data; receives the orders.
         access: Access rules.
-        clock: Time of login deadlines.
-        options: Host, records, map tiles, and whether orders are refused.
+        look: Whether orders are refused.
+        records: Folder of the records; None shows none.
+        tiles: Folder or server of the map tiles.
+
+    Raises:
+        ConfigError: As `map_of`.
     """
 
-    def __init__(self, hub: Hub, access: Access, clock: Clock, options: PanelOptions) -> None:
-        self._hub, self._access, self._clock, self._options = hub, access, clock, options
+    def __init__(self, hub: Hub, access: Access, *, look: bool, records: Path | None, tiles: str) -> None:
+        self._hub, self._access, self._look, self._records, self._tiles = hub, access, look, records, tiles
         self._pages: dict[web.WebSocketResponse, tuple[asyncio.Queue[str], asyncio.Task[None]]] = {}
         self._order_threads = ThreadPoolExecutor(_MAX_ORDERS_AT_ONCE, thread_name_prefix="order")
-        self._tile_url, tile_origin = map_of(options.tiles)
+        self._tile_url, tile_origin = map_of(tiles)
         images = f"img-src 'self' data: {tile_origin}".rstrip()
         policy = f"default-src 'none'; script-src 'self'; style-src 'self'; {images}; connect-src 'self'"
         self._headers = {
@@ -107,6 +61,14 @@ class PanelServer:
             "X-Content-Type-Options": "nosniff",
             "Cache-Control": "no-store",
         }
+
+    async def serve(self, listening: socket.socket) -> None:
+        """Serve until SIGINT or SIGTERM; see `serving`."""
+        ended, loop = asyncio.Event(), asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, ended.set)
+        async with self.serving(listening):
+            await ended.wait()
 
     @contextlib.asynccontextmanager
     async def serving(self, listening: socket.socket) -> AsyncIterator[None]:
@@ -126,15 +88,15 @@ class PanelServer:
             web.get(f"{path}live", self._live),
             web.post(f"{path}order", self._order),
         ])  # fmt: skip
-        if self._options.records is not None:
-            records = RecordFolder(self._options.records)
+        if self._records is not None:
+            records = RecordFolder(self._records)
             application.add_routes(records.routes(path))
             application.on_shutdown.append(records.close)
         application.on_shutdown.append(self._shut_down)
         runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEPALIVE_S)
         await runner.setup()
         assert runner.server is not None
-        self._access.listener = listener = Listener(runner.server, self._clock, self._access.tls)
+        self._access.listener = listener = Listener(runner.server, self._access.clock, self._access.tls)
         tasks = [asyncio.create_task(one) for one in (listener.run(listening), self._send_changes())]
         self._access.announce()
         try:
@@ -152,11 +114,10 @@ class PanelServer:
 
     async def _tile(self, request: web.Request) -> web.StreamResponse:
         """Return a map tile of the local folder."""
-        return web.FileResponse(Path(self._options.tiles, f"{request.match_info['tile']}.png"))
+        return web.FileResponse(Path(self._tiles, f"{request.match_info['tile']}.png"))
 
     async def _alive(self, _: web.Request) -> web.StreamResponse:
-        look, records = self._options.look, self._options.records is not None
-        return web.json_response({"look": look, "records": records, "tiles": self._tile_url})
+        return web.json_response({"look": self._look, "records": self._records is not None, "tiles": self._tile_url})
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         """Send data to one page until it closes: everything, then changes. It returns the operator's signs of life."""
@@ -171,7 +132,7 @@ class PanelServer:
         self._pages[page] = queue, sending
         try:
             async for message in page:
-                if message.type is WSMsgType.TEXT and not self._options.look:
+                if message.type is WSMsgType.TEXT and not self._look:
                     self._hub.note_operator(str(message.data))  # the key of the daemon that the page shows
         finally:
             self._pages.pop(page, None)
@@ -180,7 +141,7 @@ class PanelServer:
 
     async def _order(self, request: web.Request) -> web.StreamResponse:
         """Send an order to a daemon, or to its `team`, and return the list of answers."""
-        if self._options.look:
+        if self._look:
             return web.json_response([{"accepted": False, "reason": "this panel takes no orders (--look)"}], status=403)
         try:
             form = json.loads(await request.read())
