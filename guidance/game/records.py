@@ -53,9 +53,9 @@ def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 
 
 
 def in_rows(wanted: Truth, whole: Record, function: Callable[..., Record], *records: Any) -> Record:  # noqa: ANN401
-    """Return a record in which the rows that are wanted are those that a function computes from the rows of others.
+    """Replace the wanted rows of a record by a function of the same rows of other records.
 
-    A single state, and a library that is not NumPy, has no rows to choose from.
+    Without NumPy, the function is applied to all rows.
     """
     if isinstance(wanted, (bool, np.bool_)):
         return function(*records) if wanted else whole

@@ -97,7 +97,7 @@ class Checkup:
         return () if wants is None else changes(facts, self._plan.flight.autopilot, wants, advised=advised)
 
     def apply(self, wanted: Sequence[ParameterChange]) -> Iterator[Applied]:
-        """Set parameters one after another, read each back, and yield what came of it.
+        """Set parameters one after another, read each back, and yield the results.
 
         Raises:
             FlightError: If the vehicle is armed, in the air, or does not say that it is neither; what was set by then

@@ -123,7 +123,7 @@ Policy = Annotated[str, AfterValidator(_known_policy), WithJsonSchema({"type": "
 
 
 Url = Annotated[str, AfterValidator(lambda url: taken_apart(url) and url)]
-"""A URL of a link; a ValueError says what is wrong with another text."""
+"""A URL of a link; a ValueError explains why another text is not one."""
 
 
 class EvaderFrame(Section):
@@ -215,7 +215,7 @@ class GameSection(Section):
 
 
 class Vehicle(Section):
-    """How to reach the autopilot."""
+    """The link to the autopilot."""
 
     autopilot: AutopilotName = Field(description="the vehicle's autopilot")
     link: Literal["mavsdk", "pymavlink"] = Field("pymavlink", description="client library; only pymavlink can sign")
