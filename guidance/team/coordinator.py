@@ -34,7 +34,7 @@ SLOT_MARGIN_M: Final = 1.0
 
 HYSTERESIS: Final = 0.5
 _NOISE: Final = 0.5
-"""Least improvement for another pair, and least loss that needs a cause: m in TAD, s in PE."""
+"""Least improvement for another pair, least loss that needs a cause, and least value promised: m in TAD, s in PE."""
 
 _STALE_S: Final = 1.0
 _NOTHING: Final = Matching(*(np.empty(0) for _ in Matching._fields))
@@ -169,15 +169,20 @@ class Coordinator:
         for number, evader in enumerate(evaders):
             first, second = numbered[int(matching.first[number])], numbered[int(matching.second[number])]
             value = None if first is None else float(matching.value[number])
-            before = promises.get(evader)
-            cause = before.cause if begun and before is not None else ""
-            if begun and before is not None and before.value is not None:
+            before = promises.get(evader) if begun else None
+            if before is None:
+                cause = ""
+                if value is None or (scene.target_m is not None and value < _NOISE):
+                    promises.pop(evader, None)  # an offer ends with its reason
+                    continue
+            elif before.value is None:
+                cause = before.cause
+            else:
                 kept = before.value
                 worse = value is None or (value - kept if scene.target_m is None else kept - value) > _NOISE
                 cause = self._cause(scene, evader, vehicles) if worse else ""
                 value, cause = (value, cause) if cause else (kept, before.cause)
-            if before is not None or value is not None:
-                promises[evader] = Promise(evader=evader, value=value, first=first, second=second, cause=cause)
+            promises[evader] = Promise(evader=evader, value=value, first=first, second=second, cause=cause)
         return tuple(promises.values())
 
     def _cause(self, scene: Scene, evader: str, vehicles: list[str]) -> str:

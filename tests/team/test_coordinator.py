@@ -6,7 +6,9 @@ from itertools import pairwise
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.team.virtual_team import VirtualTeam
+from guidance.team.board import Board
+from guidance.team.coordinator import Coordinator, EvaderSeen, Scene
+from tests.team.virtual_team import DISC, VirtualTeam, state_of
 
 TARGET = (0.0, 0.0, 0.0)
 TEAM = {"alpha": (8.0, 0.0, 10.0), "bravo": (-4.0, 7.0, 10.0), "charlie": (-4.0, -7.0, 10.0)}
@@ -154,3 +156,36 @@ def test_promises_are_monotone_and_vehicles_agree_whatever_happens(vehicles, eva
         assert len(names) == len(set(names))
         stacked = [(role.evader, role.above_m) for role in made.roles]
         assert len(stacked) == len(set(stacked))
+
+
+def promised(coordinator, now_s, part, evader_m):
+    """The promises of an assignment with one evader at a place; all vehicles are where they begin."""
+    vehicles = {name: (at, state_of(name, (at[1], at[0], -at[2]), part=part)) for name, at in TEAM.items()}
+    scene = Scene(vehicles, {"blue": EvaderSeen(evader_m, 3.0, 3.0, 0.1)}, TARGET, DISC)
+    return coordinator.assign(now_s, scene).promises
+
+
+def test_before_the_game_promises_are_offers_that_end_without_a_trace():
+    coordinator = Coordinator(Board("alpha", [*TEAM], [*EVADERS]), 1, 4.0)
+    coordinator.elect(0.0, ["alpha"])
+    assert coordinator.elect(2.0, ["alpha"])
+    (offer,) = promised(coordinator, 2.0, "ready", (60.0, 0.0, 0.0))
+    assert offer.value > 1.0
+    assert promised(coordinator, 3.0, "ready", (2.0, 0.0, 0.0)) == ()
+    (given_,) = promised(coordinator, 4.0, "playing", (60.0, 0.0, 0.0))
+    (kept,) = promised(coordinator, 5.0, "playing", (2.0, 0.0, 0.0))
+    assert kept.value == given_.value == offer.value
+
+
+def test_what_the_noise_of_the_positions_takes_back_is_not_promised():
+    values = {}
+    for number in range(40):
+        coordinator = Coordinator(Board("alpha", [*TEAM], [*EVADERS]), 1, 4.0)
+        coordinator.elect(0.0, ["alpha"])
+        assert coordinator.elect(2.0, ["alpha"])
+        at = 3.0 + 0.1 * number
+        promises = promised(coordinator, 2.0, "playing", (at, 0.0, 0.0))
+        values[at] = promises[0].value if promises else None
+    known = [value for value in values.values() if value is not None]
+    assert None in values.values()
+    assert 0.5 <= min(known) < 1.0
