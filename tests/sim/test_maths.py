@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from guidance.config import parse
+from guidance.errors import ConfigError
 from guidance.game import Exact, rollout
-from guidance.sim.batch import stack
+from guidance.sim.batch import game, stack
 from guidance.sim.maths import moments, play
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import Scenario, Wind
 from guidance.sim.scenario_file import load_scenario
 
 CHASE = {
@@ -203,3 +204,10 @@ def test_the_library_scenario_of_the_paper_has_the_value_that_the_game_gives():
     chase = load_scenario("hover_chase")[1]
     level = chase.evader.position_m[1] - chase.standoff.radius_m - chase.standoff.tolerance_m
     assert play([chase])[0].predicted == pytest.approx(level / (chase.pursuer.speed_m_s - chase.evader.speed_m_s))
+
+
+def test_an_evader_plays_in_still_air_even_if_the_wind_leaves_the_pursuer_no_margin():
+    windy = scenario().model_copy(update={"wind": Wind(velocity_m_s=(3.0, 3.0))})
+    assert game(windy).wind_m_s == (0.0, 0.0)
+    with pytest.raises(ConfigError, match="wind"):
+        stack([windy])
