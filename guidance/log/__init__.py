@@ -18,7 +18,24 @@ from guidance.log.entries import CycleEntry, EventEntry, Item, title_of
 from guidance.log.reader import Survey, cycles_of, events_of, metadata_of, record_errors, reports_of, scan, survey_of
 from guidance.log.replay import Comparison, ReplayedCycle, compare, replay
 
-__all__ = ["CycleEntry", "EventEntry", "Item", "Survey", "cycles_of", "events_of", "metadata_of", "record_errors"]
-__all__ += ["reports_of", "scan", "survey_of", "title_of"]
-__all__ += ["Aggregator", "Cycle", "SettingsOf"]
-__all__ += ["Comparison", "ReplayedCycle", "compare", "replay"]
+__all__ = [
+    "Aggregator",
+    "Comparison",
+    "Cycle",
+    "CycleEntry",
+    "EventEntry",
+    "Item",
+    "ReplayedCycle",
+    "SettingsOf",
+    "Survey",
+    "compare",
+    "cycles_of",
+    "events_of",
+    "metadata_of",
+    "record_errors",
+    "replay",
+    "reports_of",
+    "scan",
+    "survey_of",
+    "title_of",
+]
