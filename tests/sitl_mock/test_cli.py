@@ -18,6 +18,7 @@ from sitl_mock.conditions import CONDITIONS
 from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Decoder
 from sitl_mock.serving import udp_ports
+from tests.harness.ports import mock_ports
 
 
 @pytest.fixture
@@ -53,15 +54,8 @@ def first_port(message):
     return int(message["vehicles"][0]["endpoints"][0].rsplit(":", 1)[1])
 
 
-def free_udp():
-    """Two ports with the mock's own ports above them free as well."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1] % 20000 + 20000
-
-
 def test_it_says_ready_as_json_and_sends_heartbeats_to_port_and_port_plus_one(start):
-    port = free_udp()
+    port = mock_ports()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
         client.bind(("127.0.0.1", port + 1))
         client.settimeout(5.0)

@@ -22,6 +22,7 @@ from sitl_mock.console import ChangeLines, Status, client_lines, line_of, shown,
 from sitl_mock.faults import Faulted, parse_script
 from sitl_mock.fleet import checked, with_parameters, with_settings
 from sitl_mock.mavlink import Encoder
+from tests.harness.ports import mock_ports
 
 RUN = [sys.executable, "-m", "sitl_mock", "run"]
 FAULT = {"fault": [{"kind": "gps_loss", "at_s": 1.0}]}
@@ -144,7 +145,7 @@ def test_on_a_terminal_a_table_fits_and_has_no_colour_where_none_is_wanted(colum
 
 @pytest.mark.parametrize(("flavour", "step"), [("px4", 1), ("arducopter", 10), ("rover", 10)])
 def test_the_printed_lines_connect(flavour, step):
-    port = 21000 + os.getpid() % 8000
+    port = mock_ports()
     arguments = ["--vehicles", f"{flavour}:a", "--vehicles", f"{flavour}:b", "--udp", str(port), "--parent-pipe"]
     child = subprocess.Popen([*RUN, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     try:

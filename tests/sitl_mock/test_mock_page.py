@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shlex
-import socket
 import subprocess
 import sys
 import tomllib
@@ -16,6 +15,7 @@ from pymavlink import mavutil
 
 from sitl_mock import Home
 from sitl_mock.fleet import FleetConfig, SigningConfig, VehicleConfig, build, checked
+from tests.harness.ports import mock_ports
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "mock.md").read_text(encoding="utf-8")
@@ -24,12 +24,6 @@ PATH = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 
 def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return 22000 + probe.getsockname()[1] % 8000
 
 
 @pytest.fixture
@@ -52,7 +46,7 @@ def run():
 
 
 def test_the_first_command_prints_what_is_shown(run):
-    port = free_port()
+    port = mock_ports()
     command, shown = blocks("sh")[0], blocks("text")[0]
     program, *arguments = shlex.split(command.replace("14540", str(port)))
     assert program == "sitl-mock"
@@ -89,7 +83,7 @@ def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
     assert (ROOT / "pyproject.toml").exists()
     assert steps["Install the mock and the suite's runner"]["run"] == "pip install ./pursuit-guidance pytest"
     assert tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["name"] == "pursuit-guidance"
-    port = str(free_port())
+    port = str(mock_ports())
     client = tmp_path / "client"
     client.write_text(
         f"#!{sys.executable}\n"
@@ -113,7 +107,7 @@ def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
 
 
 def test_a_ground_station_that_only_listens_sees_every_vehicle_and_reads_parameters(run):
-    port = free_port()
+    port = mock_ports()
     program, *arguments = shlex.split(blocks("sh")[1].replace("14550", str(port)))
     assert program == "sitl-mock"
     station = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=255)
