@@ -8,6 +8,7 @@ has for itself, is sent home or landed and watched until it is disarmed.
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
@@ -24,7 +25,7 @@ from guidance.session.flight_files import Stopped
 from guidance.session.loop import PERIOD_S, Signals, run
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.result import PLAYED, PLAYING, EvaderResult, FlightResult, MissionResult, note
+from guidance.session.result import PLAYING, EvaderResult, FlightResult, MissionResult, begins_game, note
 from guidance.sim.scenario import Flown, Pursuit, pursuits_of
 from guidance.sim.sensor import SensedEvader
 
@@ -109,69 +110,7 @@ class MissionPolicy(NamedTuple):
 MOCKED: Final = MissionPolicy(engage=True, end_with=Event.LAND)
 
 
-class MissionSequencer:
-    """Start when everything is ready, engage when both stand by, end after the game or its time limit.
-
-    While an operator's order stands the mission orders nothing and does not end.
-
-    Args:
-        hold_s: How long to stay on station.
-        time_limit_s: Of the game.
-        policy: Whether states have time limits (not if a person gives the orders), and the order that ends the game.
-
-    Attributes:
-        engaged_s: When the game began; anew if an operator engages again after a hold. None before.
-    """
-
-    def __init__(self, hold_s: float, time_limit_s: float, policy: MissionPolicy = MOCKED) -> None:
-        self._hold_s, self._time_limit_s = hold_s, time_limit_s
-        self._patience_s = PATIENCE_S if policy.engage else {}
-        self._end_with = policy.end_with or Event.LAND
-        self._state, self._since_s, self._now_s = State.CONNECTING, 0.0, 0.0
-        self.by_operator = self._lost_contact = False
-        self.engaged_s: float | None = None
-
-    @property
-    def playing(self) -> bool:
-        """From engagement until capture. The evader plays in this time, also while the pursuer pauses."""
-        return self.engaged_s is not None and self._state in PLAYING
-
-    @property
-    def finished(self) -> bool:
-        """True if the flight is over, or stays too long in a state."""
-        waited_s = self._now_s - self._since_s
-        if self._state is State.YIELDED:
-            return waited_s >= LINGER_S  # the record then shows the silence
-        if self._state in FINAL:
-            return True
-        return not self.by_operator and waited_s > self._patience_s.get(self._state, math.inf)
-
-    def follow(self, now_s: float, outputs: Outputs) -> None:
-        """Take note of what a cycle did."""
-        self._now_s, cause, before = now_s, outputs.cause, self._state
-        self.by_operator = cause is not None and cause.by is Authority.OPERATOR
-        self._lost_contact = cause is not None and cause.event is Event.CONTACT
-        if outputs.state is not before:
-            self._state, self._since_s = outputs.state, now_s
-            if self._state is State.ENGAGED and before not in PLAYED:
-                self.engaged_s = now_s
-
-    def order(self, now_s: float, *, evader_ready: bool, evader_fresh: bool) -> Event | None:
-        """Return the order of this cycle, if there is one."""
-        first = self.engaged_s is None and not self._lost_contact
-        if self.by_operator:
-            return None
-        if self._state is State.READY and evader_ready:
-            return Event.START
-        if self._state is State.STANDING_BY and first and evader_ready and evader_fresh:
-            return Event.ENGAGE
-        if self._state in PLAYING and self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s:
-            return self._end_with
-        patience_s = CONTACT_PATIENCE_S if self._lost_contact else LINGER_S
-        stays_s = {State.ON_STATION: self._hold_s, State.HOLDING: LINGER_S, State.STANDING_BY: patience_s}
-        return self._end_with if now_s - self._since_s >= stays_s.get(self._state, math.inf) else None
-
-
+@dataclass(eq=False)
 class Mission:
     """The mission of all vehicles of a flight, around every cycle of their daemons: `before` and `after`.
 
@@ -192,20 +131,18 @@ class Mission:
         ConfigError: If a scenario names what does not exist.
     """
 
-    def __init__(
-        self,
-        flown: Flown,
-        world: World,
-        clock: Clock,
-        *,
-        plans: Mapping[str, FlightPlan] | None = None,
-        equipment: Mapping[str, Equipment] | None = None,
-        policy: MissionPolicy = MOCKED,
-        show: Show | None = None,
-    ) -> None:
-        self.world, self.clock, self.policy, self.show = world, clock, policy, show
-        self.plans, self.equipment = plans or {}, equipment or {}
-        self._vehicles = [VehicleMission(self, one) for one in pursuits_of(flown)]
+    flown: Flown
+    world: World
+    clock: Clock
+    _: KW_ONLY
+    plans: Mapping[str, FlightPlan] = field(default_factory=dict)
+    equipment: Mapping[str, Equipment] = field(default_factory=dict)
+    policy: MissionPolicy = MOCKED
+    show: Show | None = None
+
+    def __post_init__(self) -> None:
+        """Begin with nothing flown."""
+        self._vehicles = [VehicleMission(self, one) for one in pursuits_of(self.flown)]
         self.daemons = [one.daemon for one in self._vehicles]
         self.result = MissionResult(
             {one.pursuit.vehicle: one.result for one in self._vehicles},
@@ -240,7 +177,7 @@ class Mission:
             pursuers = [one for one in self._vehicles if self.result.members or one.pursuit.evader == name]
             places = [one.position_game_m for one in pursuers if one.position_game_m is not None]
             over = any(name in member.board.over for member in self.result.members.values())
-            player.step(now_s, places, playing=not over and any(one.sequencer.playing for one in pursuers))
+            player.step(now_s, places, playing=not over and any(one.playing for one in pursuers))
         states = {one.daemon.flight.state for one in self._vehicles} if self.result.members else set()
         for one in self._vehicles:
             if not states & _WAITS_FOR.get(one.daemon.flight.state, frozenset()):
@@ -283,13 +220,23 @@ _WAITS_FOR: Final[Mapping[State, frozenset[State]]] = {
 
 
 class VehicleMission:
-    """One vehicle's part of a mission, with its daemon."""
+    """One vehicle's part of a mission, with its daemon.
+
+    It starts when everything is ready, engages when both stand by, and ends after the game or its time limit. While an
+    operator's order stands it orders nothing and does not end.
+
+    Attributes:
+        engaged_s: When the game began; anew if an operator engages again after a hold. None before.
+        over: True when the flight of a mock is over.
+        position_game_m: The vehicle's position in the game frame from its own telemetry, None until heard.
+    """
 
     def __init__(self, mission: Mission, pursuit: Pursuit) -> None:
         scenario, vehicle, evader = self.pursuit = pursuit
         plan, equipment = mission.plans.get(vehicle), mission.equipment.get(vehicle)
         self._mission, self._policy, world = mission, mission.policy, mission.world
-        self.result, self.over, self._engaged_once = FlightResult(scenario, State.CONNECTING), False, False
+        self.result, self.over = FlightResult(scenario, State.CONNECTING), False
+        self.engaged_s: float | None = None
         self.position_game_m: Vector | None = None
         self._heard = {
             name: SensedEvader(source, scenario.sensor, scenario.seed, mission.clock.now_s)
@@ -297,9 +244,13 @@ class VehicleMission:
             if (equipment is not None and equipment.team is not None) or name == evader
         }
         self.daemon = Daemon(vehicle, plan or plan_of(scenario=scenario), world.links[vehicle], self._heard, equipment)
-        self.sequencer = MissionSequencer(scenario.hold_s, scenario.time_limit_s, mission.policy)
         self._begun_s = mission.clock.now_s()
         self._limit_from_s, self._refused_s, self._asked_s, self._shown_s = 0.0, math.inf, -math.inf, -math.inf
+
+    @property
+    def playing(self) -> bool:
+        """From engagement until capture. The evader plays in this time, also while the pursuer pauses."""
+        return self.engaged_s is not None and self.daemon.flight.state in PLAYING
 
     @property
     def evader(self) -> str:
@@ -313,18 +264,47 @@ class VehicleMission:
         self.position_game_m = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
 
     def before(self, now_s: float) -> None:
-        """Give the orders that are due."""
-        flight = self.daemon.flight
-        fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
-        player = self._mission.world.players.get(self.evader)
-        order = self.sequencer.order(now_s, evader_ready=player is None or player.ready, evader_fresh=fresh)
+        """Give the order that is due."""
+        order = self._due(now_s)
         begins = order in {Event.START, Event.ENGAGE}
         if order is not None and (self._policy.engage if begins else self._policy.end_with is not None):
             if now_s - self._asked_s >= ASK_EVERY_S:
                 self._asked_s = now_s
                 self.daemon.mailbox.ask(str(order), authority=Authority.MISSION)
-        elif order is not None and not begins and self.sequencer.engaged_s is not None:
+        elif order is not None and not begins and self.engaged_s is not None:
             self._leave(now_s)
+
+    def _due(self, now_s: float) -> Event | None:
+        """Return the order that is due, if there is one."""
+        flight, player = self.daemon.flight, self._mission.world.players.get(self.evader)
+        if flight.ordered_by_operator:
+            return None
+        first, back = self.engaged_s is None, flight.cause is not None and flight.cause.event is Event.CONTACT
+        if player is None or player.ready:
+            fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
+            if flight.state is State.READY:
+                return Event.START
+            if flight.state is State.STANDING_BY and fresh and first and not back:
+                return Event.ENGAGE
+        scenario, patience_s = self.pursuit.scenario, CONTACT_PATIENCE_S if back else LINGER_S
+        stays_s = {State.ON_STATION: scenario.hold_s, State.HOLDING: LINGER_S, State.STANDING_BY: patience_s}
+        over = self._in_state_s(now_s) >= stays_s.get(flight.state, math.inf)
+        if self.engaged_s is not None and flight.state in PLAYING:
+            over = now_s - self.engaged_s > scenario.time_limit_s
+        return (self._policy.end_with or Event.LAND) if over else None
+
+    def _in_state_s(self, now_s: float) -> float:
+        """Return how long the flight has been in its state, s; if an operator ordered it again, since then."""
+        cause = self.daemon.flight.cause
+        return 0.0 if cause is None else now_s - cause.now_s
+
+    def _ended(self, now_s: float) -> bool:
+        """Return whether the flight is over, or stays too long in a state."""
+        flight, lasts_s = self.daemon.flight, self._in_state_s(now_s)
+        if flight.state is State.YIELDED:
+            return lasts_s >= LINGER_S  # the record then shows the silence
+        limit_s = PATIENCE_S.get(flight.state, math.inf) if self._policy.engage else math.inf
+        return flight.state in FINAL or (lasts_s > limit_s and not flight.ordered_by_operator)
 
     def after(self, now_s: float, late_s: float, evader_game_m: Vector | None) -> None:
         """Follow a cycle.
@@ -336,47 +316,45 @@ class VehicleMission:
         outputs, result = self.daemon.outputs, self.result
         if outputs is None:
             return
-        self.sequencer.follow(now_s, outputs)
-        if self.sequencer.by_operator or result.cycles == 0:
+        if self.daemon.flight.ordered_by_operator or result.cycles == 0:
             self._limit_from_s = now_s
-        if self.sequencer.engaged_s == now_s and not self._engaged_once:
+        if any(map(begins_game, outputs.happenings)):
             self._engage(now_s)
         result.late_cycles += late_s > PERIOD_S
         result.record_stopped = self.daemon.recording.stopped
         note(result, now_s, outputs, self.position_game_m, evader_game_m)
         result.duration_s = now_s - self._begun_s
-        waiting = ""
         if self.daemon.judged:
             self._listen()
             if outputs.state in ON_GROUND:
-                self._judge(now_s, result.duration_s)
-                waiting = self._waiting(now_s)
+                self._judge(now_s)
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
-        if self.sequencer.finished or given_up:
+        if self._ended(now_s) or given_up:
             self._leave(now_s)
         if self._mission.show is not None and (outputs.happenings or now_s - self._shown_s >= SHOWN_EVERY_S):
             self._shown_s = now_s
-            self._mission.show(self._progress(now_s, outputs, waiting))
+            self._mission.show(self._progress(now_s, outputs))
 
     def _engage(self, now_s: float) -> None:
-        """Start the sensor and the faults, whose times count from the first engagement."""
-        self._engaged_once = True
-        for heard in self._heard.values():
-            heard.engage(now_s)
-        self._mission.world.engage(self.pursuit.vehicle)
+        """Note a game that begins. The times of the sensor and of the faults count from the first one."""
+        if self.engaged_s is None:
+            for heard in self._heard.values():
+                heard.engage(now_s)
+            self._mission.world.engage(self.pursuit.vehicle)
+        self.engaged_s = now_s
 
-    def _progress(self, now_s: float, outputs: Outputs, waiting: str) -> Progress:
+    def _progress(self, now_s: float, outputs: Outputs) -> Progress:
         flight, team, unit = self.daemon.flight, self.daemon.team, "s" if self.pursuit.scenario.target is None else "m"
         promises = () if team is None or team.board.roles is None else team.board.roles.promises
         promise = next((one.words(unit) for one in promises if one.evader == self.evader), "")
         why, against = "" if outputs.cause is None else outputs.cause.words, "" if team is None else self.evader
         seen = (now_s, outputs.state, flight.mode_title, outputs.certificate, unit, self.result.record_stopped)
-        return Progress(*seen, waiting, why, next_words(flight), self.pursuit.vehicle, against, promise)
+        return Progress(*seen, self._waiting(now_s), why, next_words(flight), self.pursuit.vehicle, against, promise)
 
     def _waiting(self, now_s: float) -> str:
-        """Say briefly why a vehicle on the ground is not ready."""
+        """Say briefly why a vehicle that preflight judges is not ready; empty if it is, and for any other."""
         flight = self.daemon.flight
-        if flight.state is State.READY:
+        if not self.daemon.judged or flight.state not in _UNFIT:
             return ""
         if failed := failed_checks(flight, now_s):
             return failed + self._said("it says")
@@ -411,7 +389,7 @@ class VehicleMission:
         elif self.daemon.leaving is None:
             self.daemon.leave(self._policy.hand_over, now_s, Authority.MISSION)
 
-    def _judge(self, now_s: float, waited_s: float) -> None:
+    def _judge(self, now_s: float) -> None:
         daemon, flight = self.daemon, self.daemon.flight
         if self._policy.end_with is not None and flight.vehicle.armed:
             raise FlightError("the vehicle is armed already; disarm it and start again: no order was given")
@@ -427,6 +405,6 @@ class VehicleMission:
         self._refused_s = min(self._refused_s, now_s) if refused else math.inf
         if now_s - self._refused_s >= JUDGED_FOR_S:
             raise FlightError(f"preflight refuses: {advice(daemon.rows)}; see `guidance check`")
-        if flight.state is not State.READY and waited_s > READY_WITHIN_S:
+        if flight.state is not State.READY and self.result.duration_s > READY_WITHIN_S:
             lacking = missing(flight, now_s, daemon.rows) + self._said("the autopilot says")
             raise FlightError(f"not ready to fly within {READY_WITHIN_S:g} s: {lacking}; nothing was armed")

@@ -125,7 +125,7 @@ def note(
     result.setpoints_sent += outputs.setpoint is not None
     result.ended = outputs.state
     result.happenings.extend(outputs.happenings)
-    if any(map(_begins_game, outputs.happenings)):
+    if any(map(begins_game, outputs.happenings)):
         result.engaged, result.captured = None, False
     if outputs.alarm is not None:
         result.alarms.append((now_s, outputs.alarm))
@@ -143,7 +143,7 @@ def note(
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     """Return the row of a flight; `way` is "fast", "live" or "vehicle"."""
     scenario = result.scenario
-    if (began := next((each for each in reversed(result.happenings) if _begins_game(each)), None)) is None:
+    if (began := next((each for each in reversed(result.happenings) if begins_game(each)), None)) is None:
         return _never_engaged(result, way)
     since_engagement = [each for each in result.happenings if each.now_s > began.now_s]
     end, end_s, reason = _ending(result, since_engagement)
@@ -186,7 +186,7 @@ def ending_words(outcome: Outcome) -> str:
     return f"failed: {outcome.reason}" if outcome.end == "failed" else words.get(outcome.end, outcome.end)
 
 
-def _begins_game(happening: Happening) -> bool:
+def begins_game(happening: Happening) -> bool:
     """True if a game began; an operator may engage another one after a hold."""
     return happening.after is State.ENGAGED and happening.before not in PLAYED
 
