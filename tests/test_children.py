@@ -21,8 +21,8 @@ def hostile_folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("arguments", [("panel", "--help"), ("view", "--help")])
 def test_commands_beside_a_flight_import_nothing_from_the_folder(hostile_folder, arguments):
-    done = subprocess.run(command(arguments), capture_output=True, stdin=subprocess.DEVNULL, check=False)
-    assert b"Usage" in done.stdout
+    with subprocess.Popen(command(arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        assert b"Usage" in child.stdout.read()
     assert not (hostile_folder / "imported").exists()
 
 

@@ -24,7 +24,6 @@ FlightFolder = Annotated[Path | None, typer.Option(help="Its new folder.", show_
 TokenFile = Annotated[Path | None, typer.Option(help="The control.token_file; not needed for your own daemon.")]
 ZenohFile = Annotated[Path | None, typer.Option(help="For a router (tls/…): our file from `guidance zenoh keys`.")]
 Panel = Annotated[bool, typer.Option("--panel", help="Serve the operator's page (extra panel; map: GUIDANCE_TILES).")]
-WithParent = Annotated[bool, typer.Option("--with-parent", hidden=True)]
 
 
 class CommandGroup(TyperGroup):

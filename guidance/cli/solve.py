@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from guidance.cli.arguments import Json, refuse
@@ -89,10 +90,7 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
 
 def _as_record(answer: Solution) -> dict[str, Any]:
     """Return a single answer as plain values; infinity and NaN become null for JSON."""
-    record: dict[str, Any] = {}
-    for name, field in answer._asdict().items():
-        values = [float(part) if math.isfinite(part) else None for part in field.ravel()]
-        record[name] = values if field.ndim else values[0]
+    record = {name: np.where(np.isfinite(field), field, None).tolist() for name, field in answer._asdict().items()}
     return record | {"winner": Winner(int(answer.winner)).word, "reason": Reason(int(answer.reason)).word}
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from guidance.cli.arguments import TokenFile, WithParent, ZenohFile, refuse
+from guidance.cli.arguments import TokenFile, ZenohFile, refuse
 from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError
 from guidance.extras import require
@@ -38,7 +38,6 @@ def view(
     zenoh: ZenohFile = None,
     port: Annotated[int, Port(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
     web_port: Annotated[int, Port(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
-    with_parent: WithParent = False,
 ) -> None:
     """Show a flight in Rerun: both vehicles, stand-off disc, isochron, meeting point, fence, plots and events.
 
@@ -64,8 +63,6 @@ def view(
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    if with_parent:
-        end_with_parent()
     require("the view", "viz")
     from guidance.viz import view as viewer  # noqa: PLC0415
 
@@ -91,7 +88,6 @@ def panel(
     key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
     password_file: Annotated[Path | None, typer.Option(help="The password in one line, readable only by you.")] = None,
     tiles: Annotated[str, typer.Option(envvar=TILES, help="Map: a folder with Z/X/Y.png, or a URL.")] = "tiles",
-    with_parent: WithParent = False,
 ) -> None:
     """Serve the operator's page: map, state, checks, reasons and orders.
 
@@ -110,8 +106,6 @@ def panel(
     from guidance.viz.panel.hub import DaemonBus, Hub  # noqa: PLC0415
     from guidance.viz.panel.server import NICE, PanelServer  # noqa: PLC0415
 
-    if with_parent:
-        end_with_parent()
     map_of(tiles)
     credentials, security = read_credentials(zenoh), remote_access(host, certificate, key, password_file)
     with listen(host, port) as listening:
@@ -160,7 +154,8 @@ class CommandBeside:
 
 def command(arguments: Sequence[str]) -> list[str]:
     """Return the command line of a child command. `-P` keeps the current folder off the import path."""
-    return [sys.executable, "-P", "-c", "from guidance.cli import main; main()", *arguments, "--with-parent"]
+    code = "from guidance.cli import main, viewers; viewers.end_with_parent(); main()"
+    return [sys.executable, "-P", "-c", code, *arguments]
 
 
 def panel_beside(endpoint: str, records: Path | None, token_file: Path | None = None) -> CommandBeside:

@@ -270,7 +270,7 @@ class Daemon:
             shown |= {"name": self.name, "recording": self.recording.words}
             shown |= {} if self.team is None else {"assignment": self.team.assignment(self.flight)}
             for query in queries:
-                query.answer({"accepted": True, "order": query.order, **shown})
+                query.set_result({"accepted": True, "order": query.order, **shown})
 
     def _reply(self, question: Question, now_s: float, reason: str) -> None:
         """Answer an order, accepted if there is no reason against it; log it and record who gave it.
@@ -287,7 +287,7 @@ class Daemon:
         if not repeated:
             by = {"by": question.by} if question.by else {}
             self._log.say(logging.INFO if accepted else logging.WARNING, "order", **answer, **by)
-        question.answer({"name": self.name, **answer})
+        question.set_result({"name": self.name, **answer})
         if question.by:
             self.recording.event(now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}")
 

@@ -7,9 +7,8 @@ process that ends: it hands the vehicle to the autopilot and waits until HEARTBE
 """
 
 import queue
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from concurrent.futures import Future
 from typing import Any, Final
 
 from guidance.autopilots import Finding, Mode, Wants
@@ -38,9 +37,8 @@ READ_WITHIN_S: Final = 1.5
 """Time for reading parameters again: a link asks three times, and the person still waits for the answer."""
 
 
-@dataclass(eq=False, slots=True)
-class Question:
-    """One order or query, until it is answered.
+class Question(Future[Answer]):
+    """One order or query; its result is the answer.
 
     Args:
         order: One of `WORDS`.
@@ -48,21 +46,9 @@ class Question:
         authority: Whether a person asks or a mission.
     """
 
-    order: str
-    by: str = ""
-    authority: Authority = Authority.OPERATOR
-    _answer: Answer | None = None
-    _answered: threading.Event = field(default_factory=threading.Event)
-
-    def answer(self, answer: Answer) -> None:
-        """Answer it."""
-        self._answer = answer
-        self._answered.set()
-
-    def wait(self, timeout_s: float) -> Answer | None:
-        """Wait for the answer; None if there is none in time."""
-        self._answered.wait(timeout_s)
-        return self._answer
+    def __init__(self, order: str, by: str = "", authority: Authority = Authority.OPERATOR) -> None:
+        super().__init__()
+        self.order, self.by, self.authority = order, by, authority
 
 
 class Mailbox:
@@ -80,19 +66,22 @@ class Mailbox:
         """Put an order or a query to the loop. It is answered at once if the queue is full or no loop runs yet."""
         question = Question(order, by, authority)
         if (meanwhile := self.meanwhile) is not None:
-            question.answer(meanwhile(order))
+            question.set_result(meanwhile(order))
             return question
         try:
             (self._queries if order in QUERIES else self._orders).put_nowait(question)
         except queue.Full:
             reason = "too many wait already; does the loop run?"
-            question.answer({"accepted": False, "order": order, "reason": reason})
+            question.set_result({"accepted": False, "order": order, "reason": reason})
         return question
 
     def answer(self, order: str, by: str) -> Answer:
         """Put an order or a query to the loop, and wait for the answer, `ANSWER_LIMIT_S` at most."""
-        reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
-        return self.ask(order, by).wait(ANSWER_LIMIT_S) or {"accepted": False, "order": order, "reason": reason}
+        try:
+            return self.ask(order, by).result(ANSWER_LIMIT_S)
+        except TimeoutError:
+            reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
+            return {"accepted": False, "order": order, "reason": reason}
 
     def take(self) -> tuple[Sequence[Question], Sequence[Question]]:
         """Take all orders and all queries that wait, each oldest first."""

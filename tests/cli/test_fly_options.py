@@ -117,7 +117,7 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
     assert done.exit_code == 0
     ((scenario, on_vehicle, command),) = seen
     assert (scenario, on_vehicle) == ("pe", bool(vehicle))
-    assert command == ["panel", "--endpoint", control, "--port", "0", "--records", str(tmp_path), "--with-parent"]
+    assert command == ["panel", "--endpoint", control, "--port", "0", "--records", str(tmp_path)]
     assert panels() == []
 
 

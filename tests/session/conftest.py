@@ -126,10 +126,10 @@ class Ordered(Sortie):
         """Give an order, run the cycles until it is answered, return the answer."""
         question = self.mailbox.ask(word, authority=authority)
         deadline_s = self.now_s + 2.0
-        while (answer := question.wait(0.0)) is None:
+        while not question.done():
             assert self.now_s < deadline_s, f"{word} was not answered"
             self.cycle()
-        return answer
+        return question.result()
 
     def standing_by(self):
         self.until(State.READY)

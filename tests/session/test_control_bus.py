@@ -40,7 +40,7 @@ class AnsweringLoop:
         while not self._stop.wait(0.005):
             for question in itertools.chain(*mailbox.take()):
                 answer = {"accepted": question.order != "engage", "order": question.order, "name": name}
-                question.answer(answer)
+                question.set_result(answer)
 
     def close(self):
         self._stop.set()

@@ -31,7 +31,7 @@ class Loop:
         while not self._stop.wait(0.02):
             for question in itertools.chain(*self.mailbox.take()):
                 self.taken.append((question.order, question.by))
-                question.answer({"accepted": True, "order": question.order, "name": "uav1"})
+                question.set_result({"accepted": True, "order": question.order, "name": "uav1"})
 
     def close(self):
         self._stop.set()

@@ -105,8 +105,8 @@ def test_an_unanswered_parameter_refuses_in_time_and_delays_no_other_order(base)
     one.run(0.2)
     hold = one.mailbox.ask("hold")
     one.cycle()
-    assert hold.wait(0.0)["accepted"]
-    assert engage.wait(0.0)["reason"] == "hold was ordered meanwhile"
+    assert hold.result(0.0)["accepted"]
+    assert engage.result(0.0)["reason"] == "hold was ordered meanwhile"
     one.run(2.0)
     assert one.state is State.HOLDING
 
@@ -114,7 +114,7 @@ def test_an_unanswered_parameter_refuses_in_time_and_delays_no_other_order(base)
     one.run(0.2)
     by_pilot(one, "POSCTL")
     one.run(2.0)
-    assert "a pilot or the autopilot chose that mode" in engage.wait(0.0)["reason"]
+    assert "a pilot or the autopilot chose that mode" in engage.result(0.0)["reason"]
     assert one.state is State.YIELDED
     assert one.setpoints_since(asked_s) == []
 

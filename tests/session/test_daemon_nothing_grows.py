@@ -92,7 +92,7 @@ def test_orders_leave_nothing(grounded):
     def once(number):
         question = daemon.mailbox.ask(words[number % 4])
         daemon.step(0.02 * number)
-        assert question.wait(0.0)["order"] == words[number % 4]
+        assert question.result(0.0)["order"] == words[number % 4]
 
     objects, descriptors = growth(once, warm=20, times=400)
     assert descriptors == 0

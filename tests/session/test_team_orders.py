@@ -36,7 +36,7 @@ class Vehicle:
                 if question.order != "status":
                     self.orders.append(question.order)
                 said = {"accepted": True, "order": question.order, "state": "ready", "refused_orders": self.refused}
-                question.answer(said)
+                question.set_result(said)
 
     def close(self):
         self._stop.set()
