@@ -1,5 +1,6 @@
 """The `guidance` command: its sub-commands, each imported only when it is used."""
 
+from collections import UserDict
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Annotated, Any, Final
@@ -32,24 +33,29 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
 """Every command: its module, and its line in the help. The function or `typer.Typer` has the command's name."""
 
 
+class _LazyCommands(UserDict[str, Any]):
+    """The commands by name, imported when they are taken."""
+
+    def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - click's own classes
+        command = getattr(import_module(f"guidance.cli.{self.data[name][0]}"), name)
+        if isinstance(command, typer.Typer):
+            group = typer.main.get_group(command)
+            group.name = name
+            return group
+        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+        alone.command(name)(command)
+        return typer.main.get_command(alone)
+
+
 class Program(CommandGroup):
     """The root command. Its help is printed without Rich, whose import is slow."""
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - click's
-        super().__init__(**settings | {"commands": COMMANDS})  # their names: `get_command` imports them
+        super().__init__(**settings | {"commands": _LazyCommands(COMMANDS)})
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401, ARG002 - click's own classes
-        """Import a command."""
-        if cmd_name not in COMMANDS:
-            return None
-        command = getattr(import_module(f"guidance.cli.{COMMANDS[cmd_name][0]}"), cmd_name)
-        if isinstance(command, typer.Typer):
-            group = typer.main.get_group(command)
-            group.name = cmd_name
-            return group
-        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        alone.command(cmd_name)(command)
-        return typer.main.get_command(alone)
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401, ARG002 - click's context
+        """Return the names, without importing the commands."""
+        return list(COMMANDS)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - click's
         """Write the help as click does."""

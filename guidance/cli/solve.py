@@ -90,7 +90,8 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
 
 def _as_record(answer: Solution) -> dict[str, Any]:
     """Return a single answer as plain values; infinity and NaN become null for JSON."""
-    record = {name: np.where(np.isfinite(field), field, None).tolist() for name, field in answer._asdict().items()}
+    numbers = {name: np.where(np.isfinite(field), field, np.array(None)) for name, field in answer._asdict().items()}
+    record = {name: field.tolist() for name, field in numbers.items()}
     return record | {"winner": Winner(int(answer.winner)).word, "reason": Reason(int(answer.reason)).word}
 
 

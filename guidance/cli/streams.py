@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 import unicodedata
-from typing import Final
+from typing import Any, Final
 
 from guidance.errors import OutputError
 
@@ -43,44 +43,34 @@ def _in_plain_letters(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error("plain-letters", _in_plain_letters)
 
 
-class Outlet(io.TextIOWrapper):
-    """A text stream over another stream's buffer.
+class _Outlet(io.FileIO):
+    """A descriptor that is written to.
 
     Raises:
-        OutputError: From write and flush, if the output cannot be written.
-        SystemExit: From write and flush, if the reader is gone.
+        OutputError: From write, if it cannot be written.
+        SystemExit: From write, if the reader is gone.
     """
 
-    def write(self, text: str) -> int:
-        """Write text."""
+    def write(self, b: Any, /) -> int:  # noqa: ANN401 - any buffer
+        """Write bytes."""
         try:
-            return super().write(text)
+            return super().write(b)
         except OSError as error:
-            raise self._ended(error) from None
-
-    def flush(self) -> None:
-        """Flush the buffer."""
-        try:
-            super().flush()
-        except OSError as error:
-            raise self._ended(error) from None
-
-    def _ended(self, error: OSError) -> BaseException:
-        # The rest of the buffer is written when the process ends; send it to /dev/null, or it would fail again.
-        nothing = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nothing, self.fileno())
-        os.close(nothing)
-        if error.errno == errno.EPIPE:
-            return SystemExit(PIPE_CLOSED)
-        name = str(self.name).strip("<>")
-        return OutputError(f"{name}: cannot be written ({error.strerror}); redirect it elsewhere")
+            # The rest of the buffer is written when the process ends; send it to /dev/null, or it would fail again.
+            nothing = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nothing, self.fileno())
+            os.close(nothing)
+            if error.errno == errno.EPIPE:
+                raise SystemExit(PIPE_CLOSED) from None
+            raise OutputError(f"stdout: cannot be written ({error.strerror}); redirect it elsewhere") from None
 
 
 def open_outlets() -> None:
-    """Replace standard output by an `Outlet`, and let both streams replace unknown characters."""
+    """Replace standard output by one over an `_Outlet`, and let both streams replace unknown characters."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="plain-letters")
     out = sys.stdout
-    if isinstance(out, io.TextIOWrapper):
-        sys.stdout = Outlet(out.buffer, out.encoding, out.errors, line_buffering=out.line_buffering)
+    if isinstance(out, io.TextIOWrapper) and isinstance(getattr(out.buffer, "raw", out.buffer), io.FileIO):
+        buffer = io.BufferedWriter(_Outlet(out.fileno(), "w", closefd=False))
+        sys.stdout = io.TextIOWrapper(buffer, out.encoding, out.errors, line_buffering=out.line_buffering)

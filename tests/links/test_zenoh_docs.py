@@ -57,7 +57,7 @@ def test_every_option_on_the_page_exists(words):
     command = typer.main.get_command(app if words[0] == "guidance" else mock)
     rest = words[1:]
     while hasattr(command, "commands"):
-        command, rest = command.get_command(None, rest[0]), rest[1:]
+        command, rest = command.commands[rest[0]], rest[1:]
     command.make_context(words[0], list(rest))  # raises for unknown options
 
 
