@@ -26,6 +26,12 @@ Numbers = Sequence[float]
 
 _SMALL_TURN_RAD = 1e-3
 
+_CELLS = tuple((row, column) for row in range(5) for column in range(row + 1))
+"""Row and column of each number of a covariance; the steady model has the first ten."""
+
+_ROWS = tuple(tuple(_CELLS.index((max(row, column), min(row, column))) for column in range(5)) for row in range(5))
+"""Places of the numbers of each whole row of a covariance."""
+
 
 class Normal(NamedTuple):
     """A normal distribution of the state: its mean (n,) and, by rows, the lower triangle of its covariance."""
@@ -46,7 +52,7 @@ def begin(measured: Numbers, variances: Numbers, settings: TrackSettings) -> Mod
     """Begin both models with a report of position (2,), or position and velocity (4,), and its variances."""
     unknown = 4 - len(measured)
     spreads = (*variances, *[settings.prior_speed_sd_m_s**2] * unknown, settings.turn_rate_sd_rad_s**2)
-    covariance = [number for row, spread in enumerate(spreads) for number in (*[0.0] * row, spread)]
+    covariance = [spreads[row] if row == column else 0.0 for row, column in _CELLS]
     mean = [*measured, *[0.0] * (unknown + 1)]
     turning = settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s)
     return Modes(Normal(mean[:4], covariance[:10]), Normal(mean, covariance), turning)
@@ -96,11 +102,7 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
     north_slope = along_slope * was_north_rate - across_slope * was_east_rate
     east_slope = across_slope * was_north_rate + along_slope * was_east_rate
     north_rate_slope, east_rate_slope = -dt_s * east_rate, dt_s * north_rate
-    nn, en, ee, xn, xe, xx, yn, ye, yx, yy, wn, we, wx, wy, ww = state.covariance
-    rows: Iterable[Numbers] = (
-        *((nn, en, xn, yn, wn), (en, ee, xe, ye, we), (xn, xe, xx, yx, wx)),
-        *((yn, ye, yx, yy, wy), (wn, we, wx, wy, ww)),
-    )
+    rows: Iterable[Numbers] = [[state.covariance[place] for place in row] for row in _ROWS]
     for _ in range(2):  # the columns of R Jᵀ: first J P, as P is symmetric, then J P Jᵀ
         carried = [
             (
@@ -148,60 +150,30 @@ def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
 
 def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[Normal, float, float]:
     """Correct by one number after the other, as their errors are independent; also return νᵀS⁻¹ν and det S."""
-    turns = len(state.mean) > 4
-    n, e, x, y, w = state.mean if turns else (*state.mean, 0.0)
-    nn, en, ee, xn, xe, xx, yn, ye, yx, yy, wn, we, wx, wy, ww = (
-        state.covariance if turns else (*state.covariance, 0.0, 0.0, 0.0, 0.0, 0.0)
-    )
-    distance, spread = 0.0, 1.0
-    for index, value in enumerate(measured):
-        # The measured number, its variance, and its covariances with all numbers.
-        if index == 0:
-            mean, a, b, c, d, f, expected = n, nn, en, xn, yn, wn, nn
-        elif index == 1:
-            mean, a, b, c, d, f, expected = e, en, ee, xe, ye, we, ee
-        elif index == 2:
-            mean, a, b, c, d, f, expected = x, xn, xe, xx, yx, wx, xx
-        else:
-            mean, a, b, c, d, f, expected = y, yn, ye, yx, yy, wy, yy
-        expected += variances[index]
-        share, off = 1.0 / expected, value - mean
+    (mean, covariance), distance, spread = state, 0.0, 1.0
+    for index, (value, variance) in enumerate(zip(measured, variances, strict=True)):
+        shared = [covariance[place] for place in _ROWS[index][: len(mean)]]
+        expected, off = shared[index] + variance, value - mean[index]
+        share = 1.0 / expected
         gain = off * share
         distance += off * off * share
         spread *= expected
-        n, e, x, y, w = n + gain * a, e + gain * b, x + gain * c, y + gain * d, w + gain * f
-        nn, en, ee = nn - share * (a * a), en - share * (b * a), ee - share * (b * b)
-        xn, xe, xx = xn - share * (c * a), xe - share * (c * b), xx - share * (c * c)
-        yn, ye, yx, yy = yn - share * (d * a), ye - share * (d * b), yx - share * (d * c), yy - share * (d * d)
-        wn, we, wx = wn - share * (f * a), we - share * (f * b), wx - share * (f * c)
-        wy, ww = wy - share * (f * d), ww - share * (f * f)
-    steady = Normal((n, e, x, y), (nn, en, ee, xn, xe, xx, yn, ye, yx, yy))
-    corrected = Normal((*steady.mean, w), (*steady.covariance, wn, we, wx, wy, ww)) if turns else steady
-    return corrected, distance, spread
+        mean = [number + gain * by for number, by in zip(mean, shared, strict=True)]
+        cells = zip(covariance, _CELLS, strict=False)
+        covariance = [number - share * (shared[row] * shared[column]) for number, (row, column) in cells]
+    return Normal(mean, covariance), distance, spread
 
 
 def blended(one: Normal, other: Normal, share: float) -> Normal:
-    """Return the mixture with this share of the other: mean and covariance of north, east and their rates."""
+    """Return the mixture with this share of the other: mean and covariance of the numbers that both have."""
     rest = 1.0 - share
     spread = rest * share
-    (n, e, x, y, *_), (N, E, X, Y, *_) = one.mean, other.mean
-    nn, en, ee, xn, xe, xx, yn, ye, yx, yy, *_ = one.covariance
-    NN, EN, EE, XN, XE, XX, YN, YE, YX, YY, *_ = other.covariance
-    by_n, by_e, by_x, by_y = N - n, E - e, X - x, Y - y
+    means = list(zip(one.mean, other.mean, strict=False))
+    apart = [second - first for first, second in means]
+    cells = zip(one.covariance, other.covariance, _CELLS, strict=False)
     return Normal(
-        (rest * n + share * N, rest * e + share * E, rest * x + share * X, rest * y + share * Y),
-        (
-            rest * nn + share * NN + spread * (by_n * by_n),
-            rest * en + share * EN + spread * (by_e * by_n),
-            rest * ee + share * EE + spread * (by_e * by_e),
-            rest * xn + share * XN + spread * (by_x * by_n),
-            rest * xe + share * XE + spread * (by_x * by_e),
-            rest * xx + share * XX + spread * (by_x * by_x),
-            rest * yn + share * YN + spread * (by_y * by_n),
-            rest * ye + share * YE + spread * (by_y * by_e),
-            rest * yx + share * YX + spread * (by_y * by_x),
-            rest * yy + share * YY + spread * (by_y * by_y),
-        ),
+        [rest * first + share * second for first, second in means],
+        [rest * a + share * b + spread * (apart[row] * apart[column]) for a, b, (row, column) in cells],
     )
 
 
@@ -258,11 +230,9 @@ def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estim
     share = (1.0 - was_turning) * begins * gone + was_turning * (1.0 - ends * gone)
     into_steady = blended(steady, turning, was_turning * ends * gone / (1.0 - share))
     kept = was_turning * (1.0 - ends * gone) / share
-    place, turn_rate, (wn, we, wx, wy, ww) = blended(steady, turning, kept), turning.mean[4], turning.covariance[10:]
-    into_turning = Normal(
-        (*place.mean, (1.0 - kept) * turn_rate + kept * turn_rate),
-        (*place.covariance, kept * wn, kept * we, kept * wx, kept * wy, (1.0 - kept) * ww + kept * ww),
-    )
+    turn_rate, its_variance = turning.mean[-1], turning.covariance[-1]
+    as_turning = Normal((*steady.mean, turn_rate), (*steady.covariance, *[0.0] * 4, its_variance))
+    into_turning = blended(as_turning, turning, kept)
     down, rate, variance, shared, rate_variance = estimate.height
     noise = settings.height_noise_m2_s3
     return Estimate(

@@ -88,16 +88,15 @@ class Rivals(NamedTuple):
 
 def listen(rivals: Rivals, one: Report, settings: TrackSettings) -> Rivals:
     """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
-    now_s = one.told.received_s
-    kept = (each for each in rivals.recent[-_MAX_REPORTS + 1 :] if now_s - each.told.received_s <= _WINDOW_S)
+    now_s, recent = one.told.received_s, (*rivals.recent[-_MAX_REPORTS + 1 :], one)
+    odd_s = now_s if _is_odd(recent[-2:][0], one) else rivals.odd_s
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
-    odd_s = now_s if _is_odd(rivals.recent[-1] if rivals.recent else one, one) else rivals.odd_s
-    rivals = Rivals((*kept, one), rivals.judged_s, since_s, rivals.usual, odd_s, rivals.seen_s, rivals.why)
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
-        return rivals
+        return rivals._replace(recent=recent, odd_s=odd_s)
+    recent = tuple([each for each in recent if now_s - each.told.received_s <= _WINDOW_S])
     learning = now_s - since_s <= _RATE_LEARNED_S
-    usual = max(rivals.usual, len(_untimed(rivals.recent, now_s))) if learning else rivals.usual
-    rivals = rivals._replace(judged_s=now_s, usual=usual)
+    usual = max(rivals.usual, len(_untimed(recent, now_s))) if learning else rivals.usual
+    rivals = Rivals(recent, now_s, since_s, usual, odd_s, rivals.seen_s, rivals.why)
     if now_s - odd_s > _WINDOW_S:
         return rivals
     why = next((sign for sign, shows in _SIGNS.items() if shows(rivals, now_s, settings)), None)

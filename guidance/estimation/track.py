@@ -40,7 +40,6 @@ _GATE = {2: 27.63, 4: 33.38}
 _SAME_TIME_S = 1e-4
 _ANCHOR_EVERY_S = 0.5
 _JUMP_SIGMAS = 6.0
-_FAR = ReportOutcome.TOO_FAR
 
 
 class Accepted(NamedTuple):
@@ -48,13 +47,6 @@ class Accepted(NamedTuple):
 
     measurement: Measurement
     estimate: Estimate
-
-
-class Anchor(NamedTuple):
-    """Estimated place of the evader at a time: north and east, metres."""
-
-    time_s: float
-    place_m: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +58,7 @@ class Track:
         rival: A track of outliers that agree, not accepted yet.
         outcome: Of the last report.
         counts: Number of reports by outcome.
-        anchors: Estimated places of the last seconds, oldest first; they bound how far it can have moved.
+        anchors: Some estimates of the last seconds, oldest first; they bound how far it can have moved.
         estimate: The newest one, None before the first report.
     """
 
@@ -74,7 +66,7 @@ class Track:
     rival: "Track | None" = None
     outcome: ReportOutcome | None = None
     counts: Mapping[ReportOutcome, int] = field(default_factory=dict)
-    anchors: tuple["Anchor", ...] = ()
+    anchors: tuple[Estimate, ...] = ()
     estimate: Estimate | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -113,9 +105,13 @@ def _anchored(track: Track, settings: TrackSettings) -> Track:
     estimate, anchors = track.estimate, track.anchors
     if estimate is None or (anchors and estimate.time_s - anchors[-1].time_s < _ANCHOR_EVERY_S):
         return track
-    north, east = blended(*estimate.modes).mean[:2]
     kept = tuple(one for one in anchors if estimate.time_s - one.time_s <= settings.history_s)
-    return replace(track, anchors=(*(kept or anchors[-1:]), Anchor(estimate.time_s, (north, east))))
+    return replace(track, anchors=(*(kept or anchors[-1:]), estimate))
+
+
+def _is_within(way_m: float, estimate: Estimate, measurement: Measurement) -> bool:
+    """Return whether a report is within a way over the ground from an estimate."""
+    return math.dist(blended(*estimate.modes).mean[:2], measurement.position_ned_m[:2]) <= way_m
 
 
 def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) -> ReportOutcome | None:
@@ -133,7 +129,7 @@ def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) ->
     if refused is None and track.anchors:  # within the way since the oldest one?
         oldest = track.anchors[0]
         way_m = settings.way_m_s * abs(measurement.time_s - oldest.time_s) + settings.reach_m
-        refused = None if math.dist(oldest.place_m, measurement.position_ned_m[:2]) <= way_m else _FAR
+        refused = None if _is_within(way_m, oldest, measurement) else ReportOutcome.TOO_FAR
     return refused
 
 
@@ -195,8 +191,8 @@ def _begun_anew(track: Track, anew: Track, outcome: ReportOutcome, settings: Tra
         moved = advance(estimate, measurement.time_s, settings)
         spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
         way_m = settings.jump_m_s * max(0.0, measurement.time_s - estimate.time_s) + max(settings.reach_m, spread_m)
-        if not math.dist(blended(*moved.modes).mean[:2], measurement.position_ned_m[:2]) <= way_m:
-            return _ended(track, _FAR)
+        if not _is_within(way_m, moved, measurement):
+            return _ended(track, ReportOutcome.TOO_FAR)
     return _anchored(_ended(anew, outcome), settings)
 
 
