@@ -234,7 +234,7 @@ class Following:
 class FollowMemory(NamedTuple):
     """Memory between calls: the servo's, the along-track deficit (m), and the drift."""
 
-    servo: ServoMemory = ServoMemory()
+    servo: ServoMemory | None = None
     deficit_m: float = 0.0
     drift: Drift = Drift()
 
@@ -278,6 +278,6 @@ def follow(
     desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, following.approach)
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
-    served = serve(desired, flown, memory.servo, following.servo, dt_s=pace.dt_s, held_back=pace.held_back)
-    sent, kept = total(served.velocity_ned_m_s, drift.velocity_ned_m_s), FollowMemory(served.memory, deficit_m, drift)
-    return Followed(sent, served.acceleration_ned_m_s2, desired, kept, flown, not braking)
+    fed, servo = serve(desired, flown, memory.servo, following.servo, dt_s=pace.dt_s, held_back=pace.held_back)
+    sent, kept = total(servo.reference_ned_m_s, drift.velocity_ned_m_s), FollowMemory(servo, deficit_m, drift)
+    return Followed(sent, fed, desired, kept, flown, not braking)

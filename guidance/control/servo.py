@@ -105,66 +105,54 @@ class ServoGains(Agility):
 
 
 class ServoMemory(NamedTuple):
-    """Memory between calls. The initial one starts at the vehicle's own velocity, with nothing learned.
+    """Memory between calls.
 
     Attributes:
-        reference_ned_m_s: Velocity sent; None before the first call.
+        reference_ned_m_s: Velocity to command, before the limits.
         acceleration_ned_m_s2: Of the reference.
         expected_ned_m_s: The reference, delayed like the vehicle.
-        drag_per_s: Learned drag rate; None before the first call.
+        drag_per_s: Learned drag rate.
         trim_ned_m_s2: Learned acceleration without drag.
     """
 
-    reference_ned_m_s: Vector | None = None
-    acceleration_ned_m_s2: Vector = STILL
-    expected_ned_m_s: Vector = STILL
-    drag_per_s: float | None = None
-    trim_ned_m_s2: Vector = STILL
-
-
-class Served(NamedTuple):
-    """Velocity and feed-forward to command, before the limits, and the memory for the next call."""
-
-    velocity_ned_m_s: Vector
+    reference_ned_m_s: Vector
     acceleration_ned_m_s2: Vector
-    memory: ServoMemory
+    expected_ned_m_s: Vector
+    drag_per_s: float
+    trim_ned_m_s2: Vector
 
 
 def serve(
     desired_ned_m_s: Vector,
     flown_ned_m_s: Vector,
-    memory: ServoMemory,
+    memory: ServoMemory | None,
     gains: ServoGains,
     *,
     dt_s: float,
     held_back: bool = False,
-) -> Served:
-    """Turn the desired velocity into a command.
+) -> tuple[Vector, ServoMemory]:
+    """Return the acceleration to feed forward, and the memory, which has the velocity to command.
 
     Args:
         desired_ned_m_s: Desired velocity, after the approach.
         flown_ned_m_s: Velocity of the vehicle.
-        memory: From the last call.
+        memory: From the last call; None at first, which starts at the vehicle's own velocity with nothing learned.
         gains: Of the vehicle.
         dt_s: Time since the last call, s; at most 0.1 s counts.
         held_back: Whether a wall reduced the last command; the servo then learns nothing.
     """
     dt_s = min(max(dt_s, 0.0), LONGEST_STEP_S)
-    before, delayed = memory.reference_ned_m_s or flown_ned_m_s, memory.expected_ned_m_s
-    if memory.reference_ned_m_s is None:
-        delayed = flown_ned_m_s
-    gained_m_s2 = memory.acceleration_ned_m_s2
+    memory = memory or ServoMemory(flown_ned_m_s, STILL, flown_ned_m_s, gains.drag_per_s, STILL)
+    before, gained_m_s2, delayed, drag_per_s, trim = memory
     reference, acceleration = shape(desired_ned_m_s, before, gained_m_s2, gains, dt_s, gains.settle_per_s)
     share = 1.0 - math.exp(-dt_s / gains.lag_s)
     north, east, down = (now + (new - now) * share for now, new in zip(delayed, reference, strict=True))
     expected = (north, east, down)
-    drag_per_s, trim = gains.drag_per_s if memory.drag_per_s is None else memory.drag_per_s, memory.trim_ned_m_s2
     if not held_back:
         drag_per_s, trim = _learned(drag_per_s, trim, expected, flown_ned_m_s, gains, dt_s)
     a_north, a_east, a_down = acceleration
     a_north, a_east = a_north + drag_per_s * reference[0] + trim[0], a_east + drag_per_s * reference[1] + trim[1]
-    memory = ServoMemory(reference, acceleration, expected, drag_per_s, trim)
-    return Served(reference, (a_north, a_east, a_down), memory)
+    return (a_north, a_east, a_down), ServoMemory(reference, acceleration, expected, drag_per_s, trim)
 
 
 def _learned(
@@ -204,15 +192,10 @@ class AltitudeHold(NamedTuple):
     trim_m_s: float
 
 
-class Held(NamedTuple):
-    """Vertical speed to command (m/s, positive down), and the memory for the next cycle."""
-
-    velocity_down_m_s: float
-    memory: AltitudeHold | None
-
-
-def hold_altitude(memory: AltitudeHold | None, *, down_m: float, envelope: Envelope, dt_s: float) -> Held:
-    """Return the vertical speed that keeps a height.
+def hold_altitude(
+    memory: AltitudeHold | None, *, down_m: float, envelope: Envelope, dt_s: float
+) -> tuple[float, AltitudeHold | None]:
+    """Return the vertical speed that keeps a height (m/s, positive down), and the memory for the next cycle.
 
     Far from the height the speed follows a braking curve. A slow, bounded integral compensates a steady sink; it stops
     while the error is large. The height is the one at the first call, moved between floor and ceiling, so a vehicle
@@ -225,7 +208,7 @@ def hold_altitude(memory: AltitudeHold | None, *, down_m: float, envelope: Envel
         dt_s: Time since the last cycle, s.
     """
     if not usable(down_m):
-        return Held(0.0, memory)
+        return 0.0, memory
     held_m, trim_m_s = memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
     home_down_m = envelope.home_ned_m[2]
     held_m = min(home_down_m - envelope.floor_m, max(home_down_m - envelope.ceiling_m, held_m))
@@ -235,7 +218,7 @@ def hold_altitude(memory: AltitudeHold | None, *, down_m: float, envelope: Envel
         trim_m_s = min(LARGEST_M_S, max(-LARGEST_M_S, trim_m_s))
     reach_m_s = approach_speed(abs(error_m), envelope.vertical_braking_m_s2, 1.0 / GAIN_PER_S)
     wanted_m_s = math.copysign(reach_m_s, error_m) + trim_m_s
-    return Held(min(envelope.descent_m_s, max(-envelope.climb_m_s, wanted_m_s)), AltitudeHold(held_m, trim_m_s))
+    return min(envelope.descent_m_s, max(-envelope.climb_m_s, wanted_m_s)), AltitudeHold(held_m, trim_m_s)
 
 
 def keep_station(place: Point | None, position_ned_m: Vector, flown_ned_m_s: Vector) -> tuple[Point, Point | None]:

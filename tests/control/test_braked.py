@@ -13,7 +13,7 @@ from guidance.autopilots import AUTOPILOTS
 from guidance.control import Envelope, Limiter, Situation, setpoint_limiter
 from guidance.control.braking_law import Wall, approach_speed, braked, held_back, measure_walls
 from guidance.control.polygon import Polygon
-from guidance.control.servo import ServoMemory, serve
+from guidance.control.servo import serve
 from guidance.control.setpoint_limiter import limit
 from guidance.messages import Setpoint
 from sitl_mock import dynamics
@@ -151,15 +151,15 @@ def farthest_beyond_m(autopilot, gust):
         fence_margin_m=2.0, **gust.fence(),
     )  # fmt: skip
     asked = (gust.speed_m_s * math.cos(gust.bearing_rad), gust.speed_m_s * math.sin(gust.bearing_rad), 0.0)
-    motion, served, memory = airframe.initial((0.0, 0.0, -20.0), 0.0, flying=True), ServoMemory(), None
+    motion, served, memory = airframe.initial((0.0, 0.0, -20.0), 0.0, flying=True), None, None
     farthest_m = -math.inf
     for cycle in range(round(FLOWN_S / DT_S)):
         body = motion.body
         here = Situation(body.position_ned_m, body.velocity_ned_m_s, acceleration_ned_m_s2=body.acceleration_ned_m_s2)
         walls = measure_walls(here, envelope)
         wanted = held_back(asked, walls, envelope)
-        velocity, fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.following.servo, dt_s=DT_S)
-        limited = limit(Setpoint(velocity, fed), here, envelope, memory, DT_S, walls=walls)
+        fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.following.servo, dt_s=DT_S)
+        limited = limit(Setpoint(served.reference_ned_m_s, fed), here, envelope, memory, DT_S, walls=walls)
         memory = limited.memory
         setpoint = dynamics.Setpoint(
             dynamics.Kind.STREAM,

@@ -42,10 +42,9 @@ def difference(one, other):
 
 def run(wanted, gains, *, plant, seconds):
     """Close the loop: `plant(velocity, served)` is the vehicle's acceleration. Yields (time, velocity, served)."""
-    velocity, memory = STILL, ServoMemory()
+    velocity, memory = STILL, None
     for cycle in range(round(seconds / DT_S)):
-        served = serve(wanted, velocity, memory, gains, dt_s=DT_S)
-        memory = served.memory
+        served = _, memory = serve(wanted, velocity, memory, gains, dt_s=DT_S)
         yield cycle * DT_S, velocity, served
         velocity = tuple(v + a * DT_S for v, a in zip(velocity, plant(velocity, served), strict=True))
 
@@ -54,9 +53,10 @@ def loop(*, drag_per_s=0.0, push=STILL, gain_per_s=1.8, largest_m_s2=math.inf):
     """PX4's velocity loop without its integral: P on velocity, feed-forward, drag, a push, a tilt limit."""
 
     def plant(velocity, served):
+        acceleration, memory = served
         asked = [
             gain_per_s * (command - v) + fed
-            for command, v, fed in zip(served.velocity_ned_m_s, velocity, served.acceleration_ned_m_s2, strict=True)
+            for command, v, fed in zip(memory.reference_ned_m_s, velocity, acceleration, strict=True)
         ]
         size = ground(asked)
         share = min(1.0, largest_m_s2 / size) if size > 0.0 else 1.0
@@ -75,28 +75,25 @@ def test_equal_inputs_give_equal_outputs(wanted, flown, expected, dt_s, gains):
 
 @given(st.lists(st.tuples(velocities, velocities, steps), min_size=1, max_size=30), gains)
 def test_the_command_never_leaves_what_was_wanted_and_flown(cycles, gains):
-    memory = ServoMemory()
+    memory = None
     sizes, heights = [ground(cycles[0][1])], [cycles[0][1][2]]
     for wanted, flown, dt_s in cycles:
-        served = serve(wanted, flown, memory, gains, dt_s=dt_s)
-        memory = served.memory
+        _, memory = serve(wanted, flown, memory, gains, dt_s=dt_s)
         sizes.append(ground(wanted))
         heights.append(wanted[2])
-        assert ground(served.velocity_ned_m_s) <= max(sizes) + 2.0 * gains.acceleration_m_s2**2 / gains.jerk_m_s3
+        assert ground(memory.reference_ned_m_s) <= max(sizes) + 2.0 * gains.acceleration_m_s2**2 / gains.jerk_m_s3
         slack = 2.0 * gains.vertical_acceleration_m_s2**2 / gains.jerk_m_s3
-        assert min(heights) - slack <= served.velocity_ned_m_s[2] <= max(heights) + slack
+        assert min(heights) - slack <= memory.reference_ned_m_s[2] <= max(heights) + slack
 
 
 @given(st.lists(st.tuples(velocities, velocities, steps), min_size=1, max_size=30), gains)
 def test_the_reference_keeps_its_acceleration_and_jerk_whatever_is_asked(cycles, gains):
-    memory = ServoMemory()
+    memory = None
     for wanted, flown, dt_s in cycles:
-        before = memory
-        served = serve(wanted, flown, before, gains, dt_s=dt_s)
-        memory = served.memory
+        before = memory or ServoMemory(flown, STILL, flown, gains.drag_per_s, STILL)
+        _, memory = serve(wanted, flown, memory, gains, dt_s=dt_s)
         counted_s = min(dt_s, 0.1)
-        start = flown if before.reference_ned_m_s is None else before.reference_ned_m_s
-        moved = difference(memory.reference_ned_m_s, start)
+        moved = difference(memory.reference_ned_m_s, before.reference_ned_m_s)
         assert ground(moved) <= gains.acceleration_m_s2 * counted_s + 1e-9
         assert abs(moved[2]) <= gains.vertical_acceleration_m_s2 * counted_s + 1e-9
         jerked = difference(memory.acceleration_ned_m_s2, before.acceleration_ned_m_s2)
@@ -106,9 +103,9 @@ def test_the_reference_keeps_its_acceleration_and_jerk_whatever_is_asked(cycles,
 
 @given(st.lists(st.tuples(velocities, velocities, steps), min_size=1, max_size=60), gains)
 def test_what_is_learned_never_winds_up_beyond_its_limits(cycles, gains):
-    memory = ServoMemory()
+    memory = None
     for wanted, flown, dt_s in cycles:
-        memory = serve(wanted, flown, memory, gains, dt_s=dt_s).memory
+        _, memory = serve(wanted, flown, memory, gains, dt_s=dt_s)
         assert 0.0 <= memory.drag_per_s <= max(gains.drag_limit_per_s, gains.drag_per_s)
         assert ground(memory.trim_ned_m_s2) <= gains.trim_limit_m_s2 + 1e-12
         assert memory.trim_ned_m_s2[2] == 0.0
@@ -116,8 +113,8 @@ def test_what_is_learned_never_winds_up_beyond_its_limits(cycles, gains):
 
 def test_a_blocked_vehicle_does_not_wind_the_servo_up():
     held = list(run((6.0, 0.0, 0.0), GAINS, plant=lambda _velocity, _served: STILL, seconds=30.0))
-    early = next(served.memory for _, _, served in held if served.memory.expected_ned_m_s[0] > 3.0)
-    late = held[-1][2].memory
+    early = next(memory for _, _, (_, memory) in held if memory.expected_ned_m_s[0] > 3.0)
+    _, _, (_, late) = held[-1]
     assert late.drag_per_s == pytest.approx(early.drag_per_s, abs=0.05)
     assert late.trim_ned_m_s2[0] == pytest.approx(early.trim_ned_m_s2[0], abs=0.05)
 
@@ -149,55 +146,53 @@ def test_a_vehicle_at_its_tilt_limit_overshoots_little_when_it_gets_there():
 
 def test_what_drag_costs_falls_with_the_speed_at_once():
     memory = ServoMemory((6.0, 0.0, 0.0), STILL, (6.0, 0.0, 0.0), 0.8, STILL)
-    fast = serve((6.0, 0.0, 0.0), (6.0, 0.0, 0.0), memory, IGNORANT, dt_s=DT_S)
-    slow = serve(
+    fast, _ = serve((6.0, 0.0, 0.0), (6.0, 0.0, 0.0), memory, IGNORANT, dt_s=DT_S)
+    slow, _ = serve(
         (3.0, 0.0, 0.0), (3.0, 0.0, 0.0), memory._replace(reference_ned_m_s=(3.0, 0.0, 0.0)), IGNORANT, dt_s=DT_S
     )
-    assert fast.acceleration_ned_m_s2[0] == pytest.approx(4.8)
-    assert slow.acceleration_ned_m_s2[0] == pytest.approx(2.4)
+    assert fast[0] == pytest.approx(4.8)
+    assert slow[0] == pytest.approx(2.4)
 
 
 def test_the_reference_takes_the_time_that_acceleration_and_jerk_need():
     gains = replace(IGNORANT, settle_per_s=1e3)
-    times = (time for time, _, served in run((6.0, 0.0, 0.0), gains, plant=loop(), seconds=5.0)
-             if served.velocity_ned_m_s[0] > 5.999)  # fmt: skip
+    times = (time for time, _, (_, memory) in run((6.0, 0.0, 0.0), gains, plant=loop(), seconds=5.0)
+             if memory.reference_ned_m_s[0] > 5.999)  # fmt: skip
     assert next(times) == pytest.approx(6.0 / 4.0 + 4.0 / 20.0, abs=0.08)  # Δv / a + a / j
 
 
 def test_the_reference_arrives_without_overshoot():
-    served = [served for _, _, served in run((6.0, 0.0, -1.5), IGNORANT, plant=loop(), seconds=6.0)]
-    assert max(one.velocity_ned_m_s[0] for one in served) <= 6.0 + 1e-9
-    assert min(one.velocity_ned_m_s[2] for one in served) >= -1.5 - 1e-9
-    assert served[-1].velocity_ned_m_s == pytest.approx((6.0, 0.0, -1.5), abs=1e-3)
+    flown = run((6.0, 0.0, -1.5), IGNORANT, plant=loop(), seconds=6.0)
+    references = [memory.reference_ned_m_s for _, _, (_, memory) in flown]
+    assert max(one[0] for one in references) <= 6.0 + 1e-9
+    assert min(one[2] for one in references) >= -1.5 - 1e-9
+    assert references[-1] == pytest.approx((6.0, 0.0, -1.5), abs=1e-3)
 
 
 def test_the_acceleration_fed_forward_is_the_references_own():
     before = STILL
-    for _, _, served in run((6.0, -2.0, 1.0), IGNORANT, plant=loop(), seconds=3.0):
-        rate = [change / DT_S for change in difference(served.velocity_ned_m_s, before)]
-        assert served.acceleration_ned_m_s2 == pytest.approx(rate, abs=1e-9)
-        before = served.velocity_ned_m_s
+    for _, _, (fed, memory) in run((6.0, -2.0, 1.0), IGNORANT, plant=loop(), seconds=3.0):
+        rate = [change / DT_S for change in difference(memory.reference_ned_m_s, before)]
+        assert fed == pytest.approx(rate, abs=1e-9)
+        before = memory.reference_ned_m_s
 
 
 def test_it_begins_at_the_vehicles_own_velocity():
-    served = serve((6.0, 0.0, 0.0), (2.0, 1.0, -0.5), ServoMemory(), GAINS, dt_s=0.0)
-    assert served.velocity_ned_m_s == (2.0, 1.0, -0.5)
-    assert served.memory.expected_ned_m_s == (2.0, 1.0, -0.5)
-    assert served.memory.drag_per_s == GAINS.drag_per_s
+    _, memory = serve((6.0, 0.0, 0.0), (2.0, 1.0, -0.5), None, GAINS, dt_s=0.0)
+    assert memory.reference_ned_m_s == (2.0, 1.0, -0.5)
+    assert memory.expected_ned_m_s == (2.0, 1.0, -0.5)
+    assert memory.drag_per_s == GAINS.drag_per_s
 
 
 def test_a_late_cycle_is_not_made_up_for():
-    late, longest = (serve((6.0, 0.0, 0.0), STILL, ServoMemory(), GAINS, dt_s=dt_s) for dt_s in (5.0, 0.1))
+    late, longest = (serve((6.0, 0.0, 0.0), STILL, None, GAINS, dt_s=dt_s) for dt_s in (5.0, 0.1))
     assert late == longest
 
 
 def test_nothing_is_learned_from_an_error_that_is_too_large():
     memory = ServoMemory((5.0, 0.0, 0.0), STILL, (5.0, 0.0, 0.0), 0.4, (0.1, 0.0, 0.0))
-    far = serve(
-        (5.0, 0.0, 0.0), (5.0 - 3.0 * GAINS.learning_within_m_s - 0.1, 0.0, 0.0), memory, GAINS, dt_s=DT_S
-    ).memory
-    near = serve((5.0, 0.0, 0.0), (4.0, 0.0, 0.0), memory, GAINS, dt_s=DT_S).memory
-    less = serve((5.0, 0.0, 0.0), (3.0, 0.0, 0.0), memory, GAINS, dt_s=DT_S).memory
+    flown_m_s = (5.0 - 3.0 * GAINS.learning_within_m_s - 0.1, 4.0, 3.0)
+    far, near, less = (serve((5.0, 0.0, 0.0), (one, 0.0, 0.0), memory, GAINS, dt_s=DT_S)[1] for one in flown_m_s)
     assert (far.drag_per_s, far.trim_ned_m_s2) == (0.4, (0.1, 0.0, 0.0))
     assert near.drag_per_s == pytest.approx(0.4 + 2.0 * 1.0 * DT_S / 5.0)
     assert near.trim_ned_m_s2[0] == pytest.approx(0.1 + 0.5 * 1.0 * DT_S)
@@ -211,7 +206,7 @@ def taught(error, gains, memory=None):
     """What one error, expected less flown, teaches a vehicle that cruises at 5 m/s over the ground."""
     memory = memory or ServoMemory(CRUISE, STILL, CRUISE, 0.4, (0.1, -0.2, 0.0))
     flown = tuple(difference(CRUISE, error))
-    return serve(CRUISE, flown, memory, gains, dt_s=DT_S).memory
+    return serve(CRUISE, flown, memory, gains, dt_s=DT_S)[1]
 
 
 @pytest.mark.parametrize(
@@ -239,16 +234,14 @@ def test_a_trim_beyond_its_limit_is_scaled_back_to_it():
 
 
 def test_what_is_expected_of_the_vehicle_is_the_reference_late_by_its_lag():
-    late = serve(CRUISE, STILL, ServoMemory(CRUISE, STILL, (1.0, -1.0, -1.0), 0.4, STILL), GAINS, dt_s=0.06)
+    _, late = serve(CRUISE, STILL, ServoMemory(CRUISE, STILL, (1.0, -1.0, -1.0), 0.4, STILL), GAINS, dt_s=0.06)
     left = math.exp(-0.06 / 0.3)
-    assert late.memory.expected_ned_m_s == pytest.approx((3.0 - 2.0 * left, 4.0 - 5.0 * left, 1.0 - 2.0 * left))
+    assert late.expected_ned_m_s == pytest.approx((3.0 - 2.0 * left, 4.0 - 5.0 * left, 1.0 - 2.0 * left))
 
 
 def test_a_held_back_vehicle_does_not_change_the_expected_response():
     memory = ServoMemory(CRUISE, STILL, (2.0, 4.0, 1.0), 0.4, (0.1, -0.2, 0.0))
-    free, held = (
-        serve(CRUISE, (2.5, 3.0, 0.0), memory, GAINS, dt_s=DT_S, held_back=one).memory for one in (False, True)
-    )
+    free, held = (serve(CRUISE, (2.5, 3.0, 0.0), memory, GAINS, dt_s=DT_S, held_back=one)[1] for one in (False, True))
     assert (held.drag_per_s, held.trim_ned_m_s2) == (memory.drag_per_s, memory.trim_ned_m_s2)
     assert free.drag_per_s != held.drag_per_s
     assert free._replace(drag_per_s=held.drag_per_s, trim_ned_m_s2=held.trim_ned_m_s2) == held
@@ -261,4 +254,3 @@ def test_gains_that_say_nothing_of_it_learn_nothing():
         ("drag_per_s", "drag_limit_per_s", "trim_limit_m_s2", "drag_learning_per_s2", "trim_learning_per_s2"), 0.0
     )
     assert ServoGains(**said) == ServoGains(**said, **plain, **nothing)
-    assert ServoMemory() == (None, STILL, STILL, None, STILL)

@@ -285,8 +285,8 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
 @settings(deadline=None)
 @given(st.none() | st.builds(AltitudeHold, wild, wild), wild, wild)
 def test_no_numbers_at_all_make_a_hold_leave_the_speeds_or_the_heights(memory, down_m, dt):
-    held = hold_altitude(memory, down_m=down_m, envelope=ENVELOPE, dt_s=dt)
-    assert -ENVELOPE.climb_m_s <= held.velocity_down_m_s <= ENVELOPE.descent_m_s
-    if held.memory is not memory:
-        assert all(math.isfinite(number) for number in held.memory)
-        assert ENVELOPE.floor_m <= ENVELOPE.home_ned_m[2] - held.memory.down_m <= ENVELOPE.ceiling_m
+    down_m_s, held = hold_altitude(memory, down_m=down_m, envelope=ENVELOPE, dt_s=dt)
+    assert -ENVELOPE.climb_m_s <= down_m_s <= ENVELOPE.descent_m_s
+    if held is not memory:
+        assert all(math.isfinite(number) for number in held)
+        assert ENVELOPE.floor_m <= ENVELOPE.home_ned_m[2] - held.down_m <= ENVELOPE.ceiling_m

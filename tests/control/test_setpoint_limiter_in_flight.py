@@ -275,9 +275,9 @@ def test_five_minutes_of_level_flight_keep_the_height_that_bare_velocity_loses()
     for step in range(round(300.0 / DT_S)):
         sink = 0.087 + (0.2 if 100.0 < step * DT_S < 160.0 else 0.0)
         bare.step((5.0, 0.0, 0.0), (0.0, 0.0, sink))
-        out = hold_altitude(memory, down_m=held.position[2] + noise.gauss(0.0, 0.05), envelope=ENVELOPE, dt_s=DT_S)
-        memory = out.memory
-        held.step((5.0, 0.0, out.velocity_down_m_s), (0.0, 0.0, sink))
+        seen_m = held.position[2] + noise.gauss(0.0, 0.05)
+        down_m_s, memory = hold_altitude(memory, down_m=seen_m, envelope=ENVELOPE, dt_s=DT_S)
+        held.step((5.0, 0.0, down_m_s), (0.0, 0.0, sink))
         errors.append(held.position[2] + 20.0)
     assert bare.position[2] + 20.0 > 25.0
     assert max(abs(error) for error in errors) < 0.5
@@ -285,14 +285,13 @@ def test_five_minutes_of_level_flight_keep_the_height_that_bare_velocity_loses()
 
 
 def test_a_hold_starts_at_the_vehicle_and_reaches_its_height_without_overshoot():
-    begun = hold_altitude(None, down_m=-17.0, envelope=ENVELOPE, dt_s=DT_S)
+    begun = _, memory = hold_altitude(None, down_m=-17.0, envelope=ENVELOPE, dt_s=DT_S)
     assert begun == (0.0, (-17.0, 0.0))
-    assert hold_altitude(begun.memory, down_m=-18.0, envelope=ENVELOPE, dt_s=DT_S)[0] > 0.5
+    assert hold_altitude(memory, down_m=-18.0, envelope=ENVELOPE, dt_s=DT_S)[0] > 0.5
     vehicle, memory, heights = Vehicle(), AltitudeHold(-30.0, 0.0), []
     for _ in range(1500):
-        out = hold_altitude(memory, down_m=vehicle.position[2], envelope=ENVELOPE, dt_s=DT_S)
-        memory = out.memory
-        vehicle.step((0.0, 0.0, out.velocity_down_m_s))
+        down_m_s, memory = hold_altitude(memory, down_m=vehicle.position[2], envelope=ENVELOPE, dt_s=DT_S)
+        vehicle.step((0.0, 0.0, down_m_s))
         heights.append(-vehicle.position[2])
     assert max(heights) < 30.3
     assert heights[-1] == pytest.approx(30.0, abs=0.05)
@@ -300,15 +299,15 @@ def test_a_hold_starts_at_the_vehicle_and_reaches_its_height_without_overshoot()
 
 @pytest.mark.parametrize(("down_m", "held_m"), [(-1.0, -3.0), (-70.0, -40.0)])
 def test_a_hold_brings_back_what_is_outside_floor_and_ceiling(down_m, held_m):
-    out = hold_altitude(None, down_m=down_m, envelope=ENVELOPE, dt_s=DT_S)
-    assert out.memory.down_m == held_m
-    assert out.velocity_down_m_s * (held_m - down_m) > 0.0
-    assert -3.0 <= out.velocity_down_m_s <= 1.5
+    down_m_s, memory = hold_altitude(None, down_m=down_m, envelope=ENVELOPE, dt_s=DT_S)
+    assert memory.down_m == held_m
+    assert down_m_s * (held_m - down_m) > 0.0
+    assert -3.0 <= down_m_s <= 1.5
 
 
 @pytest.mark.parametrize("down_m", [math.nan, math.inf, -1e9])
 def test_a_hold_without_a_height_commands_no_motion_and_forgets_nothing(down_m):
-    memory = hold_altitude(None, down_m=-17.0, envelope=ENVELOPE, dt_s=DT_S).memory
+    _, memory = hold_altitude(None, down_m=-17.0, envelope=ENVELOPE, dt_s=DT_S)
     out = hold_altitude(memory, down_m=down_m, envelope=ENVELOPE, dt_s=DT_S)
     assert out == (0.0, memory)
     assert hold_altitude(None, down_m=down_m, envelope=ENVELOPE, dt_s=DT_S) == (0.0, None)
@@ -317,8 +316,8 @@ def test_a_hold_without_a_height_commands_no_motion_and_forgets_nothing(down_m):
 def test_the_trim_of_a_hold_does_not_wind_up():
     memory = AltitudeHold(-20.0, 0.0)
     for _ in range(5000):  # a vehicle that cannot climb, a metre below
-        memory = hold_altitude(memory, down_m=-19.0, envelope=ENVELOPE, dt_s=DT_S).memory
+        _, memory = hold_altitude(memory, down_m=-19.0, envelope=ENVELOPE, dt_s=DT_S)
     assert memory.trim_m_s == -0.5
     for _ in range(5000):  # far away it waits
-        memory = hold_altitude(memory, down_m=-10.0, envelope=ENVELOPE, dt_s=DT_S).memory
+        _, memory = hold_altitude(memory, down_m=-10.0, envelope=ENVELOPE, dt_s=DT_S)
     assert memory.trim_m_s == -0.5
