@@ -87,7 +87,7 @@ def ask(
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
-    from guidance.session.control_socket import ENDPOINT, TIMEOUT_S, ask_here, own_name  # noqa: PLC0415 - only orders
+    from guidance.session.control_socket import ENDPOINT, ask_here, own_name  # noqa: PLC0415 - only orders
 
     given: dict[str, Any] = {"endpoint": endpoint or ENDPOINT, "token_file": token_file}
     by = own_name("ctl")
@@ -98,11 +98,10 @@ def ask(
     from guidance.session import control_bus  # noqa: PLC0415
 
     given["credentials"] = read_credentials(zenoh)
-    if team is None:
-        return [control_bus.ask(order, name=name, by=by, **given)]
     with control_bus.join_session(**given) as session:
-        names = [] if name is None else name.split(",")
-        return control_bus.order_team(session, order, team, names, by=by, timeout_s=TIMEOUT_S)
+        if team is None:
+            return [control_bus.ask(session, order, name, endpoint=given["endpoint"], by=by)]
+        return control_bus.order_team(session, order, team, [] if name is None else name.split(","), by=by)
 
 
 def show(answer: Mapping[str, Any]) -> int:

@@ -17,7 +17,7 @@ import zenoh
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_wire import close_all, direct_session, open_session
+from guidance.links.zenoh_wire import Session, close_all, direct_session, open_session
 from guidance.session import control_socket as local
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
 from guidance.session.vehicle_file import Control
@@ -27,7 +27,7 @@ _TEAM: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
 
 
-def host_session(endpoint: str, token: local.ControlToken | None = None) -> "zenoh.Session":
+def host_session(endpoint: str, token: local.ControlToken | None = None) -> Session:
     """Listen as a router at one endpoint only; without a token every user of this computer may join.
 
     Raises:
@@ -53,7 +53,7 @@ class OwnerToken:
         LinkError: If another daemon owns it already.
     """
 
-    def __init__(self, session: "zenoh.Session", vehicle: str) -> None:
+    def __init__(self, session: Session, vehicle: str) -> None:
         mine = f"{vehicle}/owner/{session.zid()}"
         liveliness = session.liveliness()
         # Claim first, then look: of two that start together at least one sees the other.
@@ -77,7 +77,7 @@ def control_bus(
     credentials: Credentials = NO_CREDENTIALS,
     team: str = "",
     mates: Collection[str] = (),
-) -> Iterator["zenoh.Session"]:
+) -> Iterator[Session]:
     """Take orders to the mailbox and answers back; on this computer by a socket too.
 
     Args:
@@ -134,7 +134,7 @@ def control_bus(
 @contextlib.contextmanager
 def opened(
     mailboxes: Mapping[str, Mailbox], endpoint: str | None, on_open: Callable[[str], None], team: str
-) -> Iterator[Mapping[str, "zenoh.Session"]]:
+) -> Iterator[Mapping[str, Session]]:
     """Take orders for vehicles at an endpoint, or at a free one if another process listens there; None takes none.
 
     The first vehicle listens, and the others join. `on_open` is called with the endpoint. Without a team its name is
@@ -144,7 +144,7 @@ def opened(
         OutputError: If the token or the socket cannot be written.
         LinkError: If it cannot listen at any endpoint.
     """
-    buses: dict[str, zenoh.Session] = {}
+    buses: dict[str, Session] = {}
     with contextlib.ExitStack() as closing:
         for name, mailbox in mailboxes.items() if endpoint is not None else ():
             bus = partial(control_bus, name, mailbox, team=team, mates=mailboxes)
@@ -167,18 +167,13 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def control_key(name: str, order: str) -> str:
-    """Return the query key of an order."""
-    return f"guidance/{name}/ctl/{order}"
-
-
 def join_session(
     endpoint: str,
     token_file: Path | None = None,
     credentials: Credentials = NO_CREDENTIALS,
     *,
     timeout_s: float = JOIN_LIMIT_S,
-) -> "zenoh.Session":
+) -> Session:
     """Join the control bus of a daemon, with its token where it has one, or by a router that knows our certificate.
 
     Raises:
@@ -200,48 +195,38 @@ def join_session(
 
 
 def ask(
-    order: str,
-    *,
-    endpoint: str,
-    name: str | None,
-    timeout_s: float = local.TIMEOUT_S,
-    token_file: Path | None = None,
-    credentials: Credentials = NO_CREDENTIALS,
-    by: str = "",
-) -> Mapping[str, Any]:
+    session: Session, order: str, name: str | None, *, endpoint: str, by: str = "", timeout_s: float = local.TIMEOUT_S
+) -> dict[str, Any]:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
 
     Args:
+        session: On the bus of the daemons.
         order: One of `WORDS`.
-        endpoint: Where the daemon listens for orders.
         name: The daemon's; None takes the only one there is.
-        timeout_s: Time limit for the answer.
-        token_file: Path of the token, if not the default.
-        credentials: For a router that judges certificates, in place of a token.
+        endpoint: Where the daemon listens for orders, for the message.
         by: Name of the person or program, for log and record.
+        timeout_s: Time limit for the answer.
 
     Raises:
-        ConfigError: If there are several daemons and no name, or the token may not be read.
-        LinkError: If no answer comes, or the token is wrong.
+        ConfigError: If there are several daemons and no name.
+        LinkError: If no answer comes.
     """
-    with join_session(endpoint, token_file, credentials) as session:
-        if name is None:
-            # Never an order to all: first find out who is there.
-            there = answers(session, control_key("*", local.STATUS), timeout_s)
-            names = sorted(str(answer["name"]) for answer in there)
-            if not names:
-                raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
-            if len(names) > 1:
-                raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
-            name = names[0]
-        answered = answers(session, control_key(name, order), timeout_s, by)
+    if name is None:
+        # Never an order to all: first find out who is there.
+        names = sorted(str(answer["name"]) for answer in answers(session, "*", local.STATUS, timeout_s))
+        if not names:
+            raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
+        if len(names) > 1:
+            raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
+        name = names[0]
+    answered = answers(session, name, order, timeout_s, by)
     if not answered:
         raise LinkError(f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?")
     return answered[0]
 
 
 def order_team(
-    session: "zenoh.Session", order: str, team: str, names: Collection[str], *, by: str = "", timeout_s: float
+    session: Session, order: str, team: str, names: Collection[str], *, by: str = "", timeout_s: float = local.TIMEOUT_S
 ) -> list[dict[str, Any]]:
     """Give an order to a team on a session; return an answer for each vehicle.
 
@@ -260,8 +245,7 @@ def order_team(
     """
 
     def asked(word: str) -> dict[str, dict[str, Any]]:
-        keys = [control_key(name, word) for name in names or "*"]
-        found = [one for key in keys for one in answers(session, f"{key}?{_TEAM}={team}", timeout_s, by)]
+        found = [one for name in names or "*" for one in answers(session, name, word, timeout_s, by, team)]
         if not found:
             raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
         silent = {"accepted": False, "order": word, "state": "not heard", "reason": f"no answer in {timeout_s:g} s"}
@@ -279,7 +263,24 @@ def order_team(
     return list(asked(order).values())
 
 
-def answers(session: Any, key: str, timeout_s: float, by: str = "") -> list[dict[str, Any]]:  # noqa: ANN401 - zenoh.Session
-    """Ask on the control key of one daemon, or of several, and return every answer; `by` names who orders."""
+def answers(
+    session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = ""
+) -> list[dict[str, Any]]:
+    """Ask a daemon, or all for the name "*", and return every answer.
+
+    Args:
+        session: On the bus of the daemons.
+        name: The daemon's.
+        order: One of `WORDS`.
+        timeout_s: Time limit for the answers.
+        by: Name of the person or program who orders.
+        team: Name of a team: only its vehicles answer.
+    """
+    key = control_key(name, order) + (f"?{_TEAM}={team}" if team else "")
     replies = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=by.encode() if by else None)
     return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+
+
+def control_key(name: str, order: str) -> str:
+    """Return the query key of an order."""
+    return f"guidance/{name}/ctl/{order}"

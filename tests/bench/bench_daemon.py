@@ -207,7 +207,7 @@ def daemon(
     link: str, wire: str, port: int, evader_port: int, more: str = "", *, cycles: Path | None = None
 ) -> Iterator[int]:
     """`guidance run`, brought up and engaged; `more` is added to its configuration, `cycles` get a row for each."""
-    from guidance.session.control_bus import ask
+    from tests.harness.bus import ask
 
     control_port = free_port(socket.SOCK_STREAM)
     config = CONFIG.format(link=link, url=url_of(wire, port), evader_port=evader_port, control_port=control_port)

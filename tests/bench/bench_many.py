@@ -27,7 +27,7 @@ from footprint import footprint
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.log.writer import Recorder
-from guidance.session.control_bus import answers, ask, control_key, join_session
+from guidance.session.control_bus import answers, join_session
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.mission import Mission
 from guidance.session.orders import Mailbox
@@ -36,7 +36,7 @@ from guidance.session.service import reload
 from guidance.session.vehicle_file import Control, load_vehicle
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
-from tests.harness.bus import ControlBus
+from tests.harness.bus import ControlBus, ask
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.toml"
 MOST_MB = 2.0
@@ -155,7 +155,7 @@ def orders(wanted: int, within_s: float) -> bool:
             if number % 10 == 0:
                 answered = ask(word, endpoint=at, name="bench")
             else:
-                answered = answers(session, control_key("bench", word), 5.0)[0]
+                answered = answers(session, "bench", word, 5.0)[0]
             assert answered["order"] == word
 
         try:

@@ -32,13 +32,14 @@ from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_session
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.reader import scan
-from guidance.session.control_bus import ask, free_endpoint, join_session
+from guidance.session.control_bus import free_endpoint, join_session
 from guidance.session.control_socket import token_path
 from guidance.team.messages import EvaderMessage, Message, RolesMessage, StateMessage, VehicleRole, decode, encode
 from sitl_mock.child import RunningFleet, free_udp_port, running
 from sitl_mock.world import DEFAULT_HOME
 from tests.acceptance.relay import wait
 from tests.bench.bench_links import SETPOINT, processor_s
+from tests.harness.bus import ask
 from tests.harness.vehicle import FENCED, document, mocked
 
 GUIDANCE = Path(sys.executable).parent / "guidance"

@@ -22,8 +22,8 @@ import numpy as np
 
 from guidance.errors import GuidanceError
 from guidance.log import cycles_of, survey_of
-from guidance.session.control_bus import ask
 from sitl_mock.child import RunningFleet, running
+from tests.harness.bus import ask
 from tests.harness.vehicle import mocked, write_file
 
 PROGRAM = [sys.executable, "-c", "from guidance.cli import main; main()"]

@@ -1,8 +1,9 @@
-"""A control bus that a test opens and closes."""
+"""A control bus that a test opens and closes, and orders over it."""
 
 import contextlib
 
-from guidance.session.control_bus import control_bus
+from guidance.session import control_bus
+from guidance.session.control_socket import TIMEOUT_S
 
 
 class ControlBus:
@@ -10,7 +11,13 @@ class ControlBus:
 
     def __init__(self, *given, **more):
         self._open = contextlib.ExitStack()
-        self.session = self._open.enter_context(control_bus(*given, **more))
+        self.session = self._open.enter_context(control_bus.control_bus(*given, **more))
 
     def close(self):
         self._open.close()
+
+
+def ask(order, *, endpoint, name, timeout_s=TIMEOUT_S, **joining):
+    """Give an order on a session of its own; more arguments as of `join_session`."""
+    with control_bus.join_session(endpoint, **joining) as session:
+        return control_bus.ask(session, order, name, endpoint=endpoint, timeout_s=timeout_s)

@@ -27,12 +27,12 @@ from guidance.links.zenoh_access import (
 )
 from guidance.links.zenoh_wire import open_router, open_session, session_to
 from guidance.log.broadcast import Broadcast, LiveFlight
-from guidance.session.control_bus import OwnerToken, ask, join_session
+from guidance.session.control_bus import OwnerToken, join_session
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.transports.zenoh_session import ZenohEndpoint, read_keys
-from tests.harness.bus import ControlBus
+from tests.harness.bus import ControlBus, ask
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 

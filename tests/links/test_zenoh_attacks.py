@@ -14,10 +14,10 @@ from guidance.links.keys import Validity, make_keys
 from guidance.links.opening import open_source, open_wire
 from guidance.links.zenoh_access import Credentials, read_credentials
 from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.control_bus import OwnerToken, ask
+from guidance.session.control_bus import OwnerToken
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
-from tests.harness.bus import ControlBus
+from tests.harness.bus import ControlBus, ask
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 

@@ -13,12 +13,12 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.session import orders
-from guidance.session.control_bus import OwnerToken, answers, ask, control_key, opened
+from guidance.session.control_bus import OwnerToken, answers, control_key, opened
 from guidance.session.control_bus import join_session as open_session
 from guidance.session.control_socket import TIMEOUT_S, ask_here
 from guidance.session.orders import ANSWER_LIMIT_S, Mailbox
 from guidance.session.vehicle_file import Control
-from tests.harness.bus import ControlBus
+from tests.harness.bus import ControlBus, ask
 
 
 @pytest.fixture
@@ -171,13 +171,13 @@ def test_100_of_100_holds_are_accepted_over_zenoh_while_32_clients_poll(daemon, 
 
     def poll():
         while polling.is_set():
-            answers(session, control_key("uav1", "status"), 4.0)
+            answers(session, "uav1", "status", 4.0)
 
     try:
         with ThreadPoolExecutor(32) as pool:
             for _ in range(32):
                 pool.submit(poll)
-            holds = [answers(session, control_key("uav1", "hold"), 4.0) for _ in range(100)]
+            holds = [answers(session, "uav1", "hold", 4.0) for _ in range(100)]
             polling.clear()
         assert [hold["accepted"] for (hold,) in holds] == [True] * 100
     finally:

@@ -18,9 +18,9 @@ from guidance.errors import LinkError
 from guidance.links.opening import open_wire, wait_until_heard
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Parameter, ParameterRequest, ParameterSet
-from guidance.session.control_bus import ask
 from guidance.session.control_socket import STATUS
 from sitl_mock.child import running
+from tests.harness.bus import ask
 from tests.harness.command import guidance
 from tests.harness.vehicle import FENCED, mocked, write_file
 

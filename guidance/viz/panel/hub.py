@@ -23,7 +23,7 @@ from guidance.links.zenoh_wire import is_over
 from guidance.log import EventEntry, Item
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER
-from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session, order_team
+from guidance.session.control_bus import JOIN_LIMIT_S, answers, join_session, order_team
 from guidance.session.control_socket import ALIVE, STATUS
 from guidance.viz.panel.snapshot import HISTORY, Plain, SnapshotFold, event_row, history_row, level_of, of_operator
 
@@ -97,7 +97,7 @@ class DaemonBus:
         try:
             if team:
                 return order_team(session, order, team, (), by=by, timeout_s=ORDER_LIMIT_S)
-            answered = answers(session, control_key(name, order), ORDER_LIMIT_S, by)
+            answered = answers(session, name, order, ORDER_LIMIT_S, by)
         except (zenoh.ZError, ValueError) as error:
             raise LinkError(f"{name} at {self.endpoint}: the order was not sent ({error})") from error
         if not answered:
@@ -139,8 +139,8 @@ class DaemonBus:
         """Send signs of life, and query all status; return whether a daemon answered."""
         for name in self._known:
             if self._clock.now_s() - self._operator_seen_s.get(name, -math.inf) <= OPERATOR_LIMIT_S:
-                answers(session, control_key(name, ALIVE), ANSWER_LIMIT_S)
-        statuses = answers(session, control_key("*", STATUS), ANSWER_LIMIT_S)
+                answers(session, name, ALIVE, ANSWER_LIMIT_S)
+        statuses = answers(session, "*", STATUS, ANSWER_LIMIT_S)
         self.reason = "" if statuses else "no answer"
         named = {str(status["name"]): status for status in statuses if "name" in status}
         self._known &= named.keys()  # one that was away may have restarted
