@@ -18,11 +18,10 @@ from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sim.outcome import Outcome
 from guidance.sweeps.axes import Array
-from guidance.sweeps.folder import END, PAIR, POINT, SEED, Folder, read_folder, read_json
+from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, SEED, Folder, read_folder, read_json
 from guidance.sweeps.plan import ROW, Plan
 
 CONFIDENCE: Final = 0.95
-CAPTURED: Final = "captured"
 COLUMNS: Final = tuple(name for name, kind in Outcome.__annotations__.items() if kind is float)
 """Columns whose means are compared."""
 
@@ -45,14 +44,21 @@ def share(successes: int, of: int) -> Interval:
     return Interval(successes / of, *stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson"))
 
 
+def known(numbers: Array) -> Array:
+    """Return the numbers that are known."""
+    return numbers[np.isfinite(numbers)]
+
+
 def mean(numbers: Array) -> Interval:
-    """Return a mean with Student's t interval."""
+    """Return the mean of the known numbers with Student's t interval."""
+    numbers = known(numbers)
     average = float(numbers.mean()) if numbers.size else math.nan
     return _interval(average, float(stats.sem(numbers)) if numbers.size > 1 else math.nan, numbers.size - 1)
 
 
 def difference_of_means(a: Array, b: Array) -> Interval:
-    """Return mean b − mean a of independent samples with Welch's t interval."""
+    """Return mean b − mean a of the known numbers of independent samples with Welch's t interval."""
+    a, b = known(a), known(b)
     if min(a.size, b.size) < 2:
         return Interval(float(b.mean() - a.mean()) if a.size and b.size else math.nan)
     apart, errors = float(b.mean() - a.mean()), np.array([stats.sem(a), stats.sem(b)]) ** 2
@@ -85,7 +91,7 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
             raise ConfigError(f"{folder.path}: has teams, whose rows are evaders; use guidance sweep report for each")
     matched = matched_pairs(a.plan, b.plan)
     paired = bool(matched) and a.plan.axes == b.plan.axes
-    tables = [_read(folder) for folder in (a, b)]
+    tables = [folder.table(COLUMNS) for folder in (a, b)]
     groups, largest = [], list[dict[str, Any]]()
     if not matched:
         groups.append(_group("all rows", "all rows", *tables, paired=False))
@@ -115,20 +121,12 @@ def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
     return shared or {number: number for number in range(len(a.pairs)) if len(a.pairs) == len(b.pairs)}
 
 
-def _read(folder: Folder) -> pa.Table:
-    table = folder.table([ROW, END, *COLUMNS])
-    captured = pc.cast(pc.equal(table[END], CAPTURED), pa.float64())
-    return table.append_column(CAPTURED, pc.if_else(pc.equal(table[END], "invalid"), math.nan, captured))
-
-
 def _group(name_a: str, name_b: str, a: pa.Table, b: pa.Table, *, paired: bool) -> dict[str, Any]:
     columns = {}
     for name in (CAPTURED, *COLUMNS):
         of_a, of_b = a[name].to_numpy(), b[name].to_numpy()
-        known = [numbers[np.isfinite(numbers)] for numbers in (of_a, of_b)]
-        apart = of_b - of_a if paired else np.empty(0)
-        difference = mean(apart[np.isfinite(apart)]) if paired else difference_of_means(*known)
-        columns[name] = {"a": mean(known[0]).estimate, "b": mean(known[1]).estimate, "difference": difference}
+        difference = mean(of_b - of_a) if paired else difference_of_means(of_a, of_b)
+        columns[name] = {"a": mean(of_a).estimate, "b": mean(of_b).estimate, "difference": difference}
     return {"a": name_a, "b": name_b, "rows_a": a.num_rows, "rows_b": b.num_rows, "columns": columns}
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import pyarrow as pa
+import pyarrow.compute as pc
 from pyarrow import parquet
 
 from guidance.errors import ConfigError
@@ -31,8 +32,11 @@ ROWS: Final = "rows"
 """Folder of the Parquet files only, so that other tools can read it as one table."""
 
 END: Final = "end"
+CAPTURED: Final = "captured"
 PAIR, POINT, SEED = "pair", "point", "case_seed"
-"""Columns that `Folder.table` adds: number of the pair of policies, of the grid point, and the seed."""
+"""Columns that `Folder.table` adds: number of the pair of policies, of the grid point, and the seed. `CAPTURED` is 1 or
+0, and NaN in an invalid row.
+"""
 
 _FORMAT: Final = 1
 
@@ -115,13 +119,14 @@ class Folder:
         return sorted((self.path / ROWS).glob("part-*.parquet"))
 
     def table(self, columns: Sequence[str]) -> pa.Table:
-        """Read columns of all rows, with `PAIR`, `POINT` and `SEED`; texts but the end are dictionary encoded."""
-        encoded = {*columns} - {END}
-        texts = [one.name for one in self.plan.schema if pa.types.is_string(one.type) and one.name in encoded]
-        table = parquet.read_table(self.parts, columns=list(columns), read_dictionary=texts).unify_dictionaries()
+        """Read `ROW`, `END` and other columns of all rows, and add four; texts but the end are dictionary encoded."""
+        texts = [one.name for one in self.plan.schema if pa.types.is_string(one.type) and one.name in columns]
+        names = [ROW, END, *columns]
+        table = parquet.read_table(self.parts, columns=names, read_dictionary=texts).unify_dictionaries()
         for name, values in zip((PAIR, POINT, SEED), self.plan.places(table[ROW].to_numpy()), strict=True):
             table = table.append_column(name, pa.array(values))
-        return table
+        captured = pc.cast(pc.equal(table[END], CAPTURED), pa.float64())
+        return table.append_column(CAPTURED, pc.if_else(pc.equal(table[END], "invalid"), math.nan, captured))
 
 
 def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:

@@ -17,11 +17,10 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, ValidationInfo, WithJsonSchema, field_validator
 
-from guidance.config import Section, as_toml, find, parse, read
-from guidance.errors import ConfigError
+from guidance.config import Section
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import EvaderPolicy, PursuerPolicy, Scenario
-from guidance.sim.scenario_file import has_teams, load_any
+from guidance.sim.scenario_file import has_teams
 from guidance.sim.teams import TeamOutcome, TeamScenario
 from guidance.sweeps.axes import Axis, Distribution, flat, grid_values, path_of
 
@@ -35,9 +34,6 @@ Rows = NDArray[np.intp]
 _TYPES: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 
 
-Pursuers = PursuerPolicy | tuple[PursuerPolicy, ...]
-
-
 class Pair(NamedTuple):
     """Policies of both players."""
 
@@ -48,7 +44,9 @@ class Pair(NamedTuple):
 class Policies(Section):
     """Policies of both players; every pursuer's policy plays every evader's."""
 
-    pursuer: Pursuers = Field((), description="one or several; default: the scenario's own")
+    pursuer: PursuerPolicy | tuple[PursuerPolicy, ...] = Field(
+        (), description="one or several; default: the scenario's own"
+    )
     evader: EvaderPolicy | tuple[EvaderPolicy, ...] = Field((), description="likewise")
 
 
@@ -234,25 +232,3 @@ def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the
 def plan_of(document: Mapping[str, Any]) -> Plan:
     """Return the plan of a sweep's manifest."""
     return Plan.model_validate({**document["sweep"], "as": document["as"], "scenario": document["scenario"]})
-
-
-def load_sweep(name: str, way: str | None = None) -> Plan:
-    """Read a sweep by path, or by the name of one that comes with the package.
-
-    Args:
-        name: Of the sweep; a scenario beside its file is preferred.
-        way: Overrides the file's.
-
-    Raises:
-        ConfigError: If there is none, a key or the scenario is wrong, a key is swept twice, or `rows` is not a multiple
-            of the combinations.
-    """
-    path = find(name, FOLDER)
-    text, document = read(path)
-    document |= {} if way is None else {"as": way}
-    if isinstance(scenario := document.get("scenario"), str):
-        beside = path.parent / scenario
-        document["scenario"] = load_any(str(beside) if beside.is_file() else scenario)[1].model_dump(mode="json")
-    elif scenario is not None:
-        raise ConfigError(f"{path}: scenario = {as_toml(scenario)}: must be a scenario's name or path")
-    return parse(Plan, document, source=str(path), text=text)

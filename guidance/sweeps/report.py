@@ -19,9 +19,9 @@ from guidance.files import private_folder, writing
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.compare import CAPTURED, Interval, cell, mean, share, spread
+from guidance.sweeps.compare import Interval, cell, known, mean, share, spread
 from guidance.sweeps.drawing import Key, draw_all, key_label
-from guidance.sweeps.folder import END, PAIR, POINT, Folder, read_folder, write_whole
+from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, Folder, read_folder, write_whole
 from guidance.sweeps.plan import ROW, Plan
 from guidance.sweeps.rows import scenario_of
 
@@ -30,14 +30,13 @@ _SHOWN: Final = {"5 %": "0.05", "median": "0.5", "95 %": "0.95", "max": "1"}
 _BINS: Final = 10
 _ROUNDING: Final = 5e-5
 """Smaller regrets are rounding errors."""
-_COLUMNS: Final = ("end", "predicted_winner", "regret", "evader_to_target_m", "game_time_s", "reason")
-Rows = list[tuple[str, ...]]
-
-_EITHER: Final = {
-    "predicted": ("predicted_capture_time_s", "predicted_evader_to_target_m"),
-    "away_m": ("evader_to_target_m", "distance_to_disc_m"),
+_COLUMNS: Final = ("predicted_winner", "regret", "game_time_s", "reason")
+_OF_GAME: Final = {
+    "pe": ("predicted_capture_time_s", "distance_to_disc_m"),
+    "tad": ("predicted_evader_to_target_m", "evader_to_target_m"),
 }
-"""Columns of which a game of two players fills one."""
+"""Columns of the predicted value, and of the distance that orders lost games."""
+Rows = list[tuple[str, ...]]
 
 
 def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
@@ -55,7 +54,10 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     """
     folder = read_folder(path)
     plan = folder.plan
-    table = _read(folder)
+    swept = [column for axis in plan.axes for column in axis.columns()]
+    of_game = ("predicted", "evader_to_target_m") if plan.teams else _OF_GAME[plan.scenario["game"]]
+    table = folder.table([*swept, *_COLUMNS, *of_game])
+    table = table.rename_columns(dict(zip(of_game, ("predicted", "away_m"), strict=True)))
     keys = [key for axis in plan.axes for key in _keys(plan, axis, table)]
     with writing(f"--out {out}"):
         private_folder(out)
@@ -71,17 +73,6 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     else:
         _show(console(), report, keys)
     return [out / "report.json", *pictures, *(out / case["file"] for case in cases)]
-
-
-def _read(folder: Folder) -> pa.Table:
-    swept, teams = [column for axis in folder.plan.axes for column in axis.columns()], folder.plan.teams
-    predicted = ("predicted",) if teams else (*_EITHER["predicted"], "distance_to_disc_m")
-    table = folder.table([ROW, *swept, *_COLUMNS, *predicted])
-    for name, (first, second) in () if teams else _EITHER.items():
-        table = table.append_column(name, pc.if_else(pc.is_nan(table[first]), table[second], table[first]))
-    for name, counted in (("game", pc.not_equal(table[END], "invalid")), (CAPTURED, pc.equal(table[END], CAPTURED))):
-        table = table.append_column(name, pc.cast(counted, pa.int64()))
-    return table
 
 
 def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
@@ -148,23 +139,23 @@ def _place(key: Key) -> str:
 def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
     names = [PAIR, *map(_place, keys)]
-    sums = [("game", "sum"), (CAPTURED, "sum"), ("regret", "list"), ("predicted", "mean"), ("game_time_s", "min_max")]
-    grouped = table.group_by(names).aggregate(sums)
+    sums = [(CAPTURED, "list"), ("regret", "list"), ("predicted", "mean"), ("game_time_s", "min_max")]
+    grouped = table.group_by(names, use_threads=False).aggregate(sums)  # else the last digits of means vary
     mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
     found: dict[int, list[dict[str, Any]]] = {}
     grouped = grouped.sort_by([(name, "ascending") for name in names])
-    for number, row in enumerate(grouped.drop_columns(["regret_list"]).to_pylist()):
+    lists = [grouped[f"{name}_list"] for name in (CAPTURED, "regret")]
+    for number, row in enumerate(grouped.drop_columns(["captured_list", "regret_list"]).to_pylist()):
         at = {key.column: key.labels[row[_place(key)]] for key in keys}
         times = row["game_time_s_min_max"]
         drawn = any(axis.random is not None for axis in plan.axes) or times["min"] != times["max"]
-        regrets = grouped["regret_list"][number].values.to_numpy(zero_copy_only=False)
-        regrets = regrets[np.isfinite(regrets)]
-        captured, regret = share(row["captured_sum"], row["game_sum"]), mean(regrets)
+        captures, regrets = (known(one[number].values.to_numpy(zero_copy_only=False)) for one in lists)
+        captured, regret = share(int(captures.sum()), captures.size), mean(regrets)
         if not drawn or mixed or plan.teams:
             captured, regret = Interval(captured.estimate), Interval(regret.estimate)
         quantiles = np.quantile(regrets, QUANTILES).tolist() if regrets.size else []
         summary = {
-            "games": row["game_sum"],
+            "games": captures.size,
             "capture": captured,
             "predicted_mean": row["predicted_mean"],
             "regret_games": regrets.size,
@@ -194,8 +185,8 @@ def _written_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> It
     plan, end, regret = folder.plan, np.array(table[END].to_pylist()), table["regret"].to_numpy()
     foretold = np.array(table["predicted_winner"].to_pylist()) == "pursuer"
     lost = foretold & ~np.isin(end, [CAPTURED, "invalid"])
-    away_m = table["evader_to_target_m" if plan.teams else "away_m"].to_numpy()
-    row, pair, badness = table[ROW].to_numpy(), table[PAIR].to_numpy(), np.nan_to_num(np.where(lost, away_m, regret))
+    row, pair = table[ROW].to_numpy(), table[PAIR].to_numpy()
+    badness = np.nan_to_num(np.where(lost, table["away_m"].to_numpy(), regret))
     order = np.lexsort((row, -badness, ~lost))
     order = order[(lost | np.isfinite(regret))[order]]
     best = np.sort(np.concatenate([np.flatnonzero(pair[order] == number)[:count] for number in range(len(plan.pairs))]))

@@ -15,14 +15,15 @@ from pyarrow import parquet
 from pydantic import ValidationError
 
 from guidance.clock import VirtualClock
-from guidance.config import Section, explain, parse
+from guidance.config import Section, as_toml, explain, find, parse, read
 from guidance.errors import ConfigError, GuidanceError
 from guidance.sim.maths import play
 from guidance.sim.outcome import Outcome, outcome_of
 from guidance.sim.scenario import PURSUER, Scenario
+from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamOutcome, TeamScenario, play_teams
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.plan import Cases, Pair, Plan, load_sweep, policy_in
+from guidance.sweeps.plan import FOLDER, Cases, Pair, Plan, policy_in
 
 _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 _SAMPLE: Final = 1000
@@ -96,18 +97,28 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
 
 
 def planned(name: str, way: str | None = None) -> Plan:
-    """Read a sweep by path or name; refuse unknown policies and keys, and values outside a key's range.
+    """Read a sweep by path, or by the name of one that comes with the package.
 
-    Rules between keys, as the speed ratio, are checked row by row: such a row is invalid.
+    Unknown policies and keys, and values outside a key's range, are refused. Rules between keys, as the speed ratio,
+    are checked row by row: such a row is invalid.
 
     Args:
-        name: Of the sweep.
+        name: Of the sweep; a scenario beside its file is preferred.
         way: Overrides the file's.
 
     Raises:
-        ConfigError: One line for each fault, with the key, the value and what is allowed.
+        ConfigError: If there is none, or its scenario is wrong; or one line for each fault, with the key, the value and
+            what is allowed.
     """
-    plan = load_sweep(name, way)
+    path = find(name, FOLDER)
+    text, document = read(path)
+    document |= {} if way is None else {"as": way}
+    if isinstance(scenario := document.get("scenario"), str):
+        beside = path.parent / scenario
+        document["scenario"] = load_any(str(beside) if beside.is_file() else scenario)[1].model_dump(mode="json")
+    elif scenario is not None:
+        raise ConfigError(f"{path}: scenario = {as_toml(scenario)}: must be a scenario's name or path")
+    plan = parse(Plan, document, source=str(path), text=text)
     base = _with_policies(plan.scenario, plan.pairs[0])
     faults = [one for axis in plan.axes for value in axis.extremes for one in _faults(plan.model, base, axis, value)]
     if faults:
