@@ -119,10 +119,8 @@ class Folder:
         return sorted((self.path / ROWS).glob("part-*.parquet"))
 
     def table(self, columns: Sequence[str]) -> pa.Table:
-        """Read `ROW`, `END` and other columns of all rows, and add four; texts but the end are dictionary encoded."""
-        texts = [one.name for one in self.plan.schema if pa.types.is_string(one.type) and one.name in columns]
-        names = [ROW, END, *columns]
-        table = parquet.read_table(self.parts, columns=names, read_dictionary=texts).unify_dictionaries()
+        """Read `ROW`, `END` and other columns of all rows, and add `PAIR`, `POINT`, `SEED` and `CAPTURED`."""
+        table = parquet.read_table(self.parts, columns=[ROW, END, *columns])
         for name, values in zip((PAIR, POINT, SEED), self.plan.places(table[ROW].to_numpy()), strict=True):
             table = table.append_column(name, pa.array(values))
         captured = pc.cast(pc.equal(table[END], CAPTURED), pa.float64())

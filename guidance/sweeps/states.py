@@ -254,7 +254,7 @@ def _team_answers(game: Game, chunk: pa.Table, target: Array | None, lost: set[i
     there = np.concatenate([np.isfinite(places).any(axis=-1) for places in (P, E)], axis=1)
     patterns, kinds = np.unique(there, axis=0, return_inverse=True)
     for number, pattern in enumerate(patterns):
-        row = np.array([one for one in np.flatnonzero(kinds.reshape(-1) == number) if one not in lost], dtype=np.intp)
+        row = np.setdiff1d(np.flatnonzero(kinds.reshape(-1) == number), list(lost))
         pursuers, evaders = np.flatnonzero(pattern[:n]), np.flatnonzero(pattern[n:])
         if not (len(row) and len(pursuers) and len(evaders)):
             continue
@@ -265,11 +265,8 @@ def _team_answers(game: Game, chunk: pa.Table, target: Array | None, lost: set[i
         for name, whole in answers.items():
             part = getattr(found, name)
             part = np.append(numbered[name], -1)[part] if name in numbered else part
-            if whole.ndim == 1:
-                whole[row] = part
-            else:
-                of = pursuers if "pursuer" in _TEAM_COLUMNS[name][0] else evaders
-                whole[np.ix_(row, of)] = part[..., : whole.shape[-1]] if whole.ndim == 3 else part
+            of = pursuers if "pursuer" in _TEAM_COLUMNS[name][0] else evaders
+            whole[row if whole.ndim == 1 else np.ix_(row, of)] = part[..., : whole.shape[-1]]
     return {_TEAM_COLUMNS[name][0]: field for name, field in answers.items()}
 
 
