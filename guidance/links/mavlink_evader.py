@@ -1,4 +1,4 @@
-"""Reports of an evader from the MAVLink messages of one system.
+"""Reports of an evader from the MAVLink messages of one system, which may have to be asked for.
 
 TIMESYNC reads the evader's clock once a second, so the age of a report is measured. Its answer is
 attached to the next report if the report's own time agrees with it: some messages carry another clock than TIMESYNC.
@@ -10,13 +10,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Final
 
+from pymavlink.dialects.v20 import common as mavlink
+
 from guidance.links.carriers import Carrier, accepted
-from guidance.links.frames import Frame, FrameReader, SigningKey, Station
+from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
+from guidance.links.pymavlink_link import own_heartbeat
 from guidance.links.requests import TimesyncPeer
 from guidance.messages import EvaderReport, Timesync
 
 OWN_COMPONENT_ID: Final = 195
+GROUND_STATION_ID: Final = 255
+"""Our system id if we ask for reports. The evader's own id would mean a part of the evader."""
+
+ASK_EVERY_S: Final = 1.0
+ASK_AGAIN_S: Final = 3.0
+"""Ask for reports after this time without one: the evader may have restarted."""
+
 _CLOCKS_AGREE_S: Final = 0.1
 _MAX_DELAY_S: Final = 5.0
 
@@ -32,6 +42,7 @@ class MavlinkEvader:
         component_id: The evader's; None accepts any.
         clock: For TIMESYNC; None sends nothing.
         signing_key: Accept only frames signed with it, and sign ours; None does neither.
+        request_rate_hz: Ask the evader for reports at this rate; None waits for them. Needs the clock.
     """
 
     wire: Wire
@@ -41,14 +52,17 @@ class MavlinkEvader:
     component_id: int | None = None
     clock: Clock | None = None
     signing_key: SigningKey | None = None
+    request_rate_hz: float | None = None
 
     def __post_init__(self) -> None:
         """Begin with nothing heard."""
         self._frames = FrameReader((self.carrier.message, "TIMESYNC"))
-        self._station = Station(self.system_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock)
+        own_id = self.system_id if self.request_rate_hz is None else GROUND_STATION_ID
+        self._station = Station(own_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock)
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
         self._sent_s: float | None = None
+        self._reported_s = self._asked_s = -math.inf
         self._impostors = 0
         self._counts: Counter[str] = Counter()
 
@@ -62,11 +76,28 @@ class MavlinkEvader:
             for frame in self._frames.read(data, stream=self.wire.stream):
                 if self._is_meant(frame):
                     reports += self._read(frame, received_s)
-        if self.clock is not None and self._counts["reports"]:
-            now_s = self.clock()
-            if now_s >= self._timesync.next_ask_s:
-                self.wire.send(self._station.pack(self._timesync.ask(now_s)))
+        if self.clock is not None:
+            self._ask(self.clock(), reported=bool(reports))
         return reports
+
+    def _ask(self, now_s: float, *, reported: bool) -> None:
+        """Ask for the evader's clock once it has reported, and for its reports as long as none arrives."""
+        if self._counts["reports"] and now_s >= self._timesync.next_ask_s:
+            self._send(self._timesync.ask(now_s))
+        if reported:
+            self._reported_s = now_s
+        if self.request_rate_hz is None or now_s - self._asked_s < ASK_EVERY_S:
+            return
+        self._asked_s = now_s
+        self._send(own_heartbeat())
+        if now_s - self._reported_s >= ASK_AGAIN_S:
+            self._counts["requests_sent"] += 1
+            asked = getattr(mavlink, f"MAVLINK_MSG_ID_{self.carrier.message}"), 1e6 / self.request_rate_hz
+            command = self.system_id, self.component_id or 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+            self._send(mavlink.MAVLink_command_long_message(*command, 0, *asked, 0, 0, 0, 0, 0))
+
+    def _send(self, message: Fields) -> None:
+        self.wire.send(self._station.pack(message))
 
     def _is_meant(self, frame: Frame) -> bool:
         """Return whether a frame is the evader's, validly signed if there is a key."""

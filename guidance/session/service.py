@@ -8,20 +8,19 @@ import logging
 import os
 import secrets
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from guidance.autopilots.description import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.frames import Amsl, LocalFrame
-from guidance.links import EvaderSource, SigningKey, VehicleLink, Wire, carriers, mavlink_evader, parse
+from guidance.links import EvaderSource, SigningKey, Wire, carriers, parse
+from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import open_link, open_source, open_wire
-from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
@@ -30,7 +29,6 @@ from guidance.links.zenoh_wire import Session, session_to
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.log.writer import Record, Recorder
-from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import OwnerToken, control_bus
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import flight_metadata
@@ -45,10 +43,6 @@ _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metric
 """Sections that are opened at the start: a change of these needs a restart."""
 
 _CLAIM_LIMIT_S = 5.0
-OWN_ID = 255
-"""System id towards the evader: a ground station's. The vehicle's own id would mean a part of the vehicle."""
-
-_MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
 
 
 def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Session]:
@@ -116,19 +110,14 @@ def _open_source(
     if evader.kind in ON_ZENOH:
         return open_source(evader.kind, url, clock=now_s, frame=frame, credentials=credentials)
     carrier = carriers.carrier_of(evader.kind, frame, icao_address=evader.icao_address, id_or_mac=evader.id_or_mac)
-    rate_hz, system_id = evader.request_rate_hz, evader.system_id or 0
+    system_id = evader.system_id or 0
     signed, section = (vehicle, "vehicle") if evader.url is None else (evader, "evader")
     key = signing_key(signed.signing_key_file, section)
     if wire is None:
         wire = open_wire(url, clock=now_s, systems=(system_id,), signing_key=key, credentials=credentials)
-    wire, asked = share(wire, 2) if rate_hz is not None else (wire, wire)
-    ids: dict[str, Any] = {"system_id": system_id, "component_id": evader.component_id}
-    source = mavlink_evader.MavlinkEvader(wire, carrier, **ids, clock=now_s, signing_key=key)
-    if rate_hz is None:
-        return source
-    ids["component_id"] = evader.component_id or 1
-    link = PymavlinkLink(asked, now_s, **ids, own_system_id=OWN_ID, signing_key=key)
-    return PolledEvader(source, link, now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=rate_hz)
+    component_id, rate_hz = evader.component_id, evader.request_rate_hz
+    ids: dict[str, Any] = {"system_id": system_id, "component_id": component_id, "signing_key": key}
+    return MavlinkEvader(wire, carrier, **ids, clock=now_s, request_rate_hz=rate_hz)
 
 
 def _frame(given: EvaderFrame | None) -> LocalFrame:
@@ -148,48 +137,6 @@ def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | Non
     if path is None:
         return None
     return SigningKey.from_hex(text_of(path, f"{section}.signing_key_file = {str(path)!r}", secret=True))
-
-
-ASK_AGAIN_S: Final = 3.0
-"""Repeat the request after this time without a report: the evader may have restarted."""
-
-HEARTBEAT_S: Final = 1.0
-
-
-class PolledEvader:
-    """`EvaderSource` around another, which asks the evader for its reports by a link of its own to it."""
-
-    def __init__(
-        self, source: EvaderSource, link: VehicleLink, clock: Callable[[], float], *, message_id: int, rate_hz: float
-    ) -> None:
-        self._source, self._link, self._clock = source, link, clock
-        parameters = (float(message_id), 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
-        self._request = Command(MAV_CMD_SET_MESSAGE_INTERVAL, parameters)
-        self._asked_s = self._beat_s = float("-inf")
-
-    def receive(self) -> Sequence[EvaderReport]:
-        """As the source's; asks meanwhile."""
-        reports = self._source.receive()
-        self._link.receive()
-        now_s = self._clock()
-        if now_s - self._beat_s >= HEARTBEAT_S:
-            self._beat_s = now_s
-            self._link.send_heartbeat()
-        if reports:
-            self._asked_s = now_s
-        elif now_s - self._asked_s >= ASK_AGAIN_S:
-            self._asked_s = now_s
-            self._link.request(self._request)
-        return reports
-
-    def counters(self) -> Mapping[str, int]:
-        """The source's counters, and the number of requests."""
-        return {**self._source.counters(), "requests_sent": self._link.counters().get("requests_sent", 0)}
-
-    def close(self) -> None:
-        """Close both; may be called twice."""
-        self._source.close()
-        self._link.close()
 
 
 @contextmanager

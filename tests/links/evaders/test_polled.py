@@ -1,10 +1,7 @@
 from guidance.clock import VirtualClock
 from guidance.links import MemoryWire
 from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import share
-from guidance.session.service import ASK_AGAIN_S, PolledEvader
+from guidance.links.mavlink_evader import ASK_AGAIN_S, MavlinkEvader
 from sitl_mock import Home, MockVehicle
 
 
@@ -16,10 +13,8 @@ class Rover:
         home = Home(47.397742, 8.545594, 488.0)
         self.vehicle = MockVehicle("rover", system_id=2, home=home, noise=False, ready_after_s=0.5)
         ours, self._end = MemoryWire.pair(self.clock.now_s)
-        reports, asks = share(ours, 2)
-        source = MavlinkEvader(reports, GLOBAL_POSITION, system_id=2)
-        link = PymavlinkLink(asks, self.clock.now_s, system_id=2, own_system_id=255)
-        self.evader = PolledEvader(source, link, self.clock.now_s, message_id=33, rate_hz=20.0)
+        clock = self.clock.now_s
+        self.evader = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2, clock=clock, request_rate_hz=20.0)
         self.silent = False
 
     def run(self, seconds):
