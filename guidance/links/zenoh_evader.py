@@ -23,8 +23,7 @@ from guidance.errors import ConfigError
 from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, ned_from_game
 from guidance.links.carriers import Refused, accepted, known_velocity, place_in, rotate, standard_deviation
 from guidance.links.port import Clock
-from guidance.links.wires import Arrivals
-from guidance.links.zenoh_wire import Session, close_all
+from guidance.links.zenoh_wire import Session, Subscription, close_all
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 
 PayloadReader = Callable[[bytes, float], EvaderReport]
@@ -49,19 +48,15 @@ class ZenohEvader:
         Raises:
             ConfigError: If the key is not a Zenoh key expression.
         """
-        self._read = read
-        self._arrivals = Arrivals[tuple[float, bytes, str]]()
-        self._counts: Counter[str] = Counter()
+        self._read, self._counts = read, Counter[str]()
         try:
-            subscriber = session.declare_subscriber(
-                key,
-                lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes(), sender(sample))),
-                allowed_origin=zenoh.Locality.REMOTE,
+            self._arrivals = Subscription(
+                session, key, lambda sample: (clock(), sample.payload.to_bytes(), sender(sample)), session.close
             )
         except zenoh.ZError as error:
             close_all(session.close)
             raise ConfigError(f"key = {key!r}: not a Zenoh key expression") from error
-        self._closes = subscriber.undeclare, session.close
+        self.close = self._arrivals.close
 
     def receive(self) -> Sequence[EvaderReport]:
         """Return all reports since the last call, in order of arrival."""
@@ -74,12 +69,6 @@ class ZenohEvader:
     def counters(self) -> Mapping[str, int]:
         """Return the number of reports, and of refused ones by reason."""
         return {"reports": 0, "dropped": self._arrivals.dropped, **self._counts}
-
-    def close(self) -> None:
-        """End the subscription. May be called twice."""
-        if not self._arrivals.closed:
-            self._arrivals.close()
-            close_all(*self._closes)
 
 
 def sender(sample: "zenoh.Sample") -> str:

@@ -5,14 +5,14 @@ Messages are dropped rather than delayed. A token vanishes with its process; a f
 """
 
 import contextlib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
+from functools import partial
 from typing import Any
 
 import zenoh
 
 from guidance.links.port import Clock
-from guidance.links.wires import Arrivals
-from guidance.links.zenoh_wire import Session, close_all
+from guidance.links.zenoh_wire import Session, Subscription
 
 
 class ZenohTeam:
@@ -21,18 +21,16 @@ class ZenohTeam:
     def __init__(self, clock: Clock, session: Session, team: str, vehicle: str, mates: Collection[str]) -> None:
         """Declare the token, and subscribe to the messages and tokens of these mates."""
         self._prefix, self._session, self._mates = f"guidance/team/{team}/", session, frozenset(mates)
-        self._arrivals = Arrivals[tuple[float, str, bytes]]()
         self._alive = {**dict.fromkeys(mates, False), vehicle: True}  # its keys stay, as two threads use it
         liveliness: Any = session.liveliness()
-        self._token = liveliness.declare_token(f"{self._prefix}alive/{vehicle}")
-        self._tokens = liveliness.declare_subscriber(f"{self._prefix}alive/*", self._note, history=True)
-        self._messages = session.declare_subscriber(
-            f"{self._prefix}**",
-            lambda sample: self._arrivals.put(
-                (clock(), str(sample.key_expr).removeprefix(self._prefix), sample.payload.to_bytes())
-            ),
-            allowed_origin=zenoh.Locality.REMOTE,
-        )
+        token = liveliness.declare_token(f"{self._prefix}alive/{vehicle}")
+        tokens = liveliness.declare_subscriber(f"{self._prefix}alive/*", self._note, history=True)
+        ends = tokens.undeclare, token.undeclare
+        self._arrivals = Subscription(session, f"{self._prefix}**", partial(self._read, clock), *ends)
+        self.receive, self.close = self._arrivals.take, self._arrivals.close
+
+    def _read(self, clock: Clock, sample: "zenoh.Sample") -> tuple[float, str, bytes]:
+        return clock(), str(sample.key_expr).removeprefix(self._prefix), sample.payload.to_bytes()
 
     def publish(self, key: str, payload: bytes) -> None:
         """Send to all mates; a message that cannot be sent now is lost."""
@@ -45,10 +43,6 @@ class ZenohTeam:
                 express=True,
             )
 
-    def receive(self) -> Sequence[tuple[float, str, bytes]]:
-        """Return what arrived since the last call, oldest first."""
-        return self._arrivals.take()
-
     def present(self) -> Collection[str]:
         """Return the names of the vehicles whose token is there."""
         return frozenset(name for name, alive in self._alive.items() if alive)
@@ -57,9 +51,3 @@ class ZenohTeam:
         name = str(sample.key_expr).rpartition("/")[2]
         if name in self._mates:
             self._alive[name] = sample.kind == zenoh.SampleKind.PUT
-
-    def close(self) -> None:
-        """Leave the team. May be called twice."""
-        if not self._arrivals.closed:
-            self._arrivals.close()
-            close_all(self._messages.undeclare, self._tokens.undeclare, self._token.undeclare)

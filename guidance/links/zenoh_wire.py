@@ -10,13 +10,13 @@ import json
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.port import Clock, Endpoint
-from guidance.links.wires import FROM_VEHICLE, TO_VEHICLE, QueuedWire
+from guidance.links.wires import FROM_VEHICLE, TO_VEHICLE, Arrivals, QueuedWire
 from guidance.links.zenoh_access import AUTHORITY, NO_CREDENTIALS, ROUTER, Credentials
 
 _REFUSED: Final = (
@@ -24,6 +24,7 @@ _REFUSED: Final = (
     "certificate or user? With RUST_LOG=warn the router logs whom it refuses"
 )
 
+T = TypeVar("T")
 
 Session = zenoh.Session
 
@@ -94,6 +95,34 @@ def close_all(*closes: Callable[[], object]) -> None:
             close()
 
 
+class Subscription(Arrivals[T]):
+    """What other sessions publish on a key expression.
+
+    Args:
+        session: Where to subscribe.
+        key: The key expression.
+        read: Makes an item of a sample, on Zenoh's thread.
+        ends: Ends more, after the subscription.
+
+    Raises:
+        ZError: If the key is not a key expression.
+    """
+
+    def __init__(
+        self, session: Session, key: str, read: Callable[["zenoh.Sample"], T], *ends: Callable[[], object]
+    ) -> None:
+        super().__init__()
+        remote = zenoh.Locality.REMOTE
+        subscriber = session.declare_subscriber(key, lambda sample: self.put(read(sample)), allowed_origin=remote)
+        self._ends = subscriber.undeclare, *ends
+
+    def close(self) -> None:
+        """End the subscription; may be called twice."""
+        if not self.closed:
+            super().close()
+            close_all(*self._ends)
+
+
 class ZenohWire(QueuedWire):
     """Our side of a vehicle's namespace."""
 
@@ -110,12 +139,8 @@ class ZenohWire(QueuedWire):
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        subscriber = session.declare_subscriber(
-            prefix + FROM_VEHICLE,
-            lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes())),
-            allowed_origin=zenoh.Locality.REMOTE,
-        )
-        self._closes = subscriber.undeclare, session.close
+        key, self._session = prefix + FROM_VEHICLE, session
+        self._arrivals = Subscription(session, key, lambda sample: (clock(), sample.payload.to_bytes()))
 
     def _write(self, frame: bytes) -> bool:
         try:
@@ -125,7 +150,7 @@ class ZenohWire(QueuedWire):
         return True
 
     def _release(self) -> None:
-        close_all(*self._closes)
+        close_all(self._session.close)
 
 
 def open_router(path: Path, keys: Path | None = None, listen: str | None = None) -> Session:
