@@ -5,8 +5,8 @@ simulated quadrotor, default parameters).
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 from guidance.autopilots import description, rules
 from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Handling, Mode
@@ -127,24 +127,19 @@ RULES: Final = (
     Rule("ANGLE_MAX", _lean, "{:g} cdeg".format, needed=False),
 )
 
-_ARDUPILOT: Final[Mapping[str, Any]] = {
-    "autopilot_id": 3,
-    "arming_mode": Mode.GUIDED,
-    "projection": PROJECTION,
-    "unused": 0.0,
-    "takeoff_frame": description.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    "stream_before_guided": False,
-    "setpoint_timeout_s": 3.0,
-    "waits_in_guided": True,
-    "prearm_always_told": False,
-}
-"""The protocol that copter and rover share."""
-
 ARDUCOPTER: Final = Autopilot(
-    **_ARDUPILOT,
     name="arducopter",
+    autopilot_id=3,
     custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
     mode_titles={Mode.HOLD: "BRAKE", Mode.RETURN: "RTL"},
+    arming_mode=Mode.GUIDED,
+    projection=PROJECTION,
+    unused=0.0,
+    takeoff_frame=description.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    stream_before_guided=False,
+    setpoint_timeout_s=3.0,
+    waits_in_guided=True,
+    prearm_always_told=False,
     streams_hz=description.STREAMS_HZ,
     handling=HANDLING,
     rules=RULES,
@@ -161,11 +156,11 @@ ARDUCOPTER: Final = Autopilot(
     mock="arducopter",
 )
 
-ROVER: Final = AutopilotProfile(
-    **_ARDUPILOT,
+ROVER: Final[AutopilotProfile] = replace(
+    ARDUCOPTER,
     name="rover",
     custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
     mode_titles={Mode.RETURN: "RTL"},
     streams_hz={description.LOCAL_POSITION_NED: 20.0, description.GLOBAL_POSITION_INT: 20.0},
 )
-"""The ground vehicle that plays the evader in mocked flights."""
+"""The ground vehicle that plays the evader in mocked flights: ArduCopter's protocol, with its own modes."""

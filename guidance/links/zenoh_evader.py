@@ -1,6 +1,7 @@
 """Reports of an evader from a Zenoh key: JSON of our own schema, or ROS 2 poses in CDR as rmw_zenoh sends them.
 
-The JSON Schema is generated from `JsonReport`. For the ROS 2 messages geometry_msgs/PoseStamped and nav_msgs/Odometry:
+`config/zenoh/evader_report.schema.json` is the schema of `JsonReport`. For the ROS 2 messages geometry_msgs/PoseStamped
+and nav_msgs/Odometry:
 
 * Position: metres east, north, up (REP 103) about the origin of `frame`, whose altitude is above mean sea level.
 * Velocity: PoseStamped has none. Odometry's twist is in the child frame, forward-left-up of the body, and is rotated
@@ -104,11 +105,6 @@ class JsonReport(BaseModel):
     velocity_sd_m_s: float | None = Field(
         default=None, gt=0.0, lt=1e6, description="Standard deviation of the velocity, largest axis, m/s"
     )
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) that is published in `config/zenoh/evader_report.schema.json`."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **JsonReport.model_json_schema()}
 
 
 def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: str) -> EvaderReport:
