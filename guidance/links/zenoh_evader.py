@@ -15,7 +15,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
@@ -33,6 +33,9 @@ POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
 ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"
 MAX_STRING: Final = 256
 _DIAGONAL: Final = (0, 7, 14)  # of a 6 x 6 matrix, row by row
+_POSE, _ODOMETRY = 7, 7 + 36 + 6 + 36
+"""Numbers of each message: position and orientation, their covariance, twist, its covariance."""
+
 _ORDERS: Final = {b"\x00\x00": ">", b"\x00\x01": "<"}  # CDR_BE, CDR_LE
 _GID_BYTES, _RMW_BYTES = 16, 33
 """rmw_zenoh attaches a number, a time, and the publisher's identity after its length."""
@@ -137,44 +140,6 @@ def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: s
     return EvaderReport(received_s, sent_s, source, *place, velocity, sd_m, sd_m_s, said=said)
 
 
-class CdrReader:
-    """Reads plain CDR version 1 (OMG DDS-RTPS 2.x) value by value; every access is checked.
-
-    Four bytes of encapsulation, then values aligned to their own size, counted from after those four.
-
-    Raises:
-        Refused: From every method, if the bytes end early or are not plain CDR.
-    """
-
-    def __init__(self, data: bytes) -> None:
-        order = _ORDERS.get(data[:2])
-        if order is None or len(data) < 4:
-            raise Refused("encoding")
-        self._order = order
-        self._body = data[4:]
-        self._at = 0
-
-    def take(self, code: str, count: int = 1) -> tuple[Any, ...]:
-        """Return `count` numbers of one type, by its letter in `struct`."""
-        size = struct.calcsize(f"={code}")
-        start = -(-self._at // size) * size
-        end = start + size * count
-        if end > len(self._body):
-            raise Refused("length")
-        self._at = end
-        return struct.unpack_from(f"{self._order}{count}{code}", self._body, start)
-
-    def string(self) -> str:
-        """Return a string: its length with the closing zero, then the bytes."""
-        (length,) = self.take("I")
-        if not 1 <= length <= MAX_STRING:
-            raise Refused("length")
-        (raw,) = self.take("s", length)
-        if raw[-1] != 0:
-            raise Refused("encoding")
-        return str(raw[:-1], errors="replace")
-
-
 def rmw_key(topic: str, dds_type: str) -> str:
     """Return the key of a topic in rmw_zenoh, for any ROS domain and type hash."""
     return f"*/{topic.strip('/')}/{dds_type}/*"
@@ -186,27 +151,40 @@ def read_ros(
     """Convert a geometry_msgs/PoseStamped, or a nav_msgs/Odometry.
 
     Args:
-        payload: Its bytes.
+        payload: Plain CDR version 1 (OMG DDS-RTPS 2.x): four bytes of encapsulation, then values aligned to their own
+            size, counted from after those four. A string is its length with the closing zero, then its bytes.
         received_s: By our clock.
         frame: The frame that ROS calls `frame_id`.
         moves: Whether it is an Odometry.
         frame_id: Poses in other frames are refused.
 
     Raises:
-        Refused: If the bytes are not one, or it is in another frame.
+        Refused: If the bytes end early or are not one, or it is in another frame.
     """
-    reader = CdrReader(payload)
-    (seconds,), (nanoseconds,) = reader.take("i"), reader.take("I")
-    if reader.string() != frame_id:
+    order, body, strings = _ORDERS.get(payload[:2]), payload[4:], 2 if moves else 1
+    if order is None:
+        raise Refused("encoding")
+    layout = f"{order}iI"
+    try:
+        for _ in range(strings):  # frame_id, and child_frame_id of an Odometry
+            layout += f"{-struct.calcsize(layout) % 4}xI"
+            *_, length = struct.unpack_from(layout, body)
+            if not 1 <= length <= MAX_STRING:
+                raise Refused("length")
+            layout += f"{length}s"
+        layout += f"{-struct.calcsize(layout) % 8}x{_ODOMETRY if moves else _POSE}d"
+        seconds, nanoseconds, *values = struct.unpack_from(layout, body)
+    except struct.error as error:
+        raise Refused("length") from error
+    texts, numbers = values[1 : 2 * strings : 2], values[2 * strings :]
+    if not all(text.endswith(b"\0") for text in texts):
+        raise Refused("encoding")
+    if texts[0][:-1] != frame_id.encode():
         raise Refused("frame")
-    velocity, sd_m, sd_m_s = UNKNOWN_VELOCITY, math.nan, math.nan
-    if moves:
-        reader.string()  # child_frame_id
-    east, north, up, q_x, q_y, q_z, q_w = reader.take("d", 7)
-    if moves:
-        variances, twist, rates = reader.take("d", 36), reader.take("d", 6), reader.take("d", 36)
-        velocity = ned_from_game(known_velocity(rotate((q_w, q_x, q_y, q_z), twist[:3])))
-        sd_m, sd_m_s = (standard_deviation(*(given[index] for index in _DIAGONAL)) for given in (variances, rates))
+    numbers += [math.nan] * (_ODOMETRY - len(numbers))  # a pose is an odometry whose other numbers are unknown
+    east, north, up, q_x, q_y, q_z, q_w, *more = numbers
+    velocity = ned_from_game(known_velocity(rotate((q_w, q_x, q_y, q_z), (more[36], more[37], more[38]))))
+    sd_m, sd_m_s = (standard_deviation(*(given[index] for index in _DIAGONAL)) for given in (more[:36], more[42:]))
     place, said = place_in(frame, ned_from_game((east, north, up))), AltitudeSaid(up, Datum.ORIGIN)
     sent_s = seconds + nanoseconds / 1e9 or math.nan
     return EvaderReport(received_s, sent_s, "ROS 2", *place, velocity, sd_m, sd_m_s, said=said)
