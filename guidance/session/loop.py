@@ -73,13 +73,10 @@ class Signals:
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
         """Handle SIGTERM, SIGINT and SIGHUP, and restore the previous handlers in the end."""
-        taken = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-        before = {number: signal.signal(number, self._note) for number in taken}
-        try:
+        with contextlib.ExitStack() as restored:
+            for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+                restored.callback(signal.signal, number, signal.signal(number, self._note))
             yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
     def _note(self, number: int, _: FrameType | None) -> None:
         if number == signal.SIGHUP:

@@ -158,9 +158,6 @@ class Notifier:
         self._address = "\0" + address[1:] if address.startswith("@") else address  # an abstract one
         self._every_s = int(microseconds) * 1e-6 / _WATCHDOG_SHARE if watched else None
         self._alive_s, self._status = -math.inf, ""
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
-        if self._socket is not None:
-            self._socket.setblocking(False)
 
     def alive(self, now_s: float) -> None:
         """Say so, as often as the watchdog wants it; called by the loop, so that a loop that hangs says nothing."""
@@ -174,17 +171,11 @@ class Notifier:
             self._status = text
             self.say(f"STATUS={text}")
 
-    def close(self) -> None:
-        """Close the socket; may be called twice."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
     def say(self, text: str) -> None:
         """Send a message: READY=1 once the daemon hears its vehicle and takes orders, STOPPING=1 when it ends."""
-        if self._socket is not None:
-            with contextlib.suppress(OSError):
-                self._socket.sendto(text.encode(), self._address)
+        if self._address:
+            with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as there:
+                there.sendto(text.encode(), socket.MSG_DONTWAIT, self._address)
 
 
 MAX_CONNECTIONS: Final = 16
@@ -203,22 +194,21 @@ class Metrics:
     def __init__(self, name: str) -> None:
         self._name, self.registry = name, CollectorRegistry()
         into: dict[str, Any] = {"namespace": "guidance", "registry": self.registry}
-        vehicle = ("vehicle",)
-        self._state = Gauge("state", "1 for the state the flight is in", (*vehicle, "state"), **into)
-        self._ages = Gauge("age_seconds", "age of the last message", (*vehicle, "what"), **into)
-        self._game = Gauge("game", "the certificate of the last cycle", (*vehicle, "what"), **into)
-        self._links = Gauge("link_total", "counters of links and evader source", (*vehicle, "link", "what"), **into)
-        self._events = Counter("events", "events of the flight", (*vehicle, "event"), **into)
-        self._alarms = Counter("alarms", "alarms: violations of the guarantee", (*vehicle, "broken"), **into)
-        self._orders = Counter("orders", "orders, accepted or refused", (*vehicle, "order", "accepted"), **into)
-        self._acted = Counter("limits_acted", "cycles in which a limit acted", (*vehicle, "limit"), **into)
-        self._cycles = Counter("cycles", "guidance cycles", vehicle, **into).labels(name)
-        self._setpoints = Counter("setpoints", "setpoints sent", vehicle, **into).labels(name)
-        own = {**into, "labelnames": vehicle}
-        self._late = Counter("late_cycles", "cycles that began more than one period late", **own).labels(name)
-        own["buckets"] = _BUCKETS_S
-        self._lateness = Histogram("lateness_seconds", "delay of the start of a cycle", **own).labels(name)
-        self._work = Histogram("work_seconds", "working time of a cycle", **own).labels(name)
+        self._state = Gauge("state", "1 for the state the flight is in", ("vehicle", "state"), **into)
+        self._ages = Gauge("age_seconds", "age of the last message", ("vehicle", "what"), **into)
+        self._game = Gauge("game", "the certificate of the last cycle", ("vehicle", "what"), **into)
+        self._links = Gauge("link_total", "counters of links and evader source", ("vehicle", "link", "what"), **into)
+        self._events = Counter("events", "events of the flight", ("vehicle", "event"), **into)
+        self._alarms = Counter("alarms", "alarms: violations of the guarantee", ("vehicle", "broken"), **into)
+        self._orders = Counter("orders", "orders, accepted or refused", ("vehicle", "order", "accepted"), **into)
+        self._acted = Counter("limits_acted", "cycles in which a limit acted", ("vehicle", "limit"), **into)
+        into["labelnames"] = ("vehicle",)
+        self._cycles = Counter("cycles", "guidance cycles", **into).labels(name)
+        self._setpoints = Counter("setpoints", "setpoints sent", **into).labels(name)
+        self._late = Counter("late_cycles", "cycles that began more than one period late", **into).labels(name)
+        into["buckets"] = _BUCKETS_S
+        self._lateness = Histogram("lateness_seconds", "delay of the start of a cycle", **into).labels(name)
+        self._work = Histogram("work_seconds", "working time of a cycle", **into).labels(name)
 
     def worked(self, work_s: float, missed: int) -> None:
         """Count a cycle of the loop: its working time, and how many cycles it made late."""
@@ -290,7 +280,7 @@ class MetricsServer:
             raise LinkError(f"metrics.port = {port}: {error.strerror}; choose another") from error
         self.port = int(listener.getsockname()[1])
         self._registry, self._deadline_s = metrics.registry, deadline_s
-        self._answering: list[asyncio.Task[None] | None] = []
+        self._open = list[asyncio.StreamWriter]()
         self._loop, self._ended = asyncio.new_event_loop(), asyncio.Event()
         self._thread = threading.Thread(target=self._run, args=(listener,), name="metrics")
         self._thread.start()
@@ -311,10 +301,9 @@ class MetricsServer:
 
     async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer one request and close the connection."""
-        task = asyncio.current_task()
-        self._answering.append(task)
-        if len(self._answering) > MAX_CONNECTIONS and (oldest := self._answering.pop(0)) is not None:
-            oldest.cancel()
+        self._open.append(writer)
+        if len(self._open) > MAX_CONNECTIONS:
+            self._open.pop(0).transport.abort()
         try:
             with contextlib.suppress(asyncio.LimitOverrunError, asyncio.IncompleteReadError, OSError):
                 async with asyncio.timeout(self._deadline_s):
@@ -323,8 +312,8 @@ class MetricsServer:
                     await writer.wait_closed()
         finally:
             writer.transport.abort()
-            if task in self._answering:
-                self._answering.remove(task)
+            if writer in self._open:
+                self._open.remove(writer)
 
     def _response(self, request: bytes) -> bytes:
         if not request.startswith(b"GET "):

@@ -142,11 +142,8 @@ def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | Non
 @contextmanager
 def opened_equipment(mailbox: Mailbox, config: Config) -> Iterator[Equipment]:
     """Open the log according to a vehicle file, and signs of life to systemd."""
-    with (
-        closing(Log(config.log.format, config.log.level)) as log,
-        closing(Notifier(os.environ, os.getpid())) as notifier,
-    ):
-        yield Equipment(mailbox=mailbox, log=log, notifier=notifier)
+    with closing(Log(config.log.format, config.log.level)) as log:
+        yield Equipment(mailbox=mailbox, log=log, notifier=Notifier(os.environ, os.getpid()))
 
 
 @contextmanager

@@ -35,8 +35,6 @@ def test_systemd_hears_readiness_life_status_and_the_end(systemd):
         notifier.alive(0.02 * cycle)
         notifier.status("ready, mode hold")
     notifier.say("STOPPING=1")
-    notifier.close()
-    notifier.close()
     assert read() == ["READY=1", "WATCHDOG=1", "STATUS=ready, mode hold", "WATCHDOG=1", "STOPPING=1"]
 
 
@@ -53,7 +51,6 @@ def test_without_systemd_nothing_is_said_and_nothing_fails(environment):
     notifier = Notifier(environment, 1)
     notifier.say("READY=1")
     notifier.alive(1.0)
-    notifier.close()
 
 
 def test_a_watchdog_of_another_process_is_not_ours(systemd):
@@ -61,7 +58,6 @@ def test_a_watchdog_of_another_process_is_not_ours(systemd):
     environment = {"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3000000", "WATCHDOG_PID": "78"}
     notifier = Notifier(environment, 77)
     notifier.alive(100.0)
-    notifier.close()
     assert read() == []
 
 
