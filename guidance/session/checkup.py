@@ -141,7 +141,8 @@ def checkup_of(config: Config) -> Iterator[Checkup]:
         GuidanceError: For everything that the user can mend.
     """
     plan, clock = plan_of(config), MonotonicClock()
-    with contextlib.closing(open_all(config, clock, tapped=False)) as world:
+    with contextlib.closing(World()) as world:
+        open_all(config, clock, world, tapped=False)
         yield Checkup(config.name, plan, world, clock)
 
 

@@ -3,11 +3,10 @@
 Each way opens what its flight needs (`Opened`); `fly_recorded` flies all of them.
 """
 
-import contextlib
 import json
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -38,7 +37,7 @@ from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, S
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import SIMULATED_URL, config_of, plan_of
 from guidance.session.result import MissionResult, closing_detail
-from guidance.session.service import open_all, opened_equipment, opened_vehicle
+from guidance.session.service import open_all, open_equipment, open_vehicle
 from guidance.session.vehicle_file import Config, Vehicle
 from guidance.sim import live, mock_files, stepped
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Pursuit, Scenario, Site, Wind
@@ -114,17 +113,16 @@ class MockOptions:
         """The kind of run in an outcome row."""
         return "fast" if self.fast else "live"
 
-    @contextlib.contextmanager
-    def opened(self, scenario: Played, onlooker: Onlooker) -> Iterator[Opened]:
+    def open(self, scenario: Played, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Open the mocks, and take orders."""
         (pursuits, team), clock = _players(scenario), VirtualClock() if self.fast else MonotonicClock()
         mock_files.check_faults(pursuits)
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
-        with control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team) as buses:
-            in_real_time = partial(live.LiveWorld, link=self.link, port=self.port, over=self.over)
-            with closing((stepped.SteppedWorld if self.fast else in_real_time)(pursuits, clock)) as world:
-                yield Opened(pursuits, world, clock, buses, used, {})
+        buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team))
+        in_real_time = partial(live.LiveWorld, link=self.link, port=self.port, over=self.over)
+        world = (stepped.SteppedWorld if self.fast else in_real_time)(pursuits, clock)
+        return Opened(pursuits, stack.enter_context(closing(world)), clock, buses, used, {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +141,7 @@ class ByFile:
     engage: bool
     way: ClassVar[str] = "vehicle"
 
-    @contextlib.contextmanager
-    def opened(self, scenario: Played, _: Onlooker) -> Iterator[Opened]:
+    def open(self, scenario: Played, _: Onlooker, stack: ExitStack) -> Opened:
         """Open all that the file names, and wait for the vehicle.
 
         Raises:
@@ -155,11 +152,15 @@ class ByFile:
         if isinstance(scenario, TeamScenario):
             raise ConfigError("--config: one vehicle; a team needs --vehicle URL for each of its vehicles")
         plan_of(own, scenario)  # refused before anything is opened
-        hand_over = ORDER_OF[own.flight.on_terminate]
-        signals, policy = Signals(hand_over), MissionPolicy(self.engage, hand_over=hand_over)
-        with signals.installed(), opened_vehicle(own, clock, tapped=True) as (world, control, used):
-            name, pursuit = own.name, Pursuit(scenario, own.name)
-            yield Opened((pursuit,), world, clock, {name: control}, {name: used}, {name: own}, policy, signals)
+        name, hand_over = own.name, ORDER_OF[own.flight.on_terminate]
+        signals = stack.enter_context(Signals(hand_over).installed())
+        world, bus, used = open_vehicle(own, clock, stack, tapped=True)
+        name, pursuits, policy = (
+            own.name,
+            (Pursuit(scenario, own.name),),
+            MissionPolicy(self.engage, hand_over=hand_over),
+        )
+        return Opened(pursuits, world, clock, {name: bus}, {name: used}, {name: own}, policy, signals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +185,7 @@ class Asked:
         for url in self.urls:
             parse(url)
 
-    @contextlib.contextmanager
-    def opened(self, scenario: Played, onlooker: Onlooker) -> Iterator[Opened]:
+    def open(self, scenario: Played, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Find the vehicles, wait until they know their places, and lay the scenario about the home of the first.
 
         Raises:
@@ -198,30 +198,67 @@ class Asked:
             words = f"the scenario has {len(pursuits)} vehicles: give one URL each"
             raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
-        with contextlib.ExitStack() as stack:
-            buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team))
-            for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
-                for_whom = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
-                onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
-                mailbox.meanwhile = startup_answers(name, for_whom, discovery.FOUND_WITHIN_S, clock)
-            configs, world, radios = stack.enter_context(reach(pursuits, self, clock, _separation(scenario)))
-            laid = list[Pursuit]()
-            for pursuit in pursuits:
-                name = pursuit.vehicle
-                autopilot = autopilot_named(configs[name].vehicle.autopilot)
-                home, frame = discovery.wait_until_placed(world.links[name], autopilot, clock, onlooker.show, name)
-                here = laid_about(pursuit.scenario, home, frame, autopilot.name)
-                site = laid[0].scenario.site if laid else here.site
-                laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
-            for name, radio in radios.items():
-                chased = next(one.scenario for one in laid if one.evader == name)
-                world.players[name] = evader = stepped.EvaderHere(chased, clock, radio)
-                world.on_engage = evader.engage  # a team's scenario has no faults that would begin then
-            policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
-            signals = Signals(Event.LAND)
-            stack.enter_context(signals.installed())
-            used = {name: stack.enter_context(opened_equipment(box, configs[name])) for name, box in mailboxes.items()}
-            yield Opened(laid, world, clock, buses, used, configs, policy, signals)
+        buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team))
+        for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
+            for_whom = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
+            onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
+            mailbox.meanwhile = startup_answers(name, for_whom, discovery.FOUND_WITHIN_S, clock)
+        world = stack.enter_context(closing(World()))
+        configs, radios = self.reach(scenario, pursuits, clock, world)
+        laid = list[Pursuit]()
+        for pursuit in pursuits:
+            name = pursuit.vehicle
+            autopilot = autopilot_named(configs[name].vehicle.autopilot)
+            home, frame = discovery.wait_until_placed(world.links[name], autopilot, clock, onlooker.show, name)
+            here = laid_about(pursuit.scenario, home, frame, autopilot.name)
+            site = laid[0].scenario.site if laid else here.site
+            laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
+        for name, radio in radios.items():
+            chased = next(one.scenario for one in laid if one.evader == name)
+            world.players[name] = evader = stepped.EvaderHere(chased, clock, radio)
+            world.on_engage = evader.engage  # a team's scenario has no faults that would begin then
+        policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
+        signals = stack.enter_context(Signals(Event.LAND).installed())
+        used = {name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()}
+        return Opened(laid, world, clock, buses, used, configs, policy, signals)
+
+    def reach(
+        self, scenario: Played, pursuits: Sequence[Pursuit], clock: Clock, world: World
+    ) -> tuple[Mapping[str, Config], Mapping[str, Wire]]:
+        """Find the vehicles and open their links in a world, and a wire in memory for each evader's reports.
+
+        Args:
+            scenario: For the separation of a team.
+            pursuits: Who pursues whom.
+            clock: Of the process.
+            world: Closes what was opened.
+
+        Returns:
+            The vehicles' configurations by name, and the evaders' ends of the wires by name.
+
+        Raises:
+            ConfigError: If another autopilot is there.
+            LinkError: If there is no vehicle.
+        """
+        speeds_m_s, separation, configs = _declared_m_s(pursuits), _separation(scenario), dict[str, Config]()
+        radios, heard = dict[str, Wire](), dict[str, Iterator[Wire]]()
+        for name in speeds_m_s:
+            radios[name], ears = MemoryWire.pair(clock.now_s)
+            heard[name] = iter(share(ears, len(pursuits)))
+        for (own, vehicle, evader), url in zip(pursuits, self.urls, strict=True):
+            at_url = discovery.autopilot_at(url, self.autopilot, clock, who=f"--vehicle {url}")
+            wire, found, autopilot = world.closing.enter_context(at_url)
+            ids = {"system_id": found.system_id, "component_id": found.component_id}
+            there, team = Vehicle(autopilot=autopilot.name, link=self.link, url=url, **ids), None
+            if separation is not None:
+                simulated = {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID}
+                others = {name: {**simulated, "speed_m_s": m_s} for name, m_s in speeds_m_s.items() if name != evader}
+                mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
+                team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **separation}
+            config = configs[vehicle] = config_of(own, vehicle, there, team)
+            wires = {vehicle: wire} | {name: next(shares) for name, shares in heard.items()}
+            open_all(config, clock, world, tapped=True, wires=wires)
+        return configs, radios
 
 
 def _players(scenario: Played) -> tuple[Sequence[Pursuit], str]:
@@ -249,8 +286,8 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    with contextlib.ExitStack() as stack:
-        flight = stack.enter_context(how.opened(scenario, onlooker))
+    with ExitStack() as stack:
+        flight = how.open(scenario, onlooker, stack)
         pursuits, clock, policy, show = flight.pursuits, flight.clock, flight.policy, onlooker.show
         team = team_document(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
         plans = {one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team) for one in pursuits}
@@ -287,9 +324,7 @@ def team_document(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> str:
     return json.dumps({"team": _separation(scenario), "evaders": _declared_m_s(pursuits)})
 
 
-def _equipped(
-    flight: Opened, scenario: Played, folder: Path | None, stack: contextlib.ExitStack
-) -> dict[str, Equipment]:
+def _equipped(flight: Opened, scenario: Played, folder: Path | None, stack: ExitStack) -> dict[str, Equipment]:
     """Return the equipment of all vehicles with their records, and broadcasts where orders are taken.
 
     Those of a team are connected until the stack is closed: over the control buses, or in virtual time by a network in
@@ -316,51 +351,7 @@ def _equipped(
     return equipment
 
 
-@contextlib.contextmanager
-def reach(
-    pursuits: Sequence[Pursuit], asked: Asked, clock: Clock, separation: Mapping[str, float] | None = None
-) -> Iterator[tuple[Mapping[str, Config], World, Mapping[str, Wire]]]:
-    """Find the vehicles at their URLs and open their links, and a wire in memory for each evader's reports.
-
-    Args:
-        pursuits: Who pursues whom.
-        asked: A URL for each vehicle.
-        clock: Of the process.
-        separation: Of a team; None for one vehicle.
-
-    Yields:
-        The vehicles' configurations by name, their world, and the evaders' ends of the wires by name.
-
-    Raises:
-        ConfigError: If an argument is wrong, or another autopilot is there.
-        LinkError: If there is no vehicle.
-    """
-    speeds_m_s, configs, world = _declared_m_s(pursuits), dict[str, Config](), World()
-    with contextlib.ExitStack() as stack:
-        radios, heard = dict[str, Wire](), dict[str, Iterator[Wire]]()
-        for name in speeds_m_s:
-            radios[name], ears = MemoryWire.pair(clock.now_s)
-            heard[name] = iter(share(ears, len(pursuits)))
-        for (scenario, vehicle, evader), url in zip(pursuits, asked.urls, strict=True):
-            at_url = discovery.autopilot_at(url, asked.autopilot, clock, who=f"--vehicle {url}")
-            wire, found, autopilot = stack.enter_context(at_url)
-            ids = {"system_id": found.system_id, "component_id": found.component_id}
-            own, team = Vehicle(autopilot=autopilot.name, link=asked.link, url=url, **ids), None
-            if separation is not None:
-                simulated = {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID}
-                others = {name: {**simulated, "speed_m_s": m_s} for name, m_s in speeds_m_s.items() if name != evader}
-                mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
-                team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **separation}
-            config = configs[vehicle] = config_of(scenario, vehicle, own, team)
-            wires = {name: next(shares) for name, shares in heard.items()}
-            opened = stack.enter_context(closing(open_all(config, clock, tapped=True, wire=wire, evaders=wires)))
-            world.links |= opened.links
-            world.evaders |= opened.evaders
-            world.taps += opened.taps
-        yield configs, world, radios
-
-
-@contextlib.contextmanager
+@contextmanager
 def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     """Open the vehicle at a URL, to be judged by what a scenario asks of it.
 
@@ -368,7 +359,8 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
         GuidanceError: For everything that the user can mend.
     """
     clock = MonotonicClock()
-    with reach((Pursuit(scenario),), asked, clock) as (configs, world, _):
+    with closing(World()) as world:
+        configs, _ = asked.reach(scenario, (Pursuit(scenario),), clock, world)
         own = configs[PURSUER]
         pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
         yield Checkup(own.name, plan_of(own, scenario.model_copy(update={"pursuer": pursuer})), world, clock)

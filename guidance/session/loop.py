@@ -19,7 +19,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Final, NoReturn, Protocol
+from typing import Final, NoReturn, Protocol, Self
 
 from guidance.clock import Clock, Timing
 from guidance.errors import ConfigError
@@ -71,12 +71,12 @@ class Signals:
         self._ends, self._again, self.looping = 0, False, False
 
     @contextlib.contextmanager
-    def installed(self) -> Iterator[None]:
-        """Handle SIGTERM, SIGINT and SIGHUP, and restore the previous handlers in the end."""
+    def installed(self) -> Iterator[Self]:
+        """Handle SIGTERM, SIGINT and SIGHUP, and restore the previous handlers in the end; yields itself."""
         with contextlib.ExitStack() as restored:
             for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
                 restored.callback(signal.signal, number, signal.signal(number, self._note))
-            yield
+            yield self
 
     def _note(self, number: int, _: FrameType | None) -> None:
         if number == signal.SIGHUP:

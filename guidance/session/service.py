@@ -9,7 +9,7 @@ import os
 import secrets
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -59,47 +59,48 @@ def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Ses
 
 
 def open_all(
-    config: Config, clock: Clock, *, tapped: bool, wire: Wire | None = None, evaders: Mapping[str, Wire] | None = None
-) -> World:
-    """Claim the vehicle, open its link and the evaders' sources, and wait until the vehicle was heard.
+    config: Config, clock: Clock, world: World, *, tapped: bool, wires: Mapping[str, Wire] | None = None
+) -> None:
+    """Claim the vehicle, open its link and the evaders' sources in a world, and wait until the vehicle was heard.
 
     Args:
         config: Of vehicle and evader.
         clock: Arrival times are its.
+        world: Closes what was opened.
         tapped: Whether raw frames are passed on.
-        wire: The vehicle's, if it is open already; it is closed with the world.
-        evaders: The evaders' wires by name, likewise.
+        wires: What is open already, by the names of vehicle and evaders; it is closed with the world.
 
     Raises:
         ConfigError: If a URL or the signing key is wrong.
         LinkError: If something cannot be opened, the vehicle is not heard, or another daemon owns it.
     """
-    vehicle, evader, taps, wires = config.vehicle, config.evader, list[TappedWire](), dict(evaders or {})
+    vehicle, evader, closed, opened = config.vehicle, config.evader, world.closing, dict(wires or {})
     credentials, key = credentials_of(config.zenoh), signing_key(vehicle.signing_key_file)
-    with ExitStack() as stack:
-        endpoint = parse(vehicle.url)
-        if endpoint.scheme == "zenoh":  # claim the vehicle on its own bus: all possible owners are there
-            session = stack.enter_context(session_to(endpoint, credentials, _CLAIM_LIMIT_S))
-            owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
-            stack.enter_context(closing(OwnerToken(session, owned)))
-        if wire is None:  # the evader's reports arrive on it too, unless they have a URL of their own
-            both = (vehicle.system_id, evader.system_id if evader.url is None else None)
-            wire = open_wire(vehicle.url, clock=clock.now_s, systems=both, signing_key=key, credentials=credentials)
-        stack.callback(wire.close)
-        if tapped:
-            wire = TappedWire(wire, clock.now_s, config.name)
-            taps.append(wire)
-        if evader.url is None:
-            wire, wires[next(iter(config.evaders))] = share(wire, 2)
-        who, limit_s = f"{vehicle.url}: system {vehicle.system_id}", vehicle.connect_timeout_s
-        ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
-        link = open_link(wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s)
-        stack.callback(link.close)
-        sources = {}
-        for name, section in config.evaders.items():
-            sources[name] = _open_source(vehicle, section, clock, credentials, wires.get(name))
-            stack.callback(sources[name].close)
-        return World({config.name: link}, {config.name: sources}, taps, stack.pop_all())
+    endpoint = parse(vehicle.url)
+    if endpoint.scheme == "zenoh":  # claim the vehicle on its own bus: all possible owners are there
+        session = closed.enter_context(session_to(endpoint, credentials, _CLAIM_LIMIT_S))
+        owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
+        closed.enter_context(closing(OwnerToken(session, owned)))
+    if (
+        wire := opened.get(config.name)
+    ) is None:  # the evader's reports arrive on it too, unless they have a URL of their own
+        both = (vehicle.system_id, evader.system_id if evader.url is None else None)
+        wire = open_wire(vehicle.url, clock=clock.now_s, systems=both, signing_key=key, credentials=credentials)
+    closed.callback(wire.close)
+    if tapped:
+        wire = TappedWire(wire, clock.now_s, config.name)
+        world.taps.append(wire)
+    if evader.url is None:
+        wire, opened[next(iter(config.evaders))] = share(wire, 2)
+    who, limit_s = f"{vehicle.url}: system {vehicle.system_id}", vehicle.connect_timeout_s
+    ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
+    link = open_link(wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s)
+    closed.callback(link.close)
+    world.links[config.name], sources = link, dict[str, EvaderSource]()
+    world.evaders[config.name] = sources
+    for name, section in config.evaders.items():
+        sources[name] = _open_source(vehicle, section, clock, credentials, opened.get(name))
+        closed.callback(sources[name].close)
 
 
 def _open_source(
@@ -139,23 +140,22 @@ def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | Non
     return SigningKey.from_hex(text_of(path, f"{section}.signing_key_file = {str(path)!r}", secret=True))
 
 
-@contextmanager
-def opened_equipment(mailbox: Mailbox, config: Config) -> Iterator[Equipment]:
+def open_equipment(mailbox: Mailbox, config: Config, stack: ExitStack) -> Equipment:
     """Open the log according to a vehicle file, and signs of life to systemd."""
-    with closing(Log(config.log.format, config.log.level)) as log:
-        yield Equipment(mailbox=mailbox, log=log, notifier=Notifier(os.environ, os.getpid()))
+    log = stack.enter_context(closing(Log(config.log.format, config.log.level)))
+    return Equipment(mailbox=mailbox, log=log, notifier=Notifier(os.environ, os.getpid()))
 
 
-@contextmanager
-def opened_vehicle(config: Config, clock: Clock, *, tapped: bool) -> Iterator[tuple[World, Session, Equipment]]:
+def open_vehicle(config: Config, clock: Clock, stack: ExitStack, *, tapped: bool) -> tuple[World, Session, Equipment]:
     """Open all that a vehicle file names, and wait until the vehicle was heard; orders are answered meanwhile.
 
     Args:
         config: The vehicle file.
         clock: The process's.
+        stack: Closes all of it.
         tapped: Whether raw frames are passed on.
 
-    Yields:
+    Returns:
         Its world, the Zenoh session of its orders, and a daemon's equipment with mailbox, log and notifier.
 
     Raises:
@@ -163,11 +163,13 @@ def opened_vehicle(config: Config, clock: Clock, *, tapped: bool) -> Iterator[tu
     """
     mailbox, wanted, limit_s = Mailbox(), config.vehicle, config.vehicle.connect_timeout_s
     mailbox.meanwhile = startup_answers(config.name, wanted.awaited, limit_s, clock)
-    with opened_equipment(mailbox, config) as used, open_control(config, mailbox) as session:
-        fields = {"url": wanted.url, "system": wanted.system_id, "component": wanted.component_id}
-        used.log.say(logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s)
-        with closing(open_all(config, clock, tapped=tapped)) as world:
-            yield world, session, used
+    used = open_equipment(mailbox, config, stack)
+    session = stack.enter_context(open_control(config, mailbox))
+    fields = {"url": wanted.url, "system": wanted.system_id, "component": wanted.component_id}
+    used.log.say(logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s)
+    world = stack.enter_context(closing(World()))
+    open_all(config, clock, world, tapped=tapped)
+    return world, session, used
 
 
 def run_vehicle(path: Path, config: Config) -> None:
@@ -180,17 +182,17 @@ def run_vehicle(path: Path, config: Config) -> None:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    plan, clock, metrics = plan_of(config), MonotonicClock(), Metrics(config.name)
-    signals = Signals(ORDER_OF[config.flight.on_terminate], lambda: reload(path, config))
-    with (
-        signals.installed(),
-        nullcontext() if config.metrics.port is None else closing(MetricsServer(metrics, config.metrics.port)),
-        opened_vehicle(config, clock, tapped=config.record.folder is not None) as (world, session, opened),
-        daemon_recording(config, flight_metadata(None, config, clock), opened.log) as record,
-        closing(Broadcast(config.name, session, flight_metadata(None, config, clock))) as broadcast,
-        _member(config, session, clock) as team,
-    ):
-        name, required = config.name, config.record.required
+    name, plan, clock, metrics = config.name, plan_of(config), MonotonicClock(), Metrics(config.name)
+    with ExitStack() as stack:
+        hand_over = ORDER_OF[config.flight.on_terminate]
+        signals = stack.enter_context(Signals(hand_over, lambda: reload(path, config)).installed())
+        if config.metrics.port is not None:
+            stack.enter_context(closing(MetricsServer(metrics, config.metrics.port)))
+        world, session, opened = open_vehicle(config, clock, stack, tapped=config.record.folder is not None)
+        metadata = flight_metadata(None, config, clock)
+        record = stack.enter_context(daemon_recording(config, metadata, opened.log))
+        broadcast = stack.enter_context(closing(Broadcast(name, session, metadata)))
+        team, required = _member(config, session, clock, stack), config.record.required
         used = replace(opened, metrics=metrics, record=record, broadcast=broadcast, record_required=required, team=team)
         daemon = Daemon(name, plan, world.links[name], world.evaders[name], used)
         used.notifier.say("READY=1")
@@ -222,16 +224,13 @@ def daemon_recording(config: Config, metadata: Mapping[str, str], log: Logger) -
             log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)
 
 
-@contextmanager
-def _member(config: Config, session: Session, clock: Clock) -> Iterator[Member | None]:
+def _member(config: Config, session: Session, clock: Clock, stack: ExitStack) -> Member | None:
     """Join the team of a vehicle file, if it has one."""
-    if config.team is None:
-        yield None
-        return
-    team, mates, epoch = config.team, config.team.mates, secrets.randbits(48)
-    with closing(ZenohTeam(clock.now_s, session, team.name, config.name, mates)) as transport:
-        evaders, above_m = list(config.evaders), team.separation_height_m
-        yield Member(config.name, mates, evaders, transport, epoch=epoch, separation_height_m=above_m)
+    if (team := config.team) is None:
+        return None
+    transport = stack.enter_context(closing(ZenohTeam(clock.now_s, session, team.name, config.name, team.mates)))
+    evaders, epoch, above_m = list(config.evaders), secrets.randbits(48), team.separation_height_m
+    return Member(config.name, team.mates, evaders, transport, epoch=epoch, separation_height_m=above_m)
 
 
 def reload(path: Path, before: Config) -> FlightPlan:

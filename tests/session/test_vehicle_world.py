@@ -3,6 +3,7 @@
 import math
 import socket
 import threading
+from contextlib import closing
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
@@ -10,6 +11,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.clock import MonotonicClock
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
+from guidance.links.world import World
 from guidance.messages import Heartbeat, Setpoint
 from guidance.session import service
 from guidance.session.orders import Mailbox
@@ -62,8 +64,9 @@ def config_of(vehicle_document, **sections):
 def test_an_evader_on_the_vehicles_wire_is_received_and_all_frames_are_passed_on(vehicle_document, udp, link):
     config = config_of(vehicle_document, vehicle={"url": udp, "link": link}, evader={"url": None})
     clock = MonotonicClock()
-    opened = open_all(config, clock, tapped=True)
+    opened = World()
     try:
+        open_all(config, clock, opened, tapped=True)
         messages, reports = list(opened.links["uav1"].receive()), list(opened.evaders["uav1"]["evader"].receive())
         deadline_s = clock.now_s() + 5.0
         while not (messages and reports) and clock.now_s() < deadline_s:
@@ -92,8 +95,8 @@ def test_an_evader_on_the_vehicles_wire_is_received_and_all_frames_are_passed_on
 def test_a_vehicle_that_is_silent_leaves_nothing_open(vehicle_document, udp):
     config = config_of(vehicle_document, vehicle={"url": udp, "system_id": 7, "connect_timeout_s": 0.3})
     for _ in range(2):  # the port is free again
-        with pytest.raises(LinkError, match=r"system 7: no HEARTBEAT within 0\.3 s"):
-            open_all(config, MonotonicClock(), tapped=False)
+        with pytest.raises(LinkError, match=r"system 7: no HEARTBEAT within 0\.3 s"), closing(World()) as opened:
+            open_all(config, MonotonicClock(), opened, tapped=False)
 
 
 def test_a_url_that_is_none_is_refused_before_anything_is_opened(vehicle_document):
