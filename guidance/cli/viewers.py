@@ -66,13 +66,14 @@ def view(
     require("the view", "viz")
     from guidance.viz import view as viewer  # noqa: PLC0415
 
-    if file is None:
-        flight = LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)
-        sources: dict[str, viewer.Source] = {"": flight}
-    else:
-        records = sorted(file.glob(f"*/{RECORD}")) or [file]
-        sources = {path.parent.name: viewer.RecordFile(path, live=follow) for path in records}
-    count = viewer.view(sources, save, (port, web_port), typer.echo, ended)
+    with contextlib.ExitStack() as closing:
+        if file is None:
+            session = closing.enter_context(join_session(endpoint, token_file, read_credentials(zenoh)))
+            sources: dict[str, viewer.Source] = {"": LiveFlight(session, name)}
+        else:
+            records = sorted(file.glob(f"*/{RECORD}")) or [file]
+            sources = {path.parent.name: viewer.RecordFile(path, live=follow) for path in records}
+        count = viewer.view(sources, save, (port, web_port), typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 
 

@@ -11,6 +11,7 @@ from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, Vector
 from guidance.log.entries import BEGINNINGS, CONFIG, RELOADED, CycleEntry, EventEntry, Item
 from guidance.log.reader import row_of
+from guidance.log.scene import Array, fence_edges
 from guidance.messages import EvaderReport, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
@@ -80,6 +81,11 @@ class Aggregator:
         self.evaders_m = dict[str, Vector]()
         self._home_ned_m: Vector | None = None
         self.home_m: Vector | None = None
+
+    @property
+    def fence_m(self) -> list[Array]:
+        """The fence's closed edges, (n, 3) each, at the height of home; none until home is known."""
+        return [] if self.home_m is None else fence_edges(self.envelope, self.home_m)
 
     def take(self, item: Item) -> EventEntry | CycleEntry | None:
         """Take the next item and return it decoded; items other than cycles and events are ignored.

@@ -123,11 +123,11 @@ def is_watched(publisher: "zenoh.Publisher") -> bool:
 
 
 class FoundFlight(NamedTuple):
-    """A daemon's flight: its name, its metadata, and its last cycle with the latest message of each kind."""
+    """A daemon's flight: its name, its metadata, and as `heard` its last cycle with the latest message of each kind."""
 
     name: str
     metadata: Mapping[str, str]
-    last_cycle: Item | None
+    heard: Sequence[Item]
 
 
 def find_flights(session: "zenoh.Session", name: str, timeout_s: float) -> Sequence[FoundFlight]:
@@ -136,9 +136,8 @@ def find_flights(session: "zenoh.Session", name: str, timeout_s: float) -> Seque
     for reply in session.get(broadcast_key(name, FLIGHT), timeout=timeout_s, target=zenoh.QueryTarget.ALL):
         if reply.ok is not None:
             answer = json.loads(reply.ok.payload.to_bytes())
-            heard = json.dumps(answer.get("heard")).encode()
-            last = Item(0.0, CYCLE.topic, "json", heard) if "heard" in answer else None
-            found.append(FoundFlight(str(answer["name"]), dict(answer["metadata"]), last))
+            heard = [Item(0.0, CYCLE.topic, "json", json.dumps(answer["heard"]).encode())] if "heard" in answer else []
+            found.append(FoundFlight(str(answer["name"]), dict(answer["metadata"]), heard))
     return found
 
 
@@ -152,7 +151,7 @@ class LiveFlight:
     """The running flight of a daemon, seen by a viewer.
 
     Args:
-        session: The daemon's bus; closed with this object.
+        session: The daemon's bus; the caller closes it.
         name: Name of the vehicle; None if there is only one.
 
     Raises:
@@ -163,15 +162,15 @@ class LiveFlight:
     live = True
 
     def __init__(self, session: "zenoh.Session", name: str | None = None) -> None:
-        self._arrived: deque[Item] = deque(maxlen=MAX_ARRIVED)
-        self._session = session
-        try:
-            self._flight = self._find(name)
-            self.name = self._flight.name
-            self._session.declare_subscriber(broadcast_key(self.name, "*"), self._hear)
-        except BaseException:
-            self.close()
-            raise
+        found = {one.name: one for one in find_flights(session, name or "*", TIMEOUT_S)}
+        if len(found) > 1:
+            raise ConfigError(f"--name: which vehicle? daemons on this bus: {', '.join(sorted(found))}")
+        if not found:
+            raise LinkError(f"{name or 'any daemon'}: no answer within {TIMEOUT_S:g} s; is it running?")
+        ((self.name, self._flight),) = found.items()
+        self._arrived: deque[Item | None] = deque(maxlen=MAX_ARRIVED)
+        # Zenoh's thread must not wait.
+        session.declare_subscriber(broadcast_key(self.name, "*"), lambda sample: self._arrived.append(item_of(sample)))
 
     def metadata(self, _idle: Idle) -> Mapping[str, str]:
         """Return the metadata of the flight, as in its record."""
@@ -179,28 +178,10 @@ class LiveFlight:
 
     def items(self, idle: Idle) -> Iterator[Item]:
         """Yield what arrives until `idle` returns True, beginning with the vehicle's latest messages."""
-        if self._flight.last_cycle is not None:
-            yield self._flight.last_cycle
+        yield from self._flight.heard
         while True:
             while self._arrived:
-                yield self._arrived.popleft()
+                if (item := self._arrived.popleft()) is not None:
+                    yield item
             if idle():
                 return
-
-    def close(self) -> None:
-        """Leave the bus; may be called twice."""
-        self._session.close()  # type: ignore[no-untyped-call]
-
-    def _find(self, name: str | None) -> FoundFlight:
-        found = {one.name: one for one in find_flights(self._session, name or "*", TIMEOUT_S)}
-        if len(found) > 1:
-            raise ConfigError(f"--name: which vehicle? daemons on this bus: {', '.join(sorted(found))}")
-        if not found:
-            who = name or "any daemon"
-            raise LinkError(f"{who}: no answer within {TIMEOUT_S:g} s; is it running?")
-        return found.popitem()[1]
-
-    def _hear(self, sample: "zenoh.Sample") -> None:
-        """Queue a sample; Zenoh's thread must not wait."""
-        if (item := item_of(sample)) is not None:
-            self._arrived.append(item)

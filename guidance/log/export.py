@@ -173,7 +173,7 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
     frame = LocalFrame(*place, projection=settings.autopilot.projection)
     envelope = settings.limits.about_home(settings.cycle.envelope, NOWHERE, frame)
     for edge in fence_edges(envelope, NOWHERE):
-        places = [_placed(frame, north_m, east_m) for east_m, north_m in edge.tolist()]
+        places = [_placed(frame, north_m, east_m) for east_m, north_m, _ in edge.tolist()]
         turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(places))
         yield feature("fence", "Polygon", places if turning > 0.0 else places[::-1])
 

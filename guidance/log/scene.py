@@ -39,7 +39,7 @@ Json = dict[str, Any]
 Array = NDArray[np.float64]
 
 
-def circle(centre: Vector | Array, radius_m: float, points: int = 181) -> Array:
+def circle(centre: Sequence[float] | Array, radius_m: float, points: int = 181) -> Array:
     """A closed circle (points, 2), seen from above."""
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     return np.stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1)
@@ -83,14 +83,14 @@ def isochron_at(settings: CycleSettings, certificate: Certificate, points: int =
 
 
 def fence_edges(envelope: Envelope, home_m: Vector) -> list[Array]:
-    """The fence's edges as closed curves (n, 2)."""
+    """The fence's edges as closed curves (n, 3), at the height of home."""
     edges = []
     if envelope.fence_radius_m is not None:
         edges.append(circle(home_m, envelope.fence_radius_m))
     if envelope.fence_polygon is not None:
         corners = np.array(envelope.fence_polygon.corners_ne_m)[:, ::-1] + np.array(home_m[:2])  # north, east of home
         edges.append(np.concatenate([corners, corners[:1]]))
-    return edges
+    return [lifted(edge, home_m[2]) for edge in edges]
 
 
 _PURSUER: Final = {"r": 0.70, "g": 0.15, "b": 0.12, "a": 1.0}

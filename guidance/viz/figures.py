@@ -146,19 +146,11 @@ class Shape(NamedTuple):
     dimensions: Sequence[int] = (2, 3)
 
 
-class Chase(NamedTuple):
-    """The picture of a flight: its shapes, and the fence's edges, (n, 2) each, at their height in space, m."""
-
-    shapes: Sequence[Shape]
-    fence: Sequence[Array] = ()
-    fence_height_m: float = 0.0
-
-    @property
-    def box(self) -> tuple[Array, Array]:
-        """The corners of all framed shapes, with a margin."""
-        places = np.concatenate([shape.places_m for shape in self.shapes if shape.is_framed])
-        known = places[np.isfinite(places).all(axis=-1)] if np.isfinite(places).any() else np.zeros((1, 3))
-        return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
+def box_of(shapes: Iterable[Shape]) -> tuple[Array, Array]:
+    """Return the corners of all framed shapes, with a margin."""
+    places = np.concatenate([shape.places_m for shape in shapes if shape.is_framed])
+    known = places[np.isfinite(places).all(axis=-1)] if np.isfinite(places).any() else np.zeros((1, 3))
+    return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
 
 
 def players_of(pursuer: Array, evader: Array) -> Iterator[Shape]:
@@ -192,30 +184,36 @@ def target_of(place_m: Vector | None, extent: Extent) -> Iterator[Shape]:
         yield Shape(lifted(target_edge(place_m, extent), place_m[2]), {"color": TARGET["color"]}, "", is_framed=False)
 
 
-def chase_figure(chase: Chase, *, with_whole_fence: bool = False, columns: int = 4) -> Figure:
-    """Draw a chase in space and from above, and from above with the whole fence if asked for."""
+def chase_figure(shapes: Sequence[Shape], fence: Sequence[Array], *, with_whole_fence: bool = False) -> Figure:
+    """Draw a chase in space and from above, and from above with the whole fence if asked for.
+
+    Args:
+        shapes: Of the chase.
+        fence: The fence's closed edges, (n, 3) each.
+        with_whole_fence: Draw a third view.
+    """
     size, widths = ((13.0, 5.8), [1.15, 0.08, 1.0, 0.7]) if with_whole_fence else ((12.0, 6.4), [1.0, 0.06, 0.9])
     figure = figure_of(*size)
     grid = figure.add_gridspec(1, len(widths), width_ratios=widths)  # the second one is for the height's label
     space = figure.add_subplot(grid[0], projection="3d", elev=22.0, azim=-60.0)
     plan, *whole = (figure.add_subplot(grid[place]) for place in range(2, len(widths)))
     views = ((space, 3), (plan, 2), *((axes, 2) for axes in whole))
-    low, high = chase.box
+    low, high = box_of(shapes)
     for axes, dimensions in views:
-        draw(axes, chase.shapes, dimensions)
+        draw(axes, shapes, dimensions)
         if axes is space or (whole and axes is plan):
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     label_plan(plan, adjustable="box" if whole else "datalim")
     for axes in whole:
         label_plan(axes, "from above, with the fence")
     for axes, dimensions in views:
-        draw_fence(axes, chase.fence, chase.fence_height_m, dimensions, whole=axes in whole)
+        draw_fence(axes, fence, dimensions, whole=axes in whole)
     space.set(xlabel="x east, m", zlabel="z up, m", zlim=(min(0.0, low[2] + _MARGIN_M), high[2]))
     space.set_ylabel("y north, m", labelpad=10.0)
     space.locator_params(nbins=5)
     spans = [high - low for low, high in (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())]
     space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
-    legend_below(figure, *whole or (plan,), columns=columns)
+    legend_below(figure, *whole or (plan,), columns=5 if whole else 4)
     return figure
 
 
@@ -226,27 +224,26 @@ def draw(axes: Any, shapes: Iterable[Shape], dimensions: int) -> None:  # noqa: 
             axes.plot(*thinned(shape.places_m)[:, :dimensions].T, **shape.style, label=shape.name)
 
 
-def draw_fence(axes: Any, edges: Sequence[Array], height_m: float, dimensions: int, *, whole: bool = False) -> None:  # noqa: ANN401
+def draw_fence(axes: Any, edges: Sequence[Array], dimensions: int, *, whole: bool = False) -> None:  # noqa: ANN401
     """Draw the visible part of a fence's edges, so that a wide fence does not shrink the rest.
 
     Args:
         axes: In space or from above; what else is drawn is there, and gives the view.
-        edges: Closed curves, (n, 2) each, m.
-        height_m: Their height in space.
+        edges: Closed curves, (n, 3) each, m.
         dimensions: 3 in space, 2 from above.
         whole: Widen the view to all of it.
     """
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     label: str | None = "fence"
     for edge in edges:
-        x, y = edge.T
+        x, y, _ = edge.T
         inside = whole | ((west <= x) & (x <= east) & (south <= y) & (y <= north))
         if not inside.any():
             continue
         if dimensions == 2:
             axes.plot(x, y, **FENCE, label=label, scalex=whole, scaley=whole)
         else:  # 3D axes do not clip
-            axes.plot(*lifted(np.where(inside[:, None], edge, np.nan), height_m).T, **FENCE, label=label)
+            axes.plot(*np.where(inside[:, None], edge, np.nan).T, **FENCE, label=label)
             axes.set(xlim=(west, east), ylim=(south, north))
         label = None
 
@@ -268,7 +265,7 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
         disc_of(evader[-1], batch.game.standoff),
         *target_of(target_m, batch.game.target_extent),
     ]
-    figure = chase_figure(Chase(shapes, [circle((*scenario.home_m, 0.0), scenario.limits.fence_radius_m, 361)]))
+    figure = chase_figure(shapes, [lifted(circle(scenario.home_m, scenario.limits.fence_radius_m, 361), 0.0)])
     figure.suptitle(scenario.title)
     save(figure, path)
 

@@ -21,9 +21,9 @@ from PIL import Image
 
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, writing
-from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted
+from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.viz import figures
-from guidance.viz.figures import EVADER, MARK, PURSUER, STANDOFF, TARGET, Chase, Shape, Style, legend_beside, thinned
+from guidance.viz.figures import EVADER, MARK, PURSUER, STANDOFF, TARGET, Shape, Style, legend_beside, thinned
 from guidance.viz.story import Row, Story, TeamStory, opening, story_of, summary, team_opening, team_story, team_summary
 
 FRAMES: Final = 90
@@ -48,7 +48,7 @@ _SHADES = ("0.96", "0.86", "0.91", "0.82")
 
 def tracks(story: Story) -> Figure:
     """Draw the flight in space, from above, and from above with the whole fence."""
-    return figures.chase_figure(chase_of(story), with_whole_fence=True, columns=5)
+    return figures.chase_figure(shapes_of(story), story.flight.fence_m, with_whole_fence=True)
 
 
 def draw_flight(record: Path, path: Path, title: str) -> None:
@@ -58,14 +58,15 @@ def draw_flight(record: Path, path: Path, title: str) -> None:
         ConfigError: If the record cannot be read.
         OutputError: If the file cannot be written.
     """
-    figure = figures.chase_figure(chase_of(story_of(record)))
+    story = story_of(record)
+    figure = figures.chase_figure(shapes_of(story), story.flight.fence_m)
     figure.suptitle(title)
     figures.save(figure, path, private=True)
 
 
-def chase_of(story: Story) -> Chase:
+def shapes_of(story: Story) -> list[Shape]:
     """Return the shapes of a recorded flight."""
-    settings, home_m, engaged, captured = story.settings.cycle, story.flight.home_m, story.engaged, story.captured
+    settings, engaged, captured = story.settings.cycle, story.engaged, story.captured
     begin = len(story.cycles) if engaged is None else engaged.number
     end = begin + len(story.game)
     pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
@@ -79,8 +80,7 @@ def chase_of(story: Story) -> Chase:
         shapes.append(Shape(curve, figures.ISOCHRON_LATER, "isochron at capture", is_framed=False))
     if captured is not None:
         shapes.append(figures.disc_of(captured.certificate.evader_game_m, settings.game.standoff))
-    shapes += figures.target_of(settings.target_game_m, settings.game.target_extent)
-    return Chase(shapes) if home_m is None else Chase(shapes, fence_edges(story.flight.envelope, home_m), home_m[2])
+    return [*shapes, *figures.target_of(settings.target_game_m, settings.game.target_extent)]
 
 
 def game(story: Story) -> Figure:
@@ -200,7 +200,7 @@ def plan(team: TeamStory) -> Figure:
     """Draw all vehicles and evaders from above."""
     figure = figures.figure_of(10.0, 7.5)
     axes: Any = figure.subplots()
-    game, flight = team.first.settings.cycle.game, team.first.flight
+    game = team.first.settings.cycle.game
     # reports of one evader to several vehicles are dots: joined, they would go to and fro
     dots = EVADER | {"linestyle": "none", "marker": ".", "markersize": 2}
     tracks = [(name, story.column("pursuer_m"), PURSUER, "vehicle") for name, story in team.flights.items()]
@@ -217,7 +217,7 @@ def plan(team: TeamStory) -> Figure:
     figures.label_plan(axes)
     axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
-    figures.draw_fence(axes, [] if flight.home_m is None else fence_edges(flight.envelope, flight.home_m), 0.0, 2)
+    figures.draw_fence(axes, team.first.flight.fence_m, 2)
     figures.legend_below(figure, axes, columns=4)
     return figure
 
@@ -246,15 +246,15 @@ def write_animation(story: Story, path: Path) -> None:
     begun_s, ended_s = (now_s[-1] if one is None else one.now_s for one in (story.engaged, story.captured))
     shown = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
     pursuer, evader = (story.column(name)[shown] for name in ("pursuer_m", "evader_m"))
-    chase, standoff = chase_of(story), story.settings.cycle.game.standoff
+    shapes, standoff = shapes_of(story), story.settings.cycle.game.standoff
     height = np.column_stack([np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]])
     far_m, high_m = np.maximum(1.0, np.nan_to_num(height).max(axis=0))
     figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     still = figures.ISOCHRON, figures.MEETING, TARGET
-    figures.draw(plan, (shape for shape in chase.shapes if shape.style in still), 2)
-    low, high = chase.box
+    figures.draw(plan, (shape for shape in shapes if shape.style in still), 2)
+    low, high = figures.box_of(shapes)
     figures.label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")

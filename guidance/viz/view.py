@@ -25,7 +25,7 @@ from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, metadata_of, scan, title_of
 from guidance.log.broadcast import LiveFlight
 from guidance.log.entries import BEGINNINGS, Idle
-from guidance.log.scene import Array, circle, fence_edges, isochron_at, lifted, target_edge
+from guidance.log.scene import Array, circle, isochron_at, lifted, target_edge
 from guidance.session.flight_files import recorded_settings
 from guidance.viz.serving import recording_server, recording_uri, web_page
 
@@ -178,7 +178,7 @@ class Painter:
         self._pending.append((cycle.now_s, {**drawn, VALUE: self._guaranteed(row.now_s, certificate)}))
         if not self._fenced and home_m is not None:
             self._fenced = True
-            if edges := [lifted(edge, home_m[2]) for edge in fence_edges(self._flight.envelope, home_m)]:
+            if edges := self._flight.fence_m:
                 self._log(None, FENCE, _lines(edges, FENCE))
         if row.inputs.role is not None:
             self._log(row.now_s, EVADER, rr.Points3D.from_fields(labels=[row.inputs.role.evader]))
@@ -277,8 +277,8 @@ def view(
     """Show a flight until `ended` is set, or save it. Return the number of cycles.
 
     Args:
-        sources: The flight, or the flights of a team by vehicle; closed at the end. Unreadable items are errors in a
-            record; on a bus, where anyone can publish, they are ignored.
+        sources: The flight, or the flights of a team by vehicle. Unreadable items are errors in a record; on a bus,
+            where anyone can publish, they are ignored.
         save: A file; None serves a page.
         ports: Of the recording and of the page on loopback; 0 picks a free one.
         say: Receives the page's address.
@@ -290,9 +290,6 @@ def view(
         LinkError: If a port is in use.
     """
     with contextlib.ExitStack() as closing:
-        for source in sources.values():
-            if not isinstance(source, RecordFile):
-                closing.callback(source.close)
         if any(source.live for source in sources.values()):
             os.nice(NICE)
         told = {name: source.metadata(partial(ended.wait, REDRAWN_EVERY_S)) for name, source in sources.items()}

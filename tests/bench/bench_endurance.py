@@ -127,7 +127,7 @@ class Page:
 
     def __init__(self, name: str, clock: VirtualClock, metadata: dict[str, str]) -> None:
         self._name, self._clock = name, clock
-        self._waiting: list[News] = [News(name, clock.now_s(), FoundFlight(name, metadata, None))]
+        self._waiting: list[News] = [News(name, clock.now_s(), FoundFlight(name, metadata, ()))]
         self._hub = Hub([self], clock)
         self._cycles = self.messages = self.sent_mb = 0
 

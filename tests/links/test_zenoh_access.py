@@ -136,14 +136,12 @@ def test_an_operator_orders_and_a_viewer_looks_on(keys, port):
         for other in ("viewer", "evader1", "uav1"):
             with pytest.raises(LinkError, match="no answer"):
                 ask("land", endpoint=endpoint, name="uav1", timeout_s=0.3, credentials=of(keys, other))
-        view = LiveFlight(join_session(endpoint, credentials=of(keys, "viewer")))
-        try:
+        with join_session(endpoint, credentials=of(keys, "viewer")) as session:
+            view = LiveFlight(session)
             assert view.metadata(lambda: False) == {"seed": "3"}
             items = view.items(lambda: False)
             assert until(lambda: broadcast.event(1.0, "happened") or view._arrived)
             assert next(items).topic == "guidance/event"
-        finally:
-            view.close()
     finally:
         broadcast.close()
         bus.close()

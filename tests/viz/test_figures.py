@@ -6,13 +6,13 @@ import sys
 import pytest
 
 from guidance.errors import ConfigError, OutputError
-from guidance.log.scene import circle
+from guidance.log.scene import circle, lifted
 from guidance.sim.batch import stack
 from guidance.sweeps.drawing import _figure
 from guidance.viz.figures import MOST_POINTS, check_picture, draw_fence, draw_scenario, figure_of, played, save, thinned
 from tests.harness.flights import NEAR
 
-IN_VIEW, FAR = circle((0.0, 0.0, 0.0), 8.0), circle((0.0, 0.0, 0.0), 300.0)
+IN_VIEW, FAR = (lifted(circle((0.0, 0.0, 0.0), radius_m), 0.0) for radius_m in (8.0, 300.0))
 
 
 @pytest.mark.parametrize("title", [r"$\frac{", r"$\frac{$", "$1 or 2$", r"costs 3$ \alpha", "ordinary"])
@@ -70,9 +70,9 @@ def test_a_fence_is_drawn_where_it_is_in_view_and_never_widens_it(dimensions):
     axes = figure_of(4.0, 4.0).add_subplot(projection="3d" if dimensions == 3 else None)
     axes.set(xlim=(-5.0, 10.0), ylim=(-5.0, 10.0))
     before = axes.get_xlim(), axes.get_ylim()
-    draw_fence(axes, [FAR], 0.0, dimensions)
+    draw_fence(axes, [FAR], dimensions)
     assert not axes.lines
-    draw_fence(axes, [IN_VIEW, IN_VIEW + 0.5], 0.0, dimensions)
+    draw_fence(axes, [IN_VIEW, IN_VIEW + 0.5], dimensions)
     assert sum(line.get_label() == "fence" for line in axes.lines) == 1
     assert (axes.get_xlim(), axes.get_ylim()) == before
 
@@ -80,7 +80,7 @@ def test_a_fence_is_drawn_where_it_is_in_view_and_never_widens_it(dimensions):
 def test_the_whole_fence_is_shown_where_that_is_asked_for():
     plan = figure_of(4.0, 4.0).add_subplot()
     plan.plot([0.0, 1.0], [0.0, 1.0])
-    draw_fence(plan, [FAR], 0.0, 2, whole=True)
+    draw_fence(plan, [FAR], 2, whole=True)
     assert plan.get_xlim()[0] < -299.0
     assert plan.get_xlim()[1] > 299.0
 

@@ -42,9 +42,9 @@ def beside(curve, place):
     return np.linalg.norm(begun + share[:, None] * along - place, axis=1).min()
 
 
-def found(name, metadata, last_cycle):
+def found(name, metadata, *heard):
     """Return the news of a daemon's flight."""
-    return News(name, 100.0, FoundFlight(name, metadata, last_cycle))
+    return News(name, 100.0, FoundFlight(name, metadata, heard))
 
 
 class StubBus:
@@ -84,7 +84,7 @@ def told(record):
     def read(*, whole=False):
         return json.loads(hub.message(whole=whole))
 
-    tell(found("uav1", metadata_of(record), None))
+    tell(found("uav1", metadata_of(record)))
     return SimpleNamespace(hub=hub, bus=bus, clock=clock, tell=tell, read=read)
 
 
@@ -239,7 +239,7 @@ def test_the_end_of_a_flight_is_shown_until_the_next_flight(told, record):
         data = {"now_s": 2.0, "event": event, "detail": detail}
         told.tell(News("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(data).encode())))
         assert told.read()["daemons"][0]["over"] == over
-    told.tell(found("uav1", metadata_of(record), None))
+    told.tell(found("uav1", metadata_of(record)))
     assert told.read()["daemons"][0]["over"] is None
 
 
@@ -270,7 +270,7 @@ def test_unreadable_messages_are_ignored_and_daemons_are_bounded(told):
     for data in (b"", b"{", b"[]", b'{"now_s": 1}', b'{"now_s": "x", "event": 3}'):
         for topic in (CYCLE_TOPIC, EVENT_TOPIC):
             told.tell(News("uav1", 100.0, Item(0.0, topic, "json", data)))
-    told.tell(found("odd", {"config": "no JSON"}, None), News("odd", 100.0, {"state": "waiting"}))
+    told.tell(found("odd", {"config": "no JSON"}), News("odd", 100.0, {"state": "waiting"}))
     told.tell(*(News(f"uav{number}", 100.0, {}) for number in range(2 * MAX_DAEMONS)))
     daemons = told.read(whole=True)["daemons"]
     assert len(daemons) == MAX_DAEMONS

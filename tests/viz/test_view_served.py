@@ -174,16 +174,15 @@ def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
     for cycle in cycles[:200]:
         broadcast.cycle(cycle)
     until(lambda: not broadcast._waiting)
-    flight = LiveFlight(join_session(endpoint), "uav1")
-    assert flight.metadata(lambda: False) == {"scenario": "{}"}
-    until(lambda: all(map(is_watched, broadcast._publishers.values())))
-    broadcast.event(cycles[200].now_s, "armed", "ready -> arming")
-    for cycle in cycles[200:230]:
-        broadcast.cycle(cycle)
-    until(lambda: len(flight._arrived) == 31)
-    items = list(flight.items(lambda: True))
-    flight.close()
-    flight.close()
+    with join_session(endpoint) as session:
+        flight = LiveFlight(session, "uav1")
+        assert flight.metadata(lambda: False) == {"scenario": "{}"}
+        until(lambda: all(map(is_watched, broadcast._publishers.values())))
+        broadcast.event(cycles[200].now_s, "armed", "ready -> arming")
+        for cycle in cycles[200:230]:
+            broadcast.cycle(cycle)
+        until(lambda: len(flight._arrived) == 31)
+        items = list(flight.items(lambda: True))
     assert all(isinstance(item, Item) for item in items)
     said = [json.loads(item.data) for item in items]
     assert {"Heartbeat", "LocalPosition"} <= {one["kind"] for one in said[0]["inputs"]["messages"]}
@@ -193,10 +192,11 @@ def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
 
 def test_with_several_daemons_a_name_is_asked_for_and_nobody_is_one_clear_error(bus):
     _, endpoint = bus
-    with pytest.raises(ConfigError, match=r"which vehicle\? daemons on this bus: uav1, uav2"):
-        LiveFlight(join_session(endpoint), None)
-    with pytest.raises(LinkError, match=r"uav9: no answer"):
-        LiveFlight(join_session(endpoint), "uav9")
+    with join_session(endpoint) as session:
+        with pytest.raises(ConfigError, match=r"which vehicle\? daemons on this bus: uav1, uav2"):
+            LiveFlight(session, None)
+        with pytest.raises(LinkError, match=r"uav9: no answer"):
+            LiveFlight(session, "uav9")
 
 
 def test_the_command_shows_a_daemon_live(bus, record):

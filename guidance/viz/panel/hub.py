@@ -188,8 +188,8 @@ class DaemonView:
                 self._fold, self._over, self._sent = None, None, {}
                 self._rows.clear()
                 self._fold = SnapshotFold(news.what.metadata, self.key)
-                if news.what.last_cycle is not None:
-                    self._fold.take(news.what.last_cycle)
+                for item in news.what.heard:
+                    self._fold.take(item)
             elif self._fold is not None:
                 self._add(news.what, news.at_s, self._fold)
 

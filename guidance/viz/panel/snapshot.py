@@ -31,7 +31,7 @@ from guidance.log import Aggregator, CycleEntry, EventEntry, Item, metadata_of, 
 from guidance.log.codec import plain
 from guidance.log.entries import BEGINNINGS, CYCLE_TOPIC, EVENT, EVENT_TOPIC, title_of
 from guidance.log.reader import Survey, entry_of, survey_of
-from guidance.log.scene import fence_edges, isochron_at, target_edge
+from guidance.log.scene import isochron_at, target_edge
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.monitor import Violation
 from guidance.session.flight_files import RECORD, recorded_settings
@@ -193,14 +193,13 @@ class SnapshotFold:
     def _set_scene(self) -> None:
         cycle, envelope = self._flight.settings.cycle, self._flight.envelope
         target, standoff, self._home_m = cycle.target_game_m, cycle.game.standoff, self._flight.home_m
-        edges = [] if self._home_m is None else fence_edges(envelope, self._home_m)
         place = self._flight.vehicle.latest.get(Home)
         outline = [] if target is None else np.round(target_edge(target, cycle.game.target_extent), 1).tolist()
         self.scene: Plain = {
             "unit": "s" if target is None else "m",
             "home_m": rounded(self._home_m),
             "home_deg": None if place is None else [place.latitude_deg, place.longitude_deg],
-            "fence_m": [np.round(edge, 1).tolist() for edge in edges],
+            "fence_m": [np.round(edge[:, :2], 1).tolist() for edge in self._flight.fence_m],
             "floor_m": envelope.floor_m,
             "ceiling_m": envelope.ceiling_m,
             "target_m": rounded(target),
