@@ -275,5 +275,5 @@ def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     for item in itertools.islice(scan(flight[1]), 10_000):
         aggregator.take(item)
     (edge,) = fence_edges(replace(aggregator.envelope, fence_radius_m=None), (0.0, 0.0, 0.0))
-    drawn_ne_m = {(round(north, 3) + 0.0, round(east, 3) + 0.0) for east, north in edge}
+    drawn_ne_m = {(round(north, 3) + 0.0, round(east, 3) + 0.0) for east, north, _ in edge}
     assert drawn_ne_m == set(SQUARE_NE_M)

@@ -248,8 +248,8 @@ class Listener:
 
     def __init__(self, server: web.Server, clock: Clock, tls: ssl.SSLContext | None) -> None:
         self._server, self._clock, self._tls = server, clock, tls
-        self._open: dict[web.RequestHandler, asyncio.Task[None]] = {}  # with the task that makes the TLS handshake
-        self._strangers_s: dict[web.RequestHandler, float] = {}  # deadlines of those without the cookie, oldest first
+        # Those without the cookie, oldest first: the deadline, and the task that makes the TLS handshake.
+        self._strangers: dict[web.RequestHandler, tuple[float, asyncio.Task[None]]] = {}
 
     async def run(self, listening: socket.socket) -> None:
         """Accept connections until cancelled."""
@@ -262,26 +262,24 @@ class Listener:
                 await asyncio.sleep(_RETRY_S)
                 continue
             self.close_late()
-            if len(self._open) >= MAX_CONNECTIONS:
-                if not self._strangers_s:
+            if len(self._strangers.keys() | self._server.connections) >= MAX_CONNECTIONS:
+                if not self._strangers:
                     accepted.close()
                     continue
-                self._close(next(iter(self._strangers_s)))
-            handler = self._server()
-            self._open[handler] = asyncio.create_task(self._connect(handler, accepted))
-            self._strangers_s[handler] = self._clock.now_s() + LOGIN_DEADLINE_S
+                self._close(next(iter(self._strangers)))
+            handler, until_s = self._server(), self._clock.now_s() + LOGIN_DEADLINE_S
+            self._strangers[handler] = until_s, asyncio.create_task(self._connect(handler, accepted))
 
     def admit(self, handler: web.RequestHandler) -> None:
         """Remove the deadline of a connection that showed the cookie."""
-        self._strangers_s.pop(handler, None)
+        self._strangers.pop(handler, None)
 
     def close_late(self) -> None:
-        """Close the connections that missed the deadline, and forget those that ended."""
+        """Close the connections that missed the deadline, and those that ended."""
         now_s, connected = self._clock.now_s(), set(self._server.connections)
-        self._open = {one: making for one, making in self._open.items() if one in connected or not making.done()}
-        self._strangers_s = {one: until_s for one, until_s in self._strangers_s.items() if one in self._open}
-        for handler in [one for one, until_s in self._strangers_s.items() if until_s <= now_s]:
-            self._close(handler)
+        for handler, (until_s, making) in list(self._strangers.items()):
+            if until_s <= now_s or (making.done() and handler not in connected):
+                self._close(handler)
 
     async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
         loop, limit_s = asyncio.get_running_loop(), None if self._tls is None else LOGIN_DEADLINE_S
@@ -291,6 +289,6 @@ class Listener:
             accepted.close()
 
     def _close(self, handler: web.RequestHandler) -> None:
-        del self._strangers_s[handler]
-        self._open.pop(handler).cancel()
+        _, making = self._strangers.pop(handler)
+        making.cancel()
         handler.force_close()
