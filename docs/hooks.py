@@ -23,7 +23,7 @@ from guidance.flight import ORDERS, Event, State
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
 from guidance.links.zenoh_evader import ODOMETRY_TYPE, POSE_TYPE
 from guidance.log.broadcast import broadcast_key
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT
+from guidance.log.entries import CYCLE, EVENT, REPORT
 from guidance.monitor import Violation
 from guidance.session.control_bus import control_key
 from guidance.session.control_socket import WORDS
@@ -311,9 +311,9 @@ def record() -> str:
         "One MCAP file per flight. Each link also has a channel of raw MAVLink frames. Vehicles, fence and stand-off "
         "are also recorded as Foxglove's message types.\n",
     ]
-    for topic, codec in ((CYCLE_TOPIC, CYCLE), (EVENT_TOPIC, EVENT), (EVADER_TOPIC, REPORT)):
+    for codec in (CYCLE, EVENT, REPORT):
         rows = [(f"`{name}`", str(spec.get("type", ""))) for name, spec in _fields(codec.schema)]
-        parts += [f"## `{topic}`\n", f"Type `{codec.title}`.\n", table(("field", "type"), rows)]
+        parts += [f"## `{codec.topic}`\n", f"Type `{codec.title}`.\n", table(("field", "type"), rows)]
     return "\n".join(parts)
 
 

@@ -24,7 +24,7 @@ import typer
 from click.testing import CliRunner
 
 from guidance.cli.program import app as guidance_app
-from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.entries import CYCLE
 from guidance.sim.scenario_file import json_schema
 from sitl_mock.cli import app as mock_app
 from tests.bench.bench_walk import lines_of, named_walks
@@ -223,7 +223,7 @@ def test_the_pages_made_of_the_code_name_every_key_and_every_option():
     said = pages["reference/scenario-file.md"]
     assert [key for key in sorted(keys) if f"`{key}`" not in said and f"{key}]" not in said] == []
     assert "`--speed-ratio`" in pages["reference/commands.md"]
-    assert CYCLE_TOPIC in pages["reference/record.md"]
+    assert CYCLE.topic in pages["reference/record.md"]
     assert "external mode change" in hooks["failures"]()
     assert "`guidance_lateness_seconds`" in pages["reference/metrics.md"]
 

@@ -12,11 +12,6 @@ from guidance.messages import EvaderReport, Request, Setpoint
 from guidance.monitor import Alarm
 from guidance.team.messages import RolesMessage
 
-CYCLE_TOPIC: Final = "guidance/cycle"
-EVENT_TOPIC: Final = "guidance/event"
-EVADER_TOPIC: Final = "guidance/evader_report"
-"""Every report of the evader as received, at its arrival time."""
-
 BEGUN: Final = "flight begins"
 """Event at the first cycle of a flight. A daemon may fly several; each starts without the state of the last."""
 
@@ -95,9 +90,10 @@ class EventEntry(NamedTuple):
             return self.detail
 
 
-CYCLE: Final = Codec("guidance.Cycle", CycleEntry, CYCLE_TOPIC)
-EVENT: Final = Codec("guidance.Event", EventEntry, EVENT_TOPIC)
-REPORT: Final = Codec("guidance.EvaderReport", EvaderReport, EVADER_TOPIC)
+CYCLE: Final = Codec("guidance.Cycle", CycleEntry, "guidance/cycle")
+EVENT: Final = Codec("guidance.Event", EventEntry, "guidance/event")
+REPORT: Final = Codec("guidance.EvaderReport", EvaderReport, "guidance/evader_report")
+"""Every report of the evader as received, at its arrival time."""
 
 
 def cycle_entry(

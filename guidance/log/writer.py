@@ -26,7 +26,7 @@ from pydantic_core import to_json
 
 from guidance.files import private_file, private_folder
 from guidance.log.codec import Schema
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
+from guidance.log.entries import CYCLE, EVENT, REPORT, CycleEntry, EventEntry
 from guidance.log.scene import Scene
 
 CHUNK_S: Final = 0.1
@@ -74,11 +74,11 @@ class Record:
 
     def cycle(self, entry: CycleEntry) -> None:
         """Keep one guidance cycle, the reports that it read, and what viewers draw of it."""
-        self.frames(((entry.now_s, CYCLE_TOPIC, entry),))
+        self.frames(((entry.now_s, CYCLE.topic, entry),))
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
-        self.frames(((now_s, EVENT_TOPIC, EventEntry(now_s, event, detail)),))
+        self.frames(((now_s, EVENT.topic, EventEntry(now_s, event, detail)),))
 
     def close(self) -> None:
         """Finish; may be called twice."""
@@ -178,8 +178,8 @@ class Recorder(Record):
     def _add_cycle(self, entry: CycleEntry) -> None:
         add, now_s = self._file.add, entry.now_s
         for report in entry.inputs.reports:
-            add(EVADER_TOPIC, REPORT.schema, report.received_s, REPORT.encode(report))
-        add(CYCLE_TOPIC, CYCLE.schema, now_s, CYCLE.encode(entry))
+            add(REPORT.topic, REPORT.schema, report.received_s, REPORT.encode(report))
+        add(CYCLE.topic, CYCLE.schema, now_s, CYCLE.encode(entry))
         for topic, schema, message in self._scene.of(entry):
             add(topic, schema, now_s, to_json(message, inf_nan_mode="null"))
 

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from guidance.config import find, parse, read
 from guidance.errors import ConfigError
-from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.entries import CYCLE
 from guidance.log.reader import record_errors, scan
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import TeamScenario
@@ -127,7 +127,7 @@ def _from_record(path: Path, part: str) -> Rows:
     rows: Rows = []
     with record_errors(path):
         for item in scan(path):
-            row = json.loads(item.data) if item.topic == CYCLE_TOPIC else {}
+            row = json.loads(item.data) if item.topic == CYCLE.topic else {}
             certificate = row.get("certificate")
             if certificate is None or (rows and row["now_s"] - rows[-1][0] < _LEAST_STEP_S - 1e-6):
                 continue

@@ -21,7 +21,7 @@ from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
 from guidance.game import solve
 from guidance.log import Aggregator, Comparison, Cycle, Survey, compare, metadata_of, scan, title_of
-from guidance.log.entries import ASSIGNED, EVENT_TOPIC, CycleEntry, EventEntry
+from guidance.log.entries import ASSIGNED, EVENT, CycleEntry, EventEntry
 from guidance.log.scene import Array
 from guidance.messages import Home, Role
 from guidance.session.flight_files import recorded_settings
@@ -196,7 +196,7 @@ def summary(story: Story) -> Iterator[Row]:
     yield "age of the evader's last report", _spread_ms(story.column("evader_age_s"))
     yield "delay of cycles", _spread_ms(story.column("late_s"))
     yield "working time of cycles", _spread_ms(story.column("worked_s"))
-    yield "events", f"{survey.messages[EVENT_TOPIC]}"
+    yield "events", f"{survey.messages[EVENT.topic]}"
     yield "record", f"{torn}{missing}, {survey.messages.total()} messages"
     yield "seed", survey.metadata.get("seed", "–")
     yield "made by", ", ".join(made)

@@ -45,7 +45,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.log import compare
 from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import CONFIG as CONFIG_KEY
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, CycleEntry, EventEntry, Item
+from guidance.log.entries import CYCLE, EVENT, CycleEntry, EventEntry, Item
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import recorded_settings
@@ -113,7 +113,7 @@ def cycles_in(path: Path) -> int:
     if summary is None or summary.statistics is None:
         return 0
     counts = summary.statistics.channel_message_counts
-    return sum(counts[number] for number, channel in summary.channels.items() if channel.topic == CYCLE_TOPIC)
+    return sum(counts[number] for number, channel in summary.channels.items() if channel.topic == CYCLE.topic)
 
 
 class Page:
@@ -137,11 +137,11 @@ class Page:
     def cycle(self, entry: CycleEntry) -> None:
         self._cycles += 1
         if self._cycles % 5 == 0:
-            self._add(CYCLE_TOPIC, entry.now_s, CYCLE.encode(entry))
+            self._add(CYCLE.topic, entry.now_s, CYCLE.encode(entry))
             self.open(whole=False)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
-        self._add(EVENT_TOPIC, now_s, EVENT.encode(EventEntry(now_s, event, detail)))
+        self._add(EVENT.topic, now_s, EVENT.encode(EventEntry(now_s, event, detail)))
 
     def news(self) -> list[News]:
         news, self._waiting = self._waiting, []

@@ -19,7 +19,7 @@ import numpy as np
 from guidance.clock import VirtualClock
 from guidance.flight import Flight
 from guidance.log import compare, cycles_of, metadata_of, scan
-from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.entries import CYCLE
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Equipment
 from guidance.session.flight_files import recorded_settings
@@ -99,7 +99,7 @@ def main() -> None:
         path = Path(folder) / "record.mcap"
         best = min((written(kept, path, metadata) for _ in range(3)), key=lambda costs: float(np.median(costs)))
         items = list(scan(path))
-        rows = [json.loads(item.data) for item in items if item.topic == CYCLE_TOPIC]
+        rows = [json.loads(item.data) for item in items if item.topic == CYCLE.topic]
         minutes = (rows[-1]["now_s"] - rows[0]["now_s"]) / 60.0
         print(
             f"{scenario.title}: {len(rows)} cycles, {minutes * 60:.1f} s, {len(items) / len(rows):.1f} messages a cycle"

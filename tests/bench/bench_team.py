@@ -30,7 +30,7 @@ from guidance.links.udp import UdpWire
 from guidance.links.wires import TO_VEHICLE
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_session
-from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.entries import CYCLE
 from guidance.log.reader import scan
 from guidance.session.control_bus import free_endpoint, join_session
 from guidance.session.control_socket import token_path
@@ -164,7 +164,7 @@ def latencies_s(record: Path, sent: Sequence[tuple[float, str]], arrived_s: dict
     """Return the time from each assignment to the arrival of the first setpoint against its evader."""
     changed, firsts = None, []
     for item in scan(record):
-        if item.topic == CYCLE_TOPIC:
+        if item.topic == CYCLE.topic:
             changed = (json.loads(item.data)["inputs"].get("role") or {}).get("evader")
         elif changed and item.topic == f"{NAME}/{TO_VEHICLE}" and item.data in arrived_s:
             firsts.append((arrived_s[item.data], changed))

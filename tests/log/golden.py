@@ -13,7 +13,7 @@ from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import State
 from guidance.log import cycles_of, scan
-from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
+from guidance.log.entries import CYCLE, EVENT
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Equipment
 from guidance.session.mission import Mission
@@ -46,7 +46,7 @@ def keep(path: Path, out: Path, metadata: dict[str, str]) -> None:
         writer.add_metadata("run", metadata)
         channels: dict[str, int] = {}
         landing_s = next(row.now_s for row in cycles_of(path) if row.state == State.LANDING)
-        replayed = {CYCLE_TOPIC, EVENT_TOPIC}
+        replayed = {CYCLE.topic, EVENT.topic}
         items = (item for item in scan(path) if item.topic in replayed and item.now_s < landing_s + 1.0)
         for number, item in enumerate(items):
             if item.topic not in channels:

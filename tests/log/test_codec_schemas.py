@@ -14,7 +14,7 @@ from guidance.certificate import Certificate
 from guidance.clock import Timing
 from guidance.log import cycles_of, reports_of, scan
 from guidance.log.codec import Codec, form_of
-from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, REPORT, Item
+from guidance.log.entries import CYCLE, EVENT, REPORT, Item
 from guidance.log.scene import EVERY_S, FIX, POSE, SCENE, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
@@ -75,7 +75,7 @@ def test_every_field_of_inputs_and_certificate_is_described():
 
 @pytest.mark.parametrize("damage", ["text", "unknown", "missing", "long", "null"])
 def test_a_damaged_message_does_not_match_the_schema(channels, damage):
-    _, schema, messages = channels[CYCLE_TOPIC]
+    _, schema, messages = channels[CYCLE.topic]
     cycle = json.loads(json.dumps(next(message for message in messages if "certificate" in message)))
     certificate = cycle["certificate"]
     assert Draft202012Validator(schema).is_valid(cycle)
@@ -120,7 +120,7 @@ def json_of(item: Item):
 
 
 def test_evader_reports_have_a_channel_with_both_clocks_and_the_datum(flight):
-    items = [item for item in scan(flight[1]) if item.topic == EVADER_TOPIC]
+    items = [item for item in scan(flight[1]) if item.topic == REPORT.topic]
     read = [report for row in cycles_of(flight[1]) for report in row.inputs.reports]
     assert len(items) == len(read) > 100
     assert repr(list(reports_of(flight[1]))) == repr(read)

@@ -28,7 +28,7 @@ from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import Aggregator, cycles_of, metadata_of, reports_of, scan, survey_of
-from guidance.log.entries import EVADER_TOPIC
+from guidance.log.entries import REPORT
 from guidance.log.export import EXPORTS, export, feature, features_of, started_unix_s, write_tlog
 from guidance.log.export import geojson as written
 from guidance.log.scene import fence_edges
@@ -238,7 +238,7 @@ def test_the_log_commands_show_the_content_of_a_record(flight, tmp_path):
     assert info.exit_code == 0, info.output
     assert "pursuer/mavlink_raw/in" in info.output
     assert "whole" in info.output
-    count = survey_of(flight[1]).messages[EVADER_TOPIC]
+    count = survey_of(flight[1]).messages[REPORT.topic]
     words = "reports of the evader by GLOBAL_POSITION_INT, altitudes amsl, with the sender's clock"
     assert f"{count} {words}" in info.output
     events = runner.invoke(app, ["log", "events", str(flight[1])])

@@ -8,7 +8,7 @@ from mcap.writer import Writer
 from guidance.errors import ConfigError
 from guidance.flight import Inputs, State
 from guidance.log import Survey, cycles_of, events_of, metadata_of, scan, survey_of
-from guidance.log.entries import CYCLE_TOPIC, CycleEntry
+from guidance.log.entries import CYCLE, CycleEntry
 from guidance.log.writer import Recorder
 
 
@@ -45,7 +45,7 @@ def test_the_survey_of_a_flight_counts_everything(flight):
     survey = survey_of(path)
     assert survey.torn is None
     assert survey.missing == 0
-    assert survey.messages[CYCLE_TOPIC] == result.cycles
+    assert survey.messages[CYCLE.topic] == result.cycles
     assert survey.metadata["guidance"] == "0.1.0"
     assert survey.duration_s == pytest.approx(result.duration_s, abs=0.05)
     assert [event.event for event in events_of(path)].count("stand-off reached") == 1
@@ -99,7 +99,7 @@ def test_a_flipped_bit_is_detected_and_never_read_as_data(tmp_path):
         flipped[position] ^= 0x10
         path.write_bytes(flipped)
         survey = Survey()
-        read = [json.loads(item.data)["inputs"]["refusals"] for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
+        read = [json.loads(item.data)["inputs"]["refusals"] for item in scan(path, survey) if item.topic == CYCLE.topic]
         # If the flip hit the opcode of a chunk, the format requires readers to skip the unknown record.
         assert [int(number) for number, _ in read] == sorted({int(number) for number, _ in read})
         assert all(text == "x" * 400 for _, text in read)
@@ -129,7 +129,7 @@ def test_a_foreign_cycle_is_refused_with_its_time(tmp_path, data):
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
-        channel = writer.register_channel(CYCLE_TOPIC, "json", 0)
+        channel = writer.register_channel(CYCLE.topic, "json", 0)
         writer.add_message(channel, 1_500_000_000, data, 1_500_000_000)
         writer.finish()
     with pytest.raises(ConfigError, match=r"1\.500 s"):

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from guidance.cli.program import app
 from guidance.errors import ConfigError, GuidanceError
 from guidance.log import Survey, record_errors, scan
-from guidance.log.entries import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
+from guidance.log.entries import CYCLE, EVENT, REPORT
 from guidance.log.writer import Recorder
 from tests.harness.examples import drawn
 
@@ -167,7 +167,7 @@ def mutated(out: Path, seed: int) -> None:
     """Copy the short chase with correct checksums and one wrong value in metadata, a cycle, an event or a report."""
     draw, survey = random.Random(seed), Survey()
     items = list(islice(scan(SHORT, survey), 900))
-    topics = [CYCLE_TOPIC] * 6 + [EVENT_TOPIC, EVADER_TOPIC, None, None]
+    topics = [CYCLE.topic] * 6 + [EVENT.topic, REPORT.topic, None, None]
     topic = topics[seed % len(topics)]
     of_topic = [number for number, item in enumerate(items) if item.topic == topic]
     chosen = draw.choice(of_topic) if of_topic else None

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.log import compare, cycles_of, metadata_of, replay, scan, title_of
-from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT_TOPIC
+from guidance.log.entries import BEGUN, CYCLE, EVENT
 from guidance.log.replay import difference_of
 from guidance.log.writer import Recorder
 from guidance.session.flight_files import changes_of, recorded_settings
@@ -17,7 +17,7 @@ from guidance.session.flight_files import changes_of, recorded_settings
 def rewritten(path, out, change=lambda number, row: row, repeat=1):
     """Copy the cycles of a record, each passed through `change`; a repeated flight begins with the daemon's event."""
     recorder = Recorder(out, metadata_of(path))
-    rows = [json.loads(item.data) for item in scan(path) if item.topic == CYCLE_TOPIC]
+    rows = [json.loads(item.data) for item in scan(path) if item.topic == CYCLE.topic]
     for _ in range(repeat):
         recorder.event(0.0, BEGUN)
         for number, row in enumerate(rows):
@@ -48,7 +48,7 @@ def test_the_replay_reproduces_the_game_and_the_alarms(flight):
 
 
 def test_a_nanometre_in_one_input_is_found(flight, tmp_path):
-    flown = [CYCLE.decode(item.data) for item in scan(flight[1]) if item.topic == CYCLE_TOPIC]
+    flown = [CYCLE.decode(item.data) for item in scan(flight[1]) if item.topic == CYCLE.topic]
     chosen = next(number for number, row in enumerate(flown) if row.state == "engaged") + 100
 
     def nudge(number, row):
@@ -184,4 +184,4 @@ def test_a_torn_record_is_replayed_up_to_the_damage(flight, tmp_path):
     run = CliRunner().invoke(app, ["replay", str(torn)])
     assert run.exit_code == 0, run.output
     assert "the record is torn" in run.output
-    assert EVENT_TOPIC in {item.topic for item in scan(torn)}
+    assert EVENT.topic in {item.topic for item in scan(torn)}

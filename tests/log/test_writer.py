@@ -15,7 +15,7 @@ from mcap.reader import NonSeekingReader, make_reader
 from guidance.flight import Inputs, State
 from guidance.log import writer as record
 from guidance.log.codec import plain
-from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, CycleEntry
+from guidance.log.entries import CYCLE, EVENT, CycleEntry
 from guidance.log.writer import Recorder, started_utc, versions
 
 
@@ -60,8 +60,8 @@ def test_messages_are_read_back_with_time_topic_and_schema(tmp_path):
         assert [metadata.metadata for metadata in reader.iter_metadata()] == [{"seed": "3"}]
     assert [(schema, topic) for schema, topic, _ in found] == [
         (None, "uav1/mavlink_raw/in"),
-        ("guidance.Cycle", CYCLE_TOPIC),
-        ("guidance.Event", EVENT_TOPIC),
+        ("guidance.Cycle", CYCLE.topic),
+        ("guidance.Event", EVENT.topic),
     ]
     assert found[0][2].data == b"\xfd\x00"
     assert found[0][2].log_time == 1_250_000_000

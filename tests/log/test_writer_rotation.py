@@ -11,7 +11,7 @@ from guidance.clock import VirtualClock
 from guidance.errors import ConfigError
 from guidance.flight import Inputs, State
 from guidance.log import Survey, compare, cycles_of, metadata_of, scan
-from guidance.log.entries import CYCLE_TOPIC, CycleEntry
+from guidance.log.entries import CYCLE, CycleEntry
 from guidance.log.replay import Comparison
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Equipment
@@ -40,7 +40,7 @@ def write(path, seconds, **rotation):
 
 
 def numbers(path, survey=None):
-    return [number_of(item) for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
+    return [number_of(item) for item in scan(path, survey) if item.topic == CYCLE.topic]
 
 
 def test_the_first_file_is_read_with_all_others_and_each_other_alone(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from guidance.flight import Event, State
-from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
+from guidance.log.entries import CYCLE, EVENT
 from guidance.log.scene import isochron
 from guidance.session.flight_files import flight_folder
 from guidance.session.result import ending_words, outcome_of_flight
@@ -119,10 +119,10 @@ def test_the_record_holds_every_cycle_every_frame_and_every_event(pe):
         setpoints = 0
         for _, channel, message in reader.iter_messages():
             counts[channel.topic] = counts.get(channel.topic, 0) + 1
-            if channel.topic == CYCLE_TOPIC:
+            if channel.topic == CYCLE.topic:
                 setpoints += "setpoint" in json.loads(message.data)
-    assert counts[CYCLE_TOPIC] == result.cycles
-    assert counts[EVENT_TOPIC] == 1 + len(result.happenings) + len(result.alarms)  # one begins the flight
+    assert counts[CYCLE.topic] == result.cycles
+    assert counts[EVENT.topic] == 1 + len(result.happenings) + len(result.alarms)  # one begins the flight
     assert setpoints == result.setpoints_sent
     assert counts["pursuer/mavlink_raw/in"] >= result.setpoints_sent
     assert counts["pursuer/mavlink_raw/out"] > 100 * result.duration_s
@@ -131,7 +131,7 @@ def test_the_record_holds_every_cycle_every_frame_and_every_event(pe):
 def test_one_setpoint_goes_out_a_cycle_and_none_outside_of_the_guided_states(pe):
     _, path = pe
     with path.open("rb") as stream:
-        rows = [json.loads(message.data) for _, _, message in make_reader(stream).iter_messages(topics=[CYCLE_TOPIC])]
+        rows = [json.loads(message.data) for _, _, message in make_reader(stream).iter_messages(topics=[CYCLE.topic])]
     guided = {"entering", "engaged", "paused", "on station"}
     assert all("setpoint" in row for row in rows if row["state"] in guided)
     silent = [row for row in rows if row["state"] not in guided | {"holding", "landing", "returning"}]

@@ -11,7 +11,7 @@ from mcap.writer import Writer
 
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
-from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.entries import CYCLE
 from guidance.sim.maths import play
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import json_schema, load_document, load_scenario
@@ -103,7 +103,7 @@ def record_with(path, certificates):
         writer = Writer(file)
         writer.start()
         schema = writer.register_schema("guidance.Cycle", "jsonschema", b"{}")
-        channel = writer.register_channel(CYCLE_TOPIC, "json", schema)
+        channel = writer.register_channel(CYCLE.topic, "json", schema)
         for index, certificate in enumerate(certificates):
             row = {"now_s": 0.1 * index, **({} if certificate is None else {"certificate": certificate})}
             writer.add_message(channel, 0, json.dumps(row).encode(), 0)

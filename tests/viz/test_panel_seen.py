@@ -15,7 +15,7 @@ from guidance.flight import State
 from guidance.game import Ball, Game, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.broadcast import FoundFlight
-from guidance.log.entries import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, FLIGHT_OVER, RELOADED, Item
+from guidance.log.entries import BEGUN, CYCLE, EVENT, FLIGHT_OVER, RELOADED, Item
 from guidance.log.scene import isochron_at
 from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings
@@ -29,7 +29,7 @@ def folded(path, until=lambda row: False):
     fold = SnapshotFold(metadata_of(path), "test")
     for item in scan(path):
         entry = fold.take(item)
-        if item.topic == CYCLE_TOPIC and until(entry):
+        if item.topic == CYCLE.topic and until(entry):
             break
     return fold
 
@@ -197,7 +197,7 @@ def test_the_vehicles_own_data_are_shown_with_their_levels(record):
 
 
 def test_a_new_page_gets_everything_and_then_only_changes(told, record):
-    items = [item for item in scan(record) if item.topic in {CYCLE_TOPIC, EVENT_TOPIC}]
+    items = [item for item in scan(record) if item.topic in {CYCLE.topic, EVENT.topic}]
     told.tell(*(News("uav1", 100.0, item) for item in items), News("uav1", 100.0, {"state": "landed"}))
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["snapshot"]["state"] == "landed"
@@ -217,7 +217,7 @@ def test_a_new_page_gets_everything_and_then_only_changes(told, record):
 
 def test_events_before_a_page_opened_are_sent_once(told):
     event = {"now_s": 2.0, "event": "checks passed", "detail": "checking -> ready"}
-    told.tell(News("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.tell(News("uav1", 100.0, Item(0.0, EVENT.topic, "json", json.dumps(event).encode())))
     told.hub.message()  # no page is open
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["events"] == [event]
@@ -237,18 +237,18 @@ def test_the_end_of_a_flight_is_shown_until_the_next_flight(told, record):
         (BEGUN, "", None),
     ):
         data = {"now_s": 2.0, "event": event, "detail": detail}
-        told.tell(News("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(data).encode())))
+        told.tell(News("uav1", 100.0, Item(0.0, EVENT.topic, "json", json.dumps(data).encode())))
         assert told.read()["daemons"][0]["over"] == over
     told.tell(found("uav1", metadata_of(record)))
     assert told.read()["daemons"][0]["over"] is None
 
 
 def test_the_history_is_limited_to_five_minutes(told, record):
-    (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
+    (last,) = [item for item in scan(record) if item.topic == CYCLE.topic][-1:]
     row = json.loads(last.data)
     for number in range(3000):
         data = json.dumps({**row, "now_s": row["now_s"] + 0.25 * number}).encode()
-        told.tell(News("uav1", 100.0, Item(0.0, CYCLE_TOPIC, "json", data)))
+        told.tell(News("uav1", 100.0, Item(0.0, CYCLE.topic, "json", data)))
     rows = told.read(whole=True)["daemons"][0]["history"]["rows"]
     assert len(rows) <= HISTORY_S / 0.25
     assert rows[-1][0] - rows[0][0] <= HISTORY_S
@@ -258,7 +258,7 @@ def test_the_history_is_limited_to_five_minutes(told, record):
 
 
 def test_a_silent_daemon_is_shown_as_lost(told, record):
-    (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
+    (last,) = [item for item in scan(record) if item.topic == CYCLE.topic][-1:]
     told.tell(News("uav1", 100.0, last))
     for after_s, contact in ((0.5, "ok"), (1.5, "caution"), (2.5, "warning")):
         told.clock.sleep_until(100.0 + after_s)
@@ -268,7 +268,7 @@ def test_a_silent_daemon_is_shown_as_lost(told, record):
 
 def test_unreadable_messages_are_ignored_and_daemons_are_bounded(told):
     for data in (b"", b"{", b"[]", b'{"now_s": 1}', b'{"now_s": "x", "event": 3}'):
-        for topic in (CYCLE_TOPIC, EVENT_TOPIC):
+        for topic in (CYCLE.topic, EVENT.topic):
             told.tell(News("uav1", 100.0, Item(0.0, topic, "json", data)))
     told.tell(found("odd", {"config": "no JSON"}), News("odd", 100.0, {"state": "waiting"}))
     told.tell(*(News(f"uav{number}", 100.0, {}) for number in range(2 * MAX_DAEMONS)))
@@ -283,7 +283,7 @@ def test_a_reloaded_configuration_changes_the_scene(told):
     document = load_vehicle(find("px4", "vehicles")).model_dump(mode="json")
     document["limits"]["ceiling_m"] = 44.0
     event = {"now_s": 2.0, "event": RELOADED, "detail": json.dumps(document)}
-    told.tell(News("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.tell(News("uav1", 100.0, Item(0.0, EVENT.topic, "json", json.dumps(event).encode())))
     (daemon,) = told.read(whole=True)["daemons"]
     assert daemon["scene"]["ceiling_m"] == 44.0
     assert daemon["events"] == [{"now_s": 2.0, "event": RELOADED, "detail": ""}]

@@ -21,7 +21,7 @@ from guidance.config import load
 from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
 from guidance.log import Aggregator, Item, cycles_of, events_of, metadata_of, scan, survey_of
-from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.log.entries import CYCLE, EVENT, RELOADED
 from guidance.log.scene import isochron_at
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import Config
@@ -163,7 +163,7 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
     monkeypatch.setattr("os.nice", lambda _: None)
     count = view({"": RecordFile(growing, live=True)}, tmp_path / "g.rrd", (0, 0), print, Ended())
     followed = Seeing(tmp_path / "g.rrd")
-    assert count == sum(item.topic == CYCLE_TOPIC for item in scan(record))
+    assert count == sum(item.topic == CYCLE.topic for item in scan(record))
     for entity in ("/game/pursuer", "/game/evader"):
         times, places = followed.of(entity, "positions")
         assert (times, places) == seen[0].of(entity, "positions")
@@ -204,11 +204,11 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
     recording = rr.RecordingStream("guidance")
     recording.set_sinks(rr.FileSink(tmp_path / "again.rrd"))
     painter = Painter(recording, Aggregator(recorded_settings, {"config": config.model_dump_json()}, "again"))
-    cycles = [item for item in scan(record) if item.topic == CYCLE_TOPIC]
+    cycles = [item for item in scan(record) if item.topic == CYCLE.topic]
     played = next(number for number, item in enumerate(cycles) if b'"certificate"' in item.data)
     painter.take(cycles[played])
     reloaded = {"now_s": cycles[played].now_s, "event": RELOADED, "detail": wider.model_dump_json()}
-    painter.take(Item(reloaded["now_s"], EVENT_TOPIC, "json", json.dumps(reloaded).encode()))
+    painter.take(Item(reloaded["now_s"], EVENT.topic, "json", json.dumps(reloaded).encode()))
     painter.take(cycles[played + 50])
     painter.flush()
     recording.disconnect()

@@ -29,7 +29,7 @@ from guidance.frames import ned_from_game
 from guidance.game import Winner
 from guidance.log import Aggregator, CycleEntry, EventEntry, Item, metadata_of, record_errors, scan
 from guidance.log.codec import plain
-from guidance.log.entries import BEGINNINGS, CYCLE_TOPIC, EVENT, EVENT_TOPIC, title_of
+from guidance.log.entries import BEGINNINGS, CYCLE, EVENT, title_of
 from guidance.log.reader import Survey, entry_of, survey_of
 from guidance.log.scene import isochron_at, target_edge
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
@@ -294,9 +294,9 @@ def outcome_of(path: Path) -> Plain:
     survey, events, last_cycle = Survey(), Counter[str](), b"{}"
     with record_errors(path):
         for item in scan(path, survey):
-            if item.topic == CYCLE_TOPIC:
+            if item.topic == CYCLE.topic:
                 last_cycle = item.data
-            elif item.topic == EVENT_TOPIC:
+            elif item.topic == EVENT.topic:
                 events[entry_of(EVENT, item, path).event] += 1
         return {
             "title": title_of(survey.metadata),
