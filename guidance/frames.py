@@ -22,25 +22,23 @@ from guidance.errors import ConfigError
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Amsl:
+@dataclass(frozen=True)
+class _AboveDatum:
+    """Altitude above the datum of its type, metres."""
+
+    metres: float
+
+
+class Amsl(_AboveDatum):
     """Altitude above mean sea level, metres."""
 
-    metres: float
 
-
-@dataclass(frozen=True, slots=True)
-class Ellipsoid:
+class Ellipsoid(_AboveDatum):
     """Altitude above the WGS-84 ellipsoid, metres."""
 
-    metres: float
 
-
-@dataclass(frozen=True, slots=True)
-class Relative:
+class Relative(_AboveDatum):
     """Altitude above home, metres."""
-
-    metres: float
 
 
 Altitude = Amsl | Ellipsoid | Relative

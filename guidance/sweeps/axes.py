@@ -22,7 +22,7 @@ from scipy import stats
 from guidance.config import Section
 from guidance.strategies import uniform
 
-Places = NDArray[np.int64]
+Integers = NDArray[np.int64]
 Array = NDArray[np.float64]
 Two = tuple[float, float]
 
@@ -141,7 +141,7 @@ class Axis:
         """The values to check before anything runs."""
         return self.random.extremes if self.random else self.values
 
-    def at(self, place: Places, seed: Places) -> list[Any]:
+    def at(self, place: Integers, seed: Integers) -> list[Any]:
         """Return the value of each row by its place on the grid, or drawn by its seed; each key has its own stream."""
         if self.random is None:
             return [self.values[one] for one in place.tolist()]

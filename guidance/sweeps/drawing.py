@@ -8,8 +8,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from guidance.sweeps.axes import Array, Integers
 from guidance.viz.figures import figure_of, legend_below, save_twice
 
 _STYLES: Final = (
@@ -32,10 +32,6 @@ _SHOWN: Final = 0.995
 """The regret's axis ends at this quantile, because a single game can flatten all others."""
 
 
-Regrets = Sequence[NDArray[np.float64]]
-"""Regrets of each pair of policies."""
-
-
 class Key(NamedTuple):
     """Groups of rows by one column.
 
@@ -50,11 +46,11 @@ class Key(NamedTuple):
     column: str
     labels: Sequence[str]
     centres: Sequence[float]
-    places: NDArray[np.int64]
+    places: Integers
     grid: bool
 
 
-def draw_all(report: Mapping[str, Any], keys: Sequence[Key], regrets: Regrets, out: Path) -> list[Path]:
+def draw_all(report: Mapping[str, Any], keys: Sequence[Key], regrets: Sequence[Array], out: Path) -> list[Path]:
     """Draw all pictures as PNG and PDF; return their paths.
 
     Args:
@@ -111,7 +107,7 @@ def _legend(figure: Figure, axes: Any) -> None:  # noqa: ANN401 - Matplotlib has
     legend_below(figure, *axes.ravel(), columns=3, title="pursuer")
 
 
-def _regret(report: Mapping[str, Any], regrets: Regrets) -> Figure | None:
+def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | None:
     """Draw the share of games with at most a given regret; one panel for each evader."""
     known = [one for one in report["policies"] if one["regret_games"]]
     if not known:

@@ -14,7 +14,6 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, ValidationInfo, WithJsonSchema, field_validator
 
 from guidance.config import Section
@@ -22,14 +21,13 @@ from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import EvaderPolicy, PursuerPolicy, Scenario
 from guidance.sim.scenario_file import has_teams
 from guidance.sim.teams import TeamOutcome, TeamScenario
-from guidance.sweeps.axes import Axis, Distribution, flat, grid_values, path_of
+from guidance.sweeps.axes import Axis, Distribution, Integers, flat, grid_values, path_of
 
 Way = Literal["maths", "fast"]
 """A row is point masses (maths), or a flight of the mock in virtual time (fast)."""
 
 FOLDER: Final = "sweeps"
 ROW: Final = "row"
-Rows = NDArray[np.intp]
 
 _TYPES: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 
@@ -61,7 +59,7 @@ class Seeds(Section):
         """Number of seeds."""
         return len(self.values) or self.count
 
-    def at(self, number: Rows) -> Rows:
+    def at(self, number: Integers) -> Integers:
         """Return the seeds with these numbers."""
         return np.array(self.values, dtype=np.int64)[number] if self.values else number + self.begin
 
@@ -85,9 +83,9 @@ class Cases(NamedTuple):
         values: Of every axis, n each.
     """
 
-    row: Rows
-    pair: Rows
-    seed: Rows
+    row: Integers
+    pair: Integers
+    seed: Integers
     values: tuple[list[Any], ...]
 
 
@@ -178,16 +176,16 @@ class Plan(Section):
         """Number of rows."""
         return math.prod(self.shape)
 
-    def places(self, row: Rows) -> tuple[Rows, Rows, Rows]:
+    def places(self, row: Integers) -> tuple[Integers, Integers, Integers]:
         """Return pair of policies, grid point and seed of rows, (n,) each."""
         pair, point, number = np.unravel_index(row, self.shape)
         return pair, point, self.seeds.at(number)
 
-    def on_axes(self, point: Rows) -> tuple[Rows, ...]:
+    def on_axes(self, point: Integers) -> tuple[Integers, ...]:
         """Return the place of grid points on every axis, (n,) each; 0 on a random axis."""
         return np.unravel_index(point, (1, *(len(axis.values) or 1 for axis in self.axes)))[1:]
 
-    def cases(self, row: Rows) -> Cases:
+    def cases(self, row: Integers) -> Cases:
         """Return policies, seeds and values of rows, by their numbers (n,)."""
         pair, point, seed = self.places(row)
         values = (axis.at(place, seed) for axis, place in zip(self.axes, self.on_axes(point), strict=True))
