@@ -85,12 +85,8 @@ def _fence_radius(value: float, wants: Wants, parameters: Parameters) -> Judgeme
 
 def _not_enforced(quantity: str) -> rules.Judge:
     # Measured: WPNAV_SPEED 500 still gave 15.2 m/s, and D ±10 gave ±9.7 despite 250/150.
-    why = "not enforced on GUIDED velocities: only our own limits are"
-
-    def judged(_: float, wants: Wants, __: Parameters) -> Judgement:
-        return Judgement(Verdict.PASS, f"any; the game asks {getattr(wants.game_speeds, quantity):g} m/s ({why})")
-
-    return judged
+    wanted = "any; the game asks {:g} m/s (not enforced on GUIDED velocities: only our own limits are)"
+    return lambda _, wants, __: Judgement(Verdict.PASS, wanted.format(getattr(wants.game_speeds, quantity)))
 
 
 def _lean(value: float, wants: Wants, _: Parameters) -> Judgement:

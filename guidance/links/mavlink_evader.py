@@ -101,13 +101,12 @@ class MavlinkEvader:
 
     def _is_meant(self, frame: Frame) -> bool:
         """Return whether a frame is the evader's, validly signed if there is a key."""
-        if frame.system_id != self.system_id or self.component_id not in (None, frame.component_id):
-            self._counts["foreign"] += 1
-            return False
-        if (check := self._station.check) is None or (problem := check.problem(frame)) is None:
-            return True
-        self._counts[problem] += 1
-        return False
+        foreign = frame.system_id != self.system_id or self.component_id not in (None, frame.component_id)
+        check = self._station.check
+        problem = "foreign" if foreign else None if check is None else check.problem(frame)
+        if problem is not None:
+            self._counts[problem] += 1
+        return problem is None
 
     def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
         if frame.name == "TIMESYNC":

@@ -99,12 +99,10 @@ class MavsdkLink(PymavlinkLink):
         """Read the wire, keep the messages for the next `receive`, and send due requests."""
         super().poll()
         if self._direct is None and not self._closed and self.heartbeats:
-            (system_id, component_id), systems = self._vehicle, self._mavsdk.get_systems()
-            systems = [
-                one for one in systems if one.get_system_id() == system_id and component_id in one.component_ids()
-            ]
-            if systems:  # some time after its first HEARTBEAT
-                self._direct = MavlinkDirect(systems[0])
+            system_id, component_id = self._vehicle
+            for one in self._mavsdk.get_systems():  # the vehicle is one of them some time after its first HEARTBEAT
+                if one.get_system_id() == system_id and component_id in one.component_ids():
+                    self._direct = MavlinkDirect(one)
 
     def _send(self, message: Fields) -> None:
         name = message.msgname

@@ -185,10 +185,8 @@ class UdpWire(QueuedWire):
                 break
             try:
                 data, address = self._socket.recvfrom(_DATAGRAM_BYTES)
-            except OSError as error:
-                if packets or isinstance(error, BlockingIOError):
-                    break
-                raise
+            except OSError:
+                break  # nothing listens at the port that we call; it may later
             now_s = self._clock()
             if self._pins is not None:
                 data = self._pins.admit(now_s, address, data)
@@ -204,14 +202,10 @@ class UdpWire(QueuedWire):
         """
         if self._arrivals.closed or not self._reading.acquire(blocking=False):
             return self._arrivals.take()
-        packets = self._arrivals.take()
         try:
-            packets += self._read()
-        except OSError:
-            pass  # nothing listens at the port that we call; it may later
+            return self._arrivals.take() + self._read()
         finally:
             self._reading.release()
-        return packets
 
     def impostors(self) -> Sequence[bytes]:
         """Return datagrams since the last call with a pinned system's id from another address."""

@@ -4,7 +4,6 @@
 source of its evader read one wire. `TappedWire` captures all frames for the record.
 """
 
-import contextlib
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
@@ -35,11 +34,12 @@ class Arrivals(Generic[T]):
         self.closed = False
         self.dropped = 0
 
-    def put(self, item: T) -> None:
-        """Add an item. Does nothing once closed."""
+    def put(self, item: T) -> bool:
+        """Add an item; return False if closed, which adds nothing."""
         if not self.closed:
             self.dropped += len(self._waiting) == QUEUE_LENGTH
             self._waiting.append(item)
+        return not self.closed
 
     def take(self) -> list[T]:
         """Return and remove all items, oldest first; none once closed."""
@@ -70,8 +70,7 @@ class Reader(threading.Thread):
     def close(self) -> None:
         """End the thread and join it, so that the socket is not closed while it is read."""
         self._ended.set()
-        with contextlib.suppress(RuntimeError):  # called by the thread itself
-            self.join()
+        self.join()
 
 
 class QueuedWire(ABC):
@@ -135,10 +134,7 @@ class MemoryWire(QueuedWire):
         return cls(clock, one, other), cls(clock, other, one)
 
     def _write(self, frame: bytes) -> bool:
-        if self._outbox.closed:
-            return False
-        self._outbox.put((self._clock(), frame))
-        return True
+        return self._outbox.put((self._clock(), frame))
 
     def _release(self) -> None:
         self._outbox.close()

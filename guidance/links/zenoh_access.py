@@ -32,17 +32,15 @@ class ZenohSection(Section):
 
     def _faults(self) -> Iterator[str]:
         authority, certificate, key, password = _PATHS
-        for one, other in (
-            *((certificate, key), (key, certificate), (certificate, authority)),
-            *(("user", password), (password, "user")),
-        ):
+        pairs = (certificate, key), (key, certificate), (certificate, authority), ("user", password), (password, "user")
+        for one, other in pairs:
             if getattr(self, one) is not None and getattr(self, other) is None:
                 yield f"zenoh.{other}: missing; zenoh.{one} = {str(getattr(self, one))!r} needs it"
 
     def beside(self, folder: Path) -> Self:
         """Return a copy whose relative paths are relative to a folder."""
-        given = {name: getattr(self, name) for name in _PATHS}
-        return self.model_copy(update={name: folder / path for name, path in given.items() if path is not None})
+        given = {name: folder / path for name in _PATHS if (path := getattr(self, name)) is not None}
+        return self.model_copy(update=given)
 
 
 class Credentials(NamedTuple):
