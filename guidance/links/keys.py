@@ -19,7 +19,10 @@ from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder
 from guidance.links.zenoh_access import AUTHORITY, ROUTER
 
-_NO_USES: Final = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
+_SIGNING: Final = x509.KeyUsage(
+    *[False] * 5, key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False
+)
+"""The only use of the authority's key."""
 
 
 class KeyPair(NamedTuple):
@@ -60,7 +63,7 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
     if (folder / f"{AUTHORITY}.pem").exists():
         authority = _read(folder)
     else:
-        authority = _authority(validity)
+        authority = _certified(None, "pursuit guidance test authority", validity, [(_SIGNING, True)])
         written += _write(folder, AUTHORITY, authority)
     if not (folder / f"{ROUTER}.pem").exists():
         written += _write(folder, ROUTER, _signed(authority, ROUTER, hosts, ExtendedKeyUsageOID.SERVER_AUTH, validity))
@@ -68,12 +71,6 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
         written += _write(folder, name, _signed(authority, name, (), ExtendedKeyUsageOID.CLIENT_AUTH, validity))
         written.append(_identity(folder, name))
     return written
-
-
-def _authority(validity: Validity) -> KeyPair:
-    unused = dict.fromkeys((*_NO_USES, "encipher_only", "decipher_only"), False)
-    uses = x509.KeyUsage(key_cert_sign=True, crl_sign=True, **unused)
-    return _certified(None, "pursuit guidance test authority", validity, [(uses, True)])
 
 
 def _signed(
