@@ -15,7 +15,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
@@ -85,6 +85,9 @@ def sender(sample: "zenoh.Sample") -> str:
     return f"{sample.key_expr} {attached[-_GID_BYTES:].hex()}" if known else str(sample.key_expr)
 
 
+Spread = Annotated[float, Field(gt=0.0, lt=1e6)]
+
+
 class JsonReport(BaseModel):
     """One report of an evader's position, and of its velocity where that is known."""
 
@@ -102,12 +105,8 @@ class JsonReport(BaseModel):
     velocity_ned_m_s: tuple[FiniteFloat, FiniteFloat, FiniteFloat] | None = Field(
         default=None, description="North, east, down, m/s; null if unknown (never zero for unknown)", strict=False
     )
-    position_sd_m: float | None = Field(
-        default=None, gt=0.0, lt=1e6, description="Standard deviation of the position, largest axis, metres"
-    )
-    velocity_sd_m_s: float | None = Field(
-        default=None, gt=0.0, lt=1e6, description="Standard deviation of the velocity, largest axis, m/s"
-    )
+    position_sd_m: Spread | None = Field(None, description="Standard deviation of the position, largest axis, metres")
+    velocity_sd_m_s: Spread | None = Field(None, description="Standard deviation of the velocity, largest axis, m/s")
 
 
 def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: str) -> EvaderReport:
