@@ -19,10 +19,8 @@ from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder
 from guidance.links.zenoh_access import AUTHORITY, ROUTER
 
-_SIGNING: Final = x509.KeyUsage(
-    *[False] * 5, key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False
-)
-"""The only use of the authority's key."""
+_SIGNING: Final = x509.KeyUsage(False, False, False, False, False, True, True, False, False)
+"""The authority's key signs certificates and their revocation lists (`key_cert_sign`, `crl_sign`), and nothing else."""
 
 
 class KeyPair(NamedTuple):
