@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.certificate import Certificate, Players, Vehicle, certify, without_game
-from guidance.control import Acceleration, Envelope, Situation
+from guidance.control import Envelope, Handling, Situation
 from guidance.control.braking_law import Wall, held_back
-from guidance.control.follow import Following, FollowMemory, Pace, follow, gaps_to_disc, observe_drift
+from guidance.control.follow import FollowMemory, Pace, follow, gaps_to_disc, observe_drift
 from guidance.control.polygon import Point
 from guidance.control.servo import AltitudeHold, SpeedMemory, hold_altitude, keep_station, observe_speed
 from guidance.control.setpoint_limiter import LimitMemory, limit
@@ -35,8 +35,7 @@ class CycleSettings:
             pursuer aims too far ahead.
         tolerance_m: Distance from the disc, horizontally and vertically, that counts as captured.
         envelope: The limits.
-        following: Settings for following the game's velocity; None sends it unchanged.
-        acceleration: Guaranteed acceleration of the vehicle, for `time_needed_s`.
+        handling: How the vehicle flies.
         target_game_m: The evader's target in the game frame (TAD); None in the PE game.
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None for home.
         evader_timeout_s: The evader counts as lost when its last report is older than this.
@@ -46,8 +45,7 @@ class CycleSettings:
     strategy: Strategy
     tolerance_m: float
     envelope: Envelope
-    following: Following | None
-    acceleration: Acceleration
+    handling: Handling
     target_game_m: Vector | None = None
     site: Place | None = None
     evader_timeout_s: float = 1.5
@@ -116,7 +114,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         output = hover(inputs, settings, memory)
         refused = without_game(players)._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s)
         return output._replace(certificate=refused)
-    vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown_m_s, settings.tolerance_m)
+    vehicle = Vehicle(settings.handling.acceleration, envelope, memory.speed.shown_m_s, settings.tolerance_m)
     solution, waiting, certificate = certify(game, players, vehicle, memory.optimal_game_m_s)
     optimal = solution.pursuer_velocity_m_s
     asked = waiting or optimal
@@ -136,13 +134,13 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     asked_ned_m_s = held_back(nominal_ned_m_s, walls, envelope)
     at_wall, most_m_s = memory.limits is not None and memory.limits.held_back, envelope.speed_m_s
     pace = Pace(dt_s, most_m_s / full_m_s, most_m_s + evader.speed_bound_m_s, hurried, at_wall)
-    followed = follow(asked_ned_m_s, here, gaps, settings.following, memory.follow, pace)
+    followed = follow(asked_ned_m_s, here, gaps, settings.handling, memory.follow, pace)
     unslowed = followed.unslowed and hurried and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
     flown = followed.flown_ned_m_s
     speed = observe_speed(memory.speed, asked_ned_m_s, flown, unslowed=unslowed, confirmed=guided, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
-    already_shaped = settings.following is not None
+    already_shaped = settings.handling.servo is not None
     limited = limit(command, here, envelope, memory.limits, dt_s, walls=walls, already_shaped=already_shaped)
     certificate = certificate._replace(
         desired_ned_m_s=followed.desired_ned_m_s,

@@ -13,7 +13,7 @@ from guidance.frames import GameFrame
 from tests.flight.scenes import CYCLE, ENVELOPE
 
 DT_S = 0.02
-FOLLOWED = replace(CYCLE, following=PX4.handling.following)
+FOLLOWED = replace(CYCLE, handling=PX4.handling)
 BEHIND = Polygon(((-50.0, -50.0), (-50.0, 50.0), (10.0, 50.0), (10.0, -50.0)))
 EVADER = EvaderEstimate((60.0, 30.0, 0.0), (0.0, 3.0, 0.0), 3.0, 0.1)
 

@@ -3,7 +3,7 @@
 Descriptions:
     PX4, ARDUCOPTER: each an `Autopilot`. ROVER: the protocol of ArduPilot's rover, which plays the evader.
     AUTOPILOTS: every autopilot by name. `autopilot_named`, `autopilots_of`: look one up. AutopilotName: type of a key.
-    AutopilotProfile: protocol (modes, commands, streams). Handling: how the vehicle flies. Mode: a mode by its meaning.
+    AutopilotProfile: protocol (modes, commands, streams). Mode: a mode by its meaning.
     Bound: a parameter that bounds a key of a new vehicle file.
 
 Preflight:
@@ -16,7 +16,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from guidance.autopilots.arducopter import ARDUCOPTER, ROVER
-from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Handling, Mode
+from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Mode
 from guidance.autopilots.px4 import PX4
 from guidance.autopilots.rules import Finding, Preflight, Verdict, Wants
 from guidance.errors import ConfigError
@@ -81,7 +81,6 @@ __all__ = [
     "AutopilotProfile",
     "Bound",
     "Finding",
-    "Handling",
     "Mode",
     "Preflight",
     "Verdict",

@@ -9,9 +9,9 @@ from dataclasses import replace
 from typing import Final
 
 from guidance.autopilots import description, rules
-from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Handling, Mode
+from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
-from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains
+from guidance.control import Acceleration, Approach, Dynamics, Handling, ServoGains
 from guidance.frames import LocalFrame, Projection, wrap_deg
 
 _RADIUS_M: Final = 0.011131884502145034e7 * 180.0 / math.pi  # LOCATION_SCALING_FACTOR, metres per 1e-7 degree
@@ -35,15 +35,13 @@ PROJECTION: Final = Projection(_to_metres, _to_degrees)
 """ArduPilot's map: equal steps of latitude and longitude, scaled at the mean latitude (`get_distance_NE`)."""
 
 HANDLING: Final = Handling(
-    following=Following(
-        # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7 m/s², PSC_JERK_XY 5 m/s³
-        # both. Its velocity is within 1 % of the setpoint, so the servo learns nothing. WPNAV_ACCEL_Z is 1 m/s².
-        # Beside drag it gathers speed with some 3.5 m/s²: a reference that runs ahead of it costs a second at the end.
-        # ArduCopter flies faster than commanded until it has made up for its lag behind the reference. With more jerk
-        # than its own the lag grows, and it flew 7 % over the speed limit.
-        servo=ServoGains(acceleration_m_s2=4.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=5.0),
-        approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=0.9, lag_s=0.15, settle_s=0.2),
-    ),
+    # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7 m/s², PSC_JERK_XY 5 m/s³
+    # both. Its velocity is within 1 % of the setpoint, so the servo learns nothing. WPNAV_ACCEL_Z is 1 m/s².
+    # Beside drag it gathers speed with some 3.5 m/s²: a reference that runs ahead of it costs a second at the end.
+    # ArduCopter flies faster than commanded until it has made up for its lag behind the reference. With more jerk
+    # than its own the lag grows, and it flew 7 % over the speed limit.
+    servo=ServoGains(acceleration_m_s2=4.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=5.0),
+    approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=0.9, lag_s=0.15, settle_s=0.2),
     acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0, descent_share=0.95),
     dynamics=Dynamics(
         acceleration_m_s2=5.0,

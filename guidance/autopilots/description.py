@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from guidance.autopilots.rules import Parameters, Rule
-from guidance.control import Acceleration, Dynamics, Following, Speeds
+from guidance.control import Handling, Speeds
 from guidance.frames import Projection
 from guidance.messages import Command
 
@@ -114,22 +114,6 @@ def _command(unused: float, number: int, *params: float) -> Command:
     """Return a command whose other parameters are `unused`."""
     p1, p2, p3, p4, p5, p6, p7 = (*map(float, params), *[unused] * (7 - len(params)))
     return Command(number, (p1, p2, p3, p4, p5, p6, p7))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Handling:
-    """How the vehicle flies at the autopilot's default parameters.
-
-    Attributes:
-        following: How the guidance makes it follow a velocity.
-        acceleration: Acceleration it surely achieves: the autopilot's own parameters (PX4's MPC_ACC_HOR and
-            MPC_ACC_DOWN_MAX, ArduCopter's WPNAV_ACCEL and WPNAV_ACCEL_Z). Used to compute `time_needed_s`.
-        dynamics: The part of the envelope that is the vehicle's.
-    """
-
-    following: Following
-    acceleration: Acceleration
-    dynamics: Dynamics
 
 
 class Bound(NamedTuple):

@@ -8,9 +8,9 @@ import math
 from typing import Final
 
 from guidance.autopilots import rules
-from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Bound, Handling, Mode
+from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Bound, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
-from guidance.control import Acceleration, Approach, Dynamics, Following, ServoGains
+from guidance.control import Acceleration, Approach, Dynamics, Handling, ServoGains
 from guidance.frames import LocalFrame, Projection
 
 _RADIUS_M: Final = 6371000.0  # CONSTANTS_RADIUS_OF_EARTH
@@ -43,23 +43,21 @@ PROJECTION: Final = Projection(_to_metres, _to_degrees)
 """PX4's map: azimuthal equidistant on a sphere (Snyder, Map Projections, eqs. 22-4, 22-5, 25-2)."""
 
 HANDLING: Final = Handling(
-    following=Following(
-        # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s², of which drag takes 6 at 6 m/s (that airframe
-        # flies no faster than 10 m/s); most airframes have far less, so that little is assumed and the rest learned.
-        servo=ServoGains(
-            acceleration_m_s2=7.0,
-            vertical_acceleration_m_s2=2.0,
-            jerk_m_s3=60.0,
-            lag_s=0.3,
-            drag_per_s=0.3,
-            drag_limit_per_s=1.5,
-            trim_limit_m_s2=1.5,
-            drag_learning_per_s2=2.0,
-            trim_learning_per_s2=0.3,
-        ),
-        # It brakes before the stand-off does: a limit that acts takes the fed acceleration away, drag's share too.
-        approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, lag_s=0.25, vertical_settle_s=0.4, margin_m=0.1),
+    # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s², of which drag takes 6 at 6 m/s (that airframe
+    # flies no faster than 10 m/s); most airframes have far less, so that little is assumed and the rest learned.
+    servo=ServoGains(
+        acceleration_m_s2=7.0,
+        vertical_acceleration_m_s2=2.0,
+        jerk_m_s3=60.0,
+        lag_s=0.3,
+        drag_per_s=0.3,
+        drag_limit_per_s=1.5,
+        trim_limit_m_s2=1.5,
+        drag_learning_per_s2=2.0,
+        trim_learning_per_s2=0.3,
     ),
+    # It brakes before the stand-off does: a limit that acts takes the fed acceleration away, drag's share too.
+    approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, lag_s=0.25, vertical_settle_s=0.4, margin_m=0.1),
     # Near its tilt limit it descends at 1.4 m/s instead of 1.5 m/s.
     acceleration=Acceleration(ground_m_s2=3.0, vertical_m_s2=3.0, descent_share=0.92),
     dynamics=Dynamics(

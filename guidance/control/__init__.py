@@ -1,7 +1,7 @@
 """From the velocity that the game asks for to a setpoint within the limits; the cycle calls the modules themselves.
 
 Following (`follow`, `servo`):
-    Following: the settings of one vehicle. ServoGains, Approach: settings of its parts.
+    Handling: how one vehicle flies. ServoGains, Approach: settings of its parts.
     Gaps: distances to the disc. Speeds: horizontal speed, climb rate and descent rate.
 
 Limiting, always last (`braking_law`, `setpoint_limiter`):
@@ -11,7 +11,7 @@ Limiting, always last (`braking_law`, `setpoint_limiter`):
 """
 
 from guidance.control.braking_law import Situation
-from guidance.control.follow import Approach, Following, Gaps
+from guidance.control.follow import Approach, Gaps, Handling
 from guidance.control.limits import Acceleration, Dynamics, Envelope, Limiter, Limits, Speeds
 from guidance.control.servo import ServoGains
 
@@ -20,8 +20,8 @@ __all__ = [
     "Approach",
     "Dynamics",
     "Envelope",
-    "Following",
     "Gaps",
+    "Handling",
     "Limiter",
     "Limits",
     "ServoGains",

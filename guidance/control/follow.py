@@ -39,6 +39,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from guidance.control.braking_law import STILL, Situation, approach_speed
+from guidance.control.limits import Acceleration, Dynamics
 from guidance.control.servo import LONGEST_STEP_S, ServoGains, ServoMemory, serve
 from guidance.frames import Vector, difference, total
 from guidance.game import StandOff
@@ -224,11 +225,21 @@ def approach(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Following:
-    """Settings of one vehicle for following the game's velocity."""
+class Handling:
+    """How a vehicle flies at its autopilot's default parameters.
 
-    servo: ServoGains
+    Attributes:
+        servo: How the guidance makes it follow a velocity; None sends the game's velocity unchanged.
+        approach: How it arrives at the disc.
+        acceleration: Acceleration it surely achieves: the autopilot's own parameters (PX4's MPC_ACC_HOR and
+            MPC_ACC_DOWN_MAX, ArduCopter's WPNAV_ACCEL and WPNAV_ACCEL_Z). Used to compute `time_needed_s`.
+        dynamics: The part of the envelope that is the vehicle's.
+    """
+
+    servo: ServoGains | None
     approach: Approach
+    acceleration: Acceleration
+    dynamics: Dynamics
 
 
 class FollowMemory(NamedTuple):
@@ -254,19 +265,19 @@ class Followed(NamedTuple):
 
 
 def follow(
-    desired_ned_m_s: Vector, here: Situation, gaps: Gaps, following: Following | None, memory: FollowMemory, pace: Pace
+    desired_ned_m_s: Vector, here: Situation, gaps: Gaps, handling: Handling, memory: FollowMemory, pace: Pace
 ) -> Followed:
-    """Follow the game's velocity for one cycle; without `following` it is sent unchanged.
+    """Follow the game's velocity for one cycle.
 
     Args:
         desired_ned_m_s: Velocity that the game asks for.
         here: Position and velocity of the vehicle, velocity of the evader.
         gaps: To the disc.
-        following: Settings of the vehicle.
+        handling: Of the vehicle.
         memory: From the last call.
         pace: Of this cycle.
     """
-    if following is None:
+    if handling.servo is None:
         flown = difference(here.velocity_ned_m_s, memory.drift.velocity_ned_m_s)
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory, flown)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=pace.dt_s)
@@ -275,9 +286,9 @@ def follow(
     wanted, deficit_m = (north, east, down * pace.max_speed_ratio), 0.0
     if pace.hurried:
         wanted, deficit_m = catch_up(desired_ned_m_s, flown, memory.deficit_m, gaps, pace)
-    desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, following.approach)
+    desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, handling.approach)
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
-    fed, servo = serve(desired, flown, memory.servo, following.servo, dt_s=pace.dt_s, held_back=pace.held_back)
+    fed, servo = serve(desired, flown, memory.servo, handling.servo, dt_s=pace.dt_s, held_back=pace.held_back)
     sent, kept = total(servo.reference_ned_m_s, drift.velocity_ned_m_s), FollowMemory(servo, deficit_m, drift)
     return Followed(sent, fed, desired, kept, flown, not braking)

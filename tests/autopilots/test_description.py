@@ -26,7 +26,7 @@ WANTS = wants_of(limit_speed_m_s=6.6, fence_radius_m=100.0)
 
 def test_every_handling_fits_its_own_limits():
     for handling in (autopilot.handling for autopilot in AUTOPILOTS.values()):
-        servo, approach, dynamics = handling.following.servo, handling.following.approach, handling.dynamics
+        servo, approach, dynamics = handling.servo, handling.approach, handling.dynamics
         assert servo.acceleration_m_s2 <= dynamics.acceleration_m_s2
         assert servo.vertical_acceleration_m_s2 <= dynamics.vertical_acceleration_m_s2
         assert servo.jerk_m_s3 <= dynamics.jerk_m_s3

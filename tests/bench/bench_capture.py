@@ -66,7 +66,8 @@ def strict(settings: FlightSettings) -> FlightSettings:
 
 def plain(settings: FlightSettings) -> FlightSettings:
     """Send the game's velocity unchanged except for the limits."""
-    return settings.model_copy(update={"cycle": replace(settings.cycle, following=None)})
+    handling = replace(settings.cycle.handling, servo=None)
+    return settings.model_copy(update={"cycle": replace(settings.cycle, handling=handling)})
 
 
 def pure_pursuit(settings: FlightSettings) -> FlightSettings:

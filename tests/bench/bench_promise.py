@@ -77,7 +77,7 @@ def flown(seed: int, number: int) -> Promise | None:
             chase.runner.goal_m, since_s = None, chase.now_s
             north, east, down = chase.vehicle.truth.velocity_ned_m_s
             players = certificate.pursuer_game_m[:2], (east, north), certificate.evader_game_m[:2]
-            ability = settings.acceleration
+            ability = settings.handling.acceleration
             over_ground = solve_accelerating(
                 *players,
                 speed_m_s=speeds[0],

@@ -158,7 +158,7 @@ def farthest_beyond_m(autopilot, gust):
         here = Situation(body.position_ned_m, body.velocity_ned_m_s, acceleration_ned_m_s2=body.acceleration_ned_m_s2)
         walls = measure_walls(here, envelope)
         wanted = held_back(asked, walls, envelope)
-        fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.following.servo, dt_s=DT_S)
+        fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.servo, dt_s=DT_S)
         limited = limit(Setpoint(served.reference_ned_m_s, fed), here, envelope, memory, DT_S, walls=walls)
         memory = limited.memory
         setpoint = dynamics.Setpoint(

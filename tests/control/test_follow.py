@@ -1,12 +1,13 @@
 """Following as a whole: what is not set up passes, and drift is taken out and put back."""
 
+from dataclasses import replace
+
 import pytest
 
 from guidance.autopilots import AUTOPILOTS, PX4
 from guidance.control import Situation
 from guidance.control.follow import (
     Drift,
-    Following,
     FollowMemory,
     Gaps,
     Pace,
@@ -25,21 +26,22 @@ def followed(*given, dt_s, **said):
 
 
 def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():
-    result = followed(WANTED, Situation(STILL, STILL), FAR, None, FollowMemory(), dt_s=0.02)
+    plain = replace(PX4.handling, servo=None)
+    result = followed(WANTED, Situation(STILL, STILL), FAR, plain, FollowMemory(), dt_s=0.02)
     assert result == (WANTED, None, WANTED, FollowMemory(), STILL, False)
 
 
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
-    following = AUTOPILOTS[name].handling.following
+    handling = AUTOPILOTS[name].handling
     drift = Drift((0.2, -0.1, 0.05), (0.0, 0.0, -20.0))
     at = Situation((0.0, 0.0, -20.0), STILL)
-    plain = followed(WANTED, at, FAR, following, FollowMemory(), dt_s=0.0)
+    plain = followed(WANTED, at, FAR, handling, FollowMemory(), dt_s=0.0)
     shifted = followed(
         WANTED,
         Situation((0.0, 0.0, -20.0), drift.velocity_ned_m_s),
         FAR,
-        following,
+        handling,
         FollowMemory(drift=drift),
         dt_s=0.0,
     )
@@ -49,20 +51,20 @@ def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
 
 
 def test_what_braking_at_the_disc_costs_is_not_owed():
-    following = Following(servo=PX4.handling.following.servo, approach=PX4.handling.following.approach)
+    handling = PX4.handling
     near = Gaps(0.2, 0.0, 1.0, 0.0)
     motion = Situation((0.0, 0.0, -5.0), (3.0, 0.0, 0.0), evader_velocity_ned_m_s=(3.0, 0.0, 0.0))
     memory = FollowMemory(deficit_m=1.0)
-    assert followed(WANTED, motion, near, following, memory, dt_s=0.02).memory.deficit_m == 1.0
-    assert followed(WANTED, motion, FAR, following, memory, dt_s=0.02).memory.deficit_m > 1.0
+    assert followed(WANTED, motion, near, handling, memory, dt_s=0.02).memory.deficit_m == 1.0
+    assert followed(WANTED, motion, FAR, handling, memory, dt_s=0.02).memory.deficit_m > 1.0
 
 
 def test_the_servo_learns_of_what_it_follows_unless_it_is_held_back():
-    following = PX4.handling.following
+    handling = PX4.handling
     slow = Situation((0.0, 0.0, -5.0), (2.0, 1.0, 0.0))
-    begun = followed(WANTED, slow, FAR, following, FollowMemory(), dt_s=0.1).memory
+    begun = followed(WANTED, slow, FAR, handling, FollowMemory(), dt_s=0.1).memory
     free, held = (
-        followed(WANTED, slow, FAR, following, begun, dt_s=0.1, **said).memory.servo.drag_per_s
+        followed(WANTED, slow, FAR, handling, begun, dt_s=0.1, **said).memory.servo.drag_per_s
         for said in ({}, {"held_back": True})
     )
     assert free > held == begun.servo.drag_per_s
@@ -71,11 +73,11 @@ def test_the_servo_learns_of_what_it_follows_unless_it_is_held_back():
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 @pytest.mark.parametrize("towards", [(0.6, 0.8), (-0.8, 0.6)])
 def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
-    following = AUTOPILOTS[name].handling.following
+    handling = AUTOPILOTS[name].handling
     near = Gaps(1.0, 2.0, *towards)
     unknown = Situation((0.0, 0.0, -20.0), (2.0, 1.0, 0.5))
     still = unknown._replace(evader_velocity_ned_m_s=STILL)
-    one, other = (followed(WANTED, at, near, following, FollowMemory(), dt_s=0.02) for at in (unknown, still))
+    one, other = (followed(WANTED, at, near, handling, FollowMemory(), dt_s=0.02) for at in (unknown, still))
     assert one == other
 
 

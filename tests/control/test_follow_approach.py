@@ -16,7 +16,7 @@ FAR = Gaps(500.0, 100.0, 1.0, 0.0)
 
 speeds = st.floats(-12.0, 12.0)
 velocities = st.tuples(speeds, speeds, speeds)
-settings = st.sampled_from([SETTINGS, *(autopilot.handling.following.approach for autopilot in AUTOPILOTS.values())])
+settings = st.sampled_from([SETTINGS, *(autopilot.handling.approach for autopilot in AUTOPILOTS.values())])
 
 
 @st.composite
@@ -132,7 +132,7 @@ def _rest_m(settings, coming_m_s):
 @pytest.mark.parametrize("lag_s", [0.1, 0.2, 0.3])
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, lag_s, pace):
-    settings = AUTOPILOTS[name].handling.following.approach
+    settings = AUTOPILOTS[name].handling.approach
     evader = (pace, 0.0, 0.0)
     gap_m, flown, reached_s = 40.0, 0.0, math.inf
     for cycle in range(2000):
@@ -154,7 +154,7 @@ def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, la
 @pytest.mark.parametrize(("height_m", "wanted"), [(15.0, 1.5), (-4.0, -3.0), (40.0, 3.0)])
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wanted, lag_s):
-    settings = AUTOPILOTS[name].handling.following.approach
+    settings = AUTOPILOTS[name].handling.approach
     flown, side = 0.0, math.copysign(1.0, height_m)
     for _ in range(2500):
         # The game turns the sign of its vertical speed at the height of the disc.

@@ -29,7 +29,7 @@ STILL = (0.0, 0.0, 0.0)
 speeds = st.floats(-20.0, 20.0)
 velocities = st.tuples(speeds, speeds, speeds)
 steps = st.sampled_from([0.0, 0.005, 0.02, 0.05, 0.1, 0.5])
-gains = st.sampled_from([GAINS, IGNORANT, *(autopilot.handling.following.servo for autopilot in AUTOPILOTS.values())])
+gains = st.sampled_from([GAINS, IGNORANT, *(autopilot.handling.servo for autopilot in AUTOPILOTS.values())])
 
 
 def ground(vector):

@@ -13,7 +13,8 @@ WANTED = {"px4": 1.06, "arducopter": 1.07}
 
 
 def plain(settings):
-    return settings.model_copy(update={"cycle": replace(settings.cycle, following=None)})
+    handling = replace(settings.cycle.handling, servo=None)
+    return settings.model_copy(update={"cycle": replace(settings.cycle, handling=handling)})
 
 
 @pytest.fixture(scope="module", params=sorted(WANTED))

@@ -338,7 +338,8 @@ class Sortie:
             name, flight = one.daemon.name, one.daemon.flight
             cycle, here = flight.settings.cycle, one.position_game_m
             self.first[name] = one.evader
-            vehicle = Vehicle(cycle.acceleration, cycle.envelope, cycle.game.pursuer.horizontal_m_s, cycle.tolerance_m)
+            acceleration, fastest_m_s = cycle.handling.acceleration, cycle.game.pursuer.horizontal_m_s
+            vehicle = Vehicle(acceleration, cycle.envelope, fastest_m_s, cycle.tolerance_m)
             for evader, speed_m_s in flight.settings.evaders.items():
                 there = self.world.players[evader].position_game_m
                 if here is None or there is None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.certificate import Certificate
-from guidance.control import Acceleration, Envelope
+from guidance.control import Envelope
 from guidance.cycle import CycleSettings
 from guidance.estimation import EvaderEstimate
 from guidance.flight import FlightSettings
@@ -36,8 +36,7 @@ CYCLE = CycleSettings(
     strategy=Strategy("optimal"),
     tolerance_m=0.5,
     envelope=ENVELOPE,
-    following=None,
-    acceleration=Acceleration(3.0, 3.0),
+    handling=replace(PX4.handling, servo=None),
     evader_timeout_s=1.5,
 )
 SETTINGS = FlightSettings(autopilot=PX4, cycle=CYCLE, takeoff_height_m=10.0, battery_minimum=0.25)
