@@ -24,23 +24,18 @@ _PREARM_CHECK = 1 << 28
 HEARTBEAT_LIMIT_S = 3.0
 TELEMETRY_LIMIT_S = 1.0
 
-_LARGEST_AGE_S: Final[Mapping[type, float]] = {
-    Heartbeat: HEARTBEAT_LIMIT_S,
-    LocalPosition: TELEMETRY_LIMIT_S,
-    Attitude: TELEMETRY_LIMIT_S,
-    LandedState: 2.0 * TELEMETRY_LIMIT_S,
-    Home: math.inf,
+_NEEDED: Final[Mapping[type, tuple[float, str]]] = {
+    Heartbeat: (HEARTBEAT_LIMIT_S, "check the vehicle's power and the link"),
+    LocalPosition: (TELEMETRY_LIMIT_S, "wait for the estimator's position; check that LOCAL_POSITION_NED is streamed"),
+    Attitude: (TELEMETRY_LIMIT_S, "check that ATTITUDE is streamed"),
+    LandedState: (2.0 * TELEMETRY_LIMIT_S, "check that EXTENDED_SYS_STATE is streamed"),
+    Home: (math.inf, "wait for a position fix: home is set with it"),
 }
-"""Messages needed for arming and engaging."""
-
+"""Messages needed for arming and engaging: the largest age, and advice where one is missing."""
 
 _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
-    "Heartbeat": "check the vehicle's power and the link",
-    "LocalPosition": "wait for the estimator's position; check that LOCAL_POSITION_NED is streamed",
-    "Attitude": "check that ATTITUDE is streamed",
-    "LandedState": "check that EXTENDED_SYS_STATE is streamed",
-    "Home": "wait for a position fix: home is set with it",
+    **{kind.__name__: advice for kind, (_, advice) in _NEEDED.items()},
     "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
     "battery": "change or charge the battery",
 }
@@ -61,7 +56,7 @@ def checks(
     beat, status = vehicle.latest.get(Heartbeat), vehicle.latest.get(SystemStatus)
     found = "not heard" if beat is None else f"MAV_AUTOPILOT {beat.autopilot}, want {profile.autopilot_id}"
     rows = [("autopilot", beat is not None and beat.autopilot == profile.autopilot_id, found)]
-    for kind, limit_s in _LARGEST_AGE_S.items():
+    for kind, (limit_s, _) in _NEEDED.items():
         age_s = vehicle.age_s(kind, now_s)
         found = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
         rows.append((kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
@@ -207,24 +202,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
 
 def detail_of(event: Event, now: Moment) -> str:
     """Return the measurement behind an event; empty if the name is enough."""
-    heard, detail = now.heard, ""
-    match event:
-        case Event.TELEMETRY_LOST:
-            detail = telemetry_gap(heard.vehicle, now.now_s)
-        case Event.LOOP_STOPPED:
-            detail = f"guidance stood still for {heard.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
-        case Event.PILOT if heard.mode is not None:
-            title = now.settings.autopilot.mode_title(heard.mode)
-            detail = f"the vehicle is in {title}: a pilot or the autopilot chose that mode"
-        case Event.MATE_SILENT:
-            detail = f"{heard.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s"
-        case Event.ASSIGNED:
-            detail = f"plays against {heard.tracking.playing} now"
-        case Event.REBOOTED:
-            detail = "the autopilot rebooted"
-        case Event.DISARMED if now.stage.state in SETPOINT_STATES:
-            detail = "the vehicle disarmed while guidance flew it"
-    return detail
+    return _DETAILS[event](now) if event in _DETAILS else ""
 
 
 def fit(now: Moment) -> bool:
@@ -306,6 +284,24 @@ _BREACHES: Final[Mapping[Event, tuple[Collection[Limiter], float]]] = {
     Event.STAND_OFF: ({Limiter.STAND_OFF}, BREACH_M),
 }
 """Walls that a vehicle may not cross by more than some distance, m."""
+
+_DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
+    Event.PILOT: lambda now: (
+        f"the vehicle is in {now.settings.autopilot.mode_title(now.heard.mode or Mode.OTHER)}: "
+        "a pilot or the autopilot chose that mode"
+    ),
+    Event.REBOOTED: lambda _: "the autopilot rebooted",
+    Event.TELEMETRY_LOST: lambda now: telemetry_gap(now.heard.vehicle, now.now_s),
+    Event.DISARMED: lambda now: (
+        "the vehicle disarmed while guidance flew it" if now.stage.state in SETPOINT_STATES else ""
+    ),
+    Event.LOOP_STOPPED: lambda now: (
+        f"guidance stood still for {now.heard.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
+    ),
+    Event.MATE_SILENT: lambda now: f"{now.heard.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s",
+    Event.ASSIGNED: lambda now: f"plays against {now.heard.tracking.playing} now",
+}
+"""The measurement behind an event whose name is not enough."""
 
 _PROGRESS: Final[Mapping[State, tuple[Event, Callable[[Moment], bool]]]] = {
     State.CONNECTING: (Event.HEARD, lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S),
