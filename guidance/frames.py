@@ -177,34 +177,28 @@ def total(one: Vector, other: Vector) -> Vector:
 _MEANINGLESS: Final = 1e8
 
 
-class Bounds(NamedTuple):
-    """Largest size of the ground part of a vector, and of its upward and downward parts; all positive."""
-
-    ground: float
-    up: float
-    down: float
-
-
 def usable(*numbers: float) -> bool:
     """Whether all numbers are finite and, as one vector, not larger than anything in flight can be."""
     return math.hypot(*numbers) <= _MEANINGLESS
 
 
-def clamp(vector_ned: Vector, bounds: Bounds) -> Vector:
+def clamp(vector_ned: Vector, ground: float, up: float, down: float) -> Vector:
     """Bound a vector. The ground part is scaled, which keeps its direction; the vertical part is cut.
 
     They are bounded apart, since the game's speed set is a cylinder: a climb costs no ground speed.
 
     Args:
         vector_ned: A velocity (m/s), an acceleration (m/s²), or a change of one.
-        bounds: In the vector's unit.
+        ground: Largest size of its ground part, in the same unit; positive like the others.
+        up: Largest size of its upward part.
+        down: Largest size of its downward part.
     """
     north, east, vertical = vector_ned
     size = math.hypot(north, east)
-    vertical = min(bounds.down, max(-bounds.up, vertical))
-    if size <= bounds.ground:
+    vertical = min(down, max(-up, vertical))
+    if size <= ground:
         return (north, east, vertical)
-    share = bounds.ground / size
+    share = ground / size
     return (north * share, east * share, vertical)
 
 

@@ -5,7 +5,7 @@ Heights are above home, distances are from home. Speeds bound every command; the
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple, Self
@@ -15,7 +15,7 @@ from pydantic import Field
 from guidance.config import Latitude, Longitude, Section
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
-from guidance.frames import Amsl, Bounds, LocalFrame, Vector
+from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.game import StandOff
 
 CATCH_UP_RATIO: Final = 1.1
@@ -107,7 +107,6 @@ class Envelope(Dynamics):
     Commands stop above the floor by the estimator's standard deviation of the height, at most by `floor_margin_m`.
     The vehicle never enters the upright cylinder about the evader from the ground to the height of `stand_off`. It is
     slightly smaller than the game's disc; a limit that binds on every arrival costs capture time.
-    `speeds` and `accelerations` repeat the limits as bounds of a vector.
 
     Raises:
         ConfigError: If a value is not finite, is out of range or contradicts another one.
@@ -125,13 +124,8 @@ class Envelope(Dynamics):
     fence_margin_m: float = 0.0
     floor_margin_m: float = 0.0
     stand_off: StandOff | None = None
-    speeds: Bounds = field(init=False, repr=False)
-    accelerations: Bounds = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        vertical_m_s2 = self.vertical_acceleration_m_s2
-        object.__setattr__(self, "speeds", Bounds(self.speed_m_s, self.climb_m_s, self.descent_m_s))
-        object.__setattr__(self, "accelerations", Bounds(self.acceleration_m_s2, vertical_m_s2, vertical_m_s2))
         for name in (*(one.name for one in fields(Dynamics)), *Speeds._fields, "yaw_rate_rad_s", "fence_radius_m"):
             value = getattr(self, name)
             if value is not None and not _SMALLEST <= value <= _LARGEST:

@@ -22,9 +22,9 @@ import math
 from typing import Final, NamedTuple
 
 from guidance.control.braking_law import STILL, Constraint, Situation, Wall, braked, constraints_of, measure_walls, obey
-from guidance.control.limits import Envelope, Limiter
+from guidance.control.limits import Agility, Envelope, Limiter
 from guidance.control.servo import LONGEST_STEP_S, shape, slew
-from guidance.frames import Bounds, Vector, clamp, difference, total, usable
+from guidance.frames import Vector, clamp, difference, total, usable
 from guidance.messages import Setpoint
 
 NOTED: Final = 0.05
@@ -70,7 +70,8 @@ def start(situation: Situation, envelope: Envelope) -> LimitMemory:
     """Return the memory at engagement: the vehicle's own velocity and heading, so the first setpoint is no step."""
     if not usable(*situation.velocity_ned_m_s, situation.yaw_rad):
         return LimitMemory(STILL)
-    return LimitMemory(clamp(situation.velocity_ned_m_s, envelope.speeds), yaw_rad=situation.yaw_rad)
+    speeds = envelope.speed_m_s, envelope.climb_m_s, envelope.descent_m_s
+    return LimitMemory(clamp(situation.velocity_ned_m_s, *speeds), yaw_rad=situation.yaw_rad)
 
 
 def limit(
@@ -112,15 +113,18 @@ def limit(
         dt_s = LONGEST_STEP_S if dt_s > LONGEST_STEP_S else 0.0
     walls = measure_walls(situation, envelope) if walls is None else walls
 
-    allowed = clamp(command.velocity_ned_m_s, envelope.speeds)
+    speeds = envelope.speed_m_s, envelope.climb_m_s, envelope.descent_m_s
+    vertical_m_s2 = envelope.vertical_acceleration_m_s2
+    accelerations = envelope.acceleration_m_s2, vertical_m_s2, vertical_m_s2
+    allowed = clamp(command.velocity_ned_m_s, *speeds)
     _note(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, command.velocity_ned_m_s)
-    before = clamp(memory.velocity_ned_m_s, envelope.speeds)
+    before = clamp(memory.velocity_ned_m_s, *speeds)
     if already_shaped:
-        shaped, acceleration = _accelerated(allowed, before, envelope.accelerations, dt_s)
+        shaped, acceleration = _accelerated(allowed, before, envelope, dt_s)
     else:
-        gained = clamp(memory.acceleration_ned_m_s2, envelope.accelerations)
+        gained = clamp(memory.acceleration_ned_m_s2, *accelerations)
         shaped, acceleration = shape(allowed, before, gained, envelope, dt_s, math.inf)
-        shaped = clamp(shaped, envelope.speeds)
+        shaped = clamp(shaped, *speeds)
     _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     velocity, holding = obey(shaped, constraints_of(shaped, situation, walls, envelope))
     active.extend(dict.fromkeys(one.limiter for one in holding))
@@ -130,17 +134,17 @@ def limit(
     wanted = command.acceleration_ned_m_s2
     if wanted is not None:
         jerk_m_s2 = envelope.jerk_m_s3 * dt_s
-        wanted = slew(clamp(wanted, envelope.accelerations), memory.feed_forward_ned_m_s2, jerk_m_s2)
+        wanted = slew(clamp(wanted, *accelerations), memory.feed_forward_ned_m_s2, jerk_m_s2)
     feed_forward = braked(wanted, situation, walls, envelope)
     if feed_forward is not None:
         # Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag,
         # so it goes as the wall takes speed away: all of it at `EASED_M_S`.
-        eased_m_s2 = envelope.accelerations.ground * max(0.0, 1.0 - math.dist(velocity, shaped) / EASED_M_S)
+        eased_m_s2 = envelope.acceleration_m_s2 * max(0.0, 1.0 - math.dist(velocity, shaped) / EASED_M_S)
         at_walls = (
             Constraint(one.limiter, one.normal_ned, eased_m_s2) if one.limiter is Limiter.STAND_OFF else one
             for one in closed[: len(holding)]
         )
-        feed_forward, _ = obey(clamp(feed_forward, envelope.accelerations), (*at_walls, *at_speed))
+        feed_forward, _ = obey(clamp(feed_forward, *accelerations), (*at_walls, *at_speed))
         asked_for = command.acceleration_ned_m_s2 or STILL
         _note(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, asked_for)
     turned_rad = None if command.yaw_rad is None else _turn(command.yaw_rad, memory.yaw_rad, envelope, dt_s, active)
@@ -150,12 +154,12 @@ def limit(
     return Limited(Setpoint(velocity, feed_forward, turned_rad), tuple(active), sent)
 
 
-def _accelerated(allowed: Vector, before: Vector, most: Bounds, dt_s: float) -> tuple[Vector, Vector]:
+def _accelerated(allowed: Vector, before: Vector, most: Agility, dt_s: float) -> tuple[Vector, Vector]:
     """Approach the allowed velocity within the acceleration alone; return the velocity and the acceleration."""
     if dt_s <= 0.0:
         return before, STILL
-    change = difference(allowed, before)
-    north, east, down = step = clamp(change, Bounds(most.ground * dt_s, most.up * dt_s, most.down * dt_s))
+    change, vertical = difference(allowed, before), most.vertical_acceleration_m_s2 * dt_s
+    north, east, down = step = clamp(change, most.acceleration_m_s2 * dt_s, vertical, vertical)
     reached = allowed if step == change else total(before, step)
     return reached, (north / dt_s, east / dt_s, down / dt_s)
 
@@ -175,13 +179,13 @@ def _at_speed_limit(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: E
     The feed-forward compensates drag, which takes several m/s² at full speed. So it may push along the limit until the
     vehicle flies faster than the limit, and less and less up to `OVER_SPEED` above.
     """
-    (north, east, down), bounds = velocity_ned_m_s, envelope.accelerations
+    (north, east, down), vertical_m_s2 = velocity_ned_m_s, envelope.vertical_acceleration_m_s2
     size = math.hypot(north, east)
     along = (north / size, east / size, 0.0) if size > 0.0 else STILL
     rows = (
-        (Limiter.SPEED, along, size, envelope.speed_m_s, bounds.ground),
-        (Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), down, envelope.descent_m_s, bounds.down),
-        (Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), -down, envelope.climb_m_s, bounds.up),
+        (Limiter.SPEED, along, size, envelope.speed_m_s, envelope.acceleration_m_s2),
+        (Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), down, envelope.descent_m_s, vertical_m_s2),
+        (Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), -down, envelope.climb_m_s, vertical_m_s2),
     )
     found = []
     for limiter, normal, speed_m_s, limit_m_s, most_m_s2 in rows:

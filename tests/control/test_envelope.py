@@ -93,11 +93,7 @@ def test_an_envelope_says_for_itself_how_the_vehicle_brakes_and_nothing_of_fence
         "stand_off": None,
     }
     envelope = Envelope(**said)
-    assert {field.name: getattr(envelope, field.name) for field in fields(envelope) if field.init} == said | cautious
-    assert envelope.speeds == (8.0, 3.0, 1.5)  # over the ground, up and down
-    assert envelope.accelerations == (4.0, 2.0, 2.0)
-    assert "speeds" not in repr(envelope)
-    assert "accelerations" not in repr(envelope)
+    assert {field.name: getattr(envelope, field.name) for field in fields(envelope)} == said | cautious
 
 
 @pytest.mark.parametrize("size", [0.5, 30.0])

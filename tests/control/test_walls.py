@@ -324,15 +324,15 @@ def test_each_axis_has_its_own_braking(braking):
 
 @pytest.mark.parametrize(("taken_m_s", "left"), [(0.0, 1.0), (0.3, 0.7), (0.9, 0.1), (1.0, 0.0), (5.0, 0.0)])
 def test_the_stand_off_takes_the_feed_forward_away_as_it_takes_speed_away(taken_m_s, left):
-    velocity, pushing, bounds = (8.0, 0.0, 0.0), (9.0, 1.0, 0.0), OPEN.accelerations
+    velocity, pushing, bounds = (8.0, 0.0, 0.0), (9.0, 1.0, 0.0), (OPEN.acceleration_m_s2, 3.0, 3.0)
     beside_m = (8.0 - taken_m_s) * (OPEN.reaction_s + 8.0 / (2.0 * OPEN.braking_m_s2))
     here = Situation((-3.0 - beside_m, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0))
     before = LimitMemory(velocity, feed_forward_ned_m_s2=pushing)
     limited = limit(Setpoint(velocity, pushing), here, ZONE, before, 0.02)
     assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(8.0 - taken_m_s)
     sent = limited.setpoint.acceleration_ned_m_s2
-    assert sent[0] == pytest.approx(min(left * bounds.ground, clamp(pushing, bounds)[0]))
-    assert sent[1] == pytest.approx(clamp(pushing, bounds)[1])
+    assert sent[0] == pytest.approx(min(left * OPEN.acceleration_m_s2, clamp(pushing, *bounds)[0]))
+    assert sent[1] == pytest.approx(clamp(pushing, *bounds)[1])
 
 
 def test_no_evader_no_stand_off():
