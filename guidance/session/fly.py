@@ -116,7 +116,7 @@ class MockOptions:
     def open(self, scenario: Played, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Open the mocks, and take orders."""
         (pursuits, team), clock = _players(scenario), VirtualClock() if self.fast else MonotonicClock()
-        mock_files.check_faults(pursuits)
+        mock_files.faulted_fleet(pursuits)  # refuses faults that a vehicle cannot have
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
         buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team))

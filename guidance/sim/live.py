@@ -48,11 +48,6 @@ class LiveWorld(world.World):
             self.close()
             raise
 
-    @property
-    def endpoint(self) -> str:
-        """The mock's Zenoh session, which routes for others too; empty without one."""
-        return self._mock[self._pursuits[0].vehicle].zenoh or ""
-
     def advance(self) -> None:
         """See that the mock lives: time moves by itself.
 

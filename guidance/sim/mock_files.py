@@ -79,26 +79,14 @@ def faulted_fleet(flown: Flown) -> dict[str, Faulted]:
     """Make all vehicles, with the faults that count from the start.
 
     Raises:
-        ConfigError: If a vehicle cannot have one of its faults.
+        ConfigError: If a vehicle cannot have one of its faults: with the key, the value and what is allowed.
     """
-    check_faults(flown)
-    return _faulted(flown, script(flown))
-
-
-def check_faults(flown: Flown) -> None:
-    """Refuse faults that a vehicle cannot have.
-
-    Raises:
-        ConfigError: With the key, the value and what is allowed.
-    """
+    title, faulted = pursuits_of(flown)[0].scenario.title, dict[str, Faulted]()
     try:
-        _faulted(flown, script(flown, ("start", "engaged")))
+        for events in (("start", "engaged"), ("start",)):  # those that count from engagement are only checked
+            vehicles = build(checked(fleet(flown), title), links={"onboard": "quiet"})
+            faults = parse_script(script(flown, events), title)
+            faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
     except MockConfigError as error:
         raise ConfigError(str(error)) from error
-
-
-def _faulted(flown: Flown, script: dict[str, Any]) -> dict[str, Faulted]:
-    title = pursuits_of(flown)[0].scenario.title
-    vehicles = build(checked(fleet(flown), title), links={"onboard": "quiet"})
-    faults = parse_script(script, title)
-    return {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
+    return faulted

@@ -13,7 +13,7 @@ from guidance.links.wires import MemoryWire, TappedWire
 from guidance.links.world import World
 from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import faulted_fleet, faults_after, system_ids
-from guidance.sim.scenario import EVADER, Flown, Scenario, pursuits_of
+from guidance.sim.scenario import EVADER, EVADER_ID, Flown, Scenario, pursuits_of
 from sitl_mock.faults import Faulted
 
 _REPORTS: Final = frozenset({"GLOBAL_POSITION_INT"})
@@ -21,26 +21,21 @@ _REPORTS: Final = frozenset({"GLOBAL_POSITION_INT"})
 
 
 class SteppedMock:
-    """One vehicle. `wire` commands and hears it, and is recorded; who only listens may be given a wire of their own."""
+    """One vehicle, which hears and is heard over any number of wires; `ends` are their far ends."""
 
-    def __init__(self, name: str, vehicle: Faulted, clock: Clock) -> None:
-        self._vehicle, self._clock, self._ends = vehicle, clock, list[Wire]()
-        self.wire = TappedWire(self.listener(), clock.now_s, name)
+    def __init__(self, vehicle: Faulted, clock: Clock) -> None:
+        self._vehicle, self._clock, self.ends = vehicle, clock, list[Wire]()
 
-    def listener(self) -> Wire:
-        """Return one more wire that hears the vehicle."""
+    def wire(self) -> Wire:
+        """Return one more wire to the vehicle."""
         ours, end = MemoryWire.pair(self._clock.now_s)
-        self.join(end)
+        self.ends.append(end)
         return ours
-
-    def join(self, end: Wire) -> None:
-        """Connect the far end of any other wire to the vehicle; its frames are not captured."""
-        self._ends.append(end)
 
     def advance(self, now_s: float) -> None:
         """Step the vehicle with the frames sent to it, and send its frames to all wires."""
-        frames = self._vehicle.step(now_s, [frame for end in self._ends for _, frame in end.receive()])
-        for end in self._ends:
+        frames = self._vehicle.step(now_s, [frame for end in self.ends for _, frame in end.receive()])
+        for end in self.ends:
             for frame in frames:
                 end.send(frame)
 
@@ -63,16 +58,16 @@ class SteppedWorld(World):
         self._clock, self._pursuits, ids = clock, pursuits_of(flown), system_ids(flown)
         self.faulted = faulted_fleet(flown)
         self.vehicles = {name: faulted.vehicle for name, faulted in self.faulted.items()}
-        self._mocks = {name: SteppedMock(name, faulted, clock) for name, faulted in self.faulted.items()}
+        self._mocks = {name: SteppedMock(faulted, clock) for name, faulted in self.faulted.items()}
         chased = {evader: scenario for scenario, _, evader in reversed(self._pursuits)}
         for name, mock in self._mocks.items():
             unread = _REPORTS if name in chased else frozenset()
-            self.links[name] = PymavlinkLink(mock.wire, clock.now_s, system_id=ids[name], unread=unread)
-            self.taps.append(mock.wire)
+            self.taps.append(TappedWire(mock.wire(), clock.now_s, name))
+            self.links[name] = PymavlinkLink(self.taps[-1], clock.now_s, system_id=ids[name], unread=unread)
         self.players |= {name: EvaderPilot(self.links.pop(name), scenario) for name, scenario in chased.items()}
         for vehicle in self.links:
             self.evaders[vehicle] = {
-                name: MavlinkEvader(self._mocks[name].listener(), GLOBAL_POSITION, system_id=ids[name])
+                name: MavlinkEvader(self._mocks[name].wire(), GLOBAL_POSITION, system_id=ids[name])
                 for name in self.players
             }
 
@@ -101,14 +96,13 @@ class EvaderHere(EvaderPilot):
 
     def __init__(self, scenario: Scenario, clock: Clock, radio: Wire) -> None:
         self._scenario, self._faulted = scenario, faulted_fleet(scenario)[EVADER]
-        self._mock = SteppedMock(EVADER, self._faulted, clock)
-        self._mock.join(radio)
-        super().__init__(PymavlinkLink(self._mock.wire, clock.now_s, system_id=system_ids(scenario)[EVADER]), scenario)
+        self._mock = SteppedMock(self._faulted, clock)
+        super().__init__(PymavlinkLink(self._mock.wire(), clock.now_s, system_id=EVADER_ID), scenario)
+        self._mock.ends.append(radio)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Step the rover and its pilot."""
         self._mock.advance(now_s)
-        self._mock.wire.drain()  # the rover's own link is not recorded
         super().step(now_s, pursuers_game_m, playing=playing)
 
     def engage(self) -> None:

@@ -42,6 +42,7 @@ from guidance.links import MemoryWire
 from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.wires import TappedWire
 from guidance.log import compare
 from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import CONFIG as CONFIG_KEY
@@ -75,8 +76,9 @@ class VirtualWorld:
         parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
         vehicle = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
         vehicle.autopilot.state.battery.capacity_mah = LASTING_MAH
-        self._mock = SteppedMock("bench", Faulted(vehicle, "bench", FaultScript()), clock)
-        link = PymavlinkLink(self._mock.wire, clock.now_s, system_id=1)
+        self._mock = SteppedMock(Faulted(vehicle, "bench", FaultScript()), clock)
+        self._tap = TappedWire(self._mock.wire(), clock.now_s, "bench")
+        link = PymavlinkLink(self._tap, clock.now_s, system_id=1)
         ours, self._radio = MemoryWire.pair(clock.now_s)
         evader = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2)
         self.links, self.evaders = {"bench": link}, {"bench": {"evader": evader}}
@@ -95,7 +97,7 @@ class VirtualWorld:
         """Do nothing: this world has no faults that begin then."""
 
     def drain(self) -> Sequence[tuple[float, str, bytes]]:
-        return self._mock.drain()
+        return self._tap.drain()
 
     def close(self) -> None:
         self.links["bench"].close()

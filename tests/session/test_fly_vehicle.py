@@ -23,6 +23,7 @@ from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.port import parse
 from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.wires import TappedWire
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.fly import laid_about
 from guidance.session.mission import MissionPolicy
@@ -68,8 +69,9 @@ class World(VirtualClock):
             parameters=FENCED[autopilot] if parameters is None else parameters,
         )
         self.faulted = Faulted(self.vehicle, "pursuer")
-        self.mock = SteppedMock("pursuer", self.faulted, self)
-        self.link = PymavlinkLink(self.mock.wire, self.now_s, system_id=1)
+        self.mock = SteppedMock(self.faulted, self)
+        self.tap = TappedWire(self.mock.wire(), self.now_s, "pursuer")
+        self.link = PymavlinkLink(self.tap, self.now_s, system_id=1)
         self.profile = AUTOPILOTS[autopilot]
         self.shown = []
 
@@ -83,9 +85,7 @@ class World(VirtualClock):
 
     def by_hand(self, *requests, until, limit_s=40.0):
         """Send requests from another sender with its own link, and wait until the condition holds."""
-        ours, end = MemoryWire.pair(self.now_s)
-        self.mock.join(end)
-        other = PymavlinkLink(ours, self.now_s, system_id=1, own_system_id=255, own_component_id=190)
+        other = PymavlinkLink(self.mock.wire(), self.now_s, system_id=1, own_system_id=255, own_component_id=190)
         for request in requests:
             other.request(request)
         end_s = self.now_s() + limit_s
@@ -96,7 +96,7 @@ class World(VirtualClock):
 
     def ordered(self):
         """Return our messages to the vehicle that change something, without heartbeats and queries."""
-        frames = [one.frame for one in self.mock.wire.drain() if one.topic.endswith("/in")]
+        frames = [one.frame for one in self.tap.drain() if one.topic.endswith("/in")]
         messages = [mavlink.MAVLink(None).decode(bytearray(frame)) for frame in frames]
         return [
             one for one in messages
