@@ -145,12 +145,12 @@ def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | N
 def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Console) -> Sequence[CheckedExpectation]:
     """Show the row of one vehicle, and which expectations hold."""
     if isinstance(scenario, TeamScenario):
-        verdicts = scenario.expect.verdicts(summary_of(rows))
+        values: Mapping[str, Any] = summary_of(rows)
     else:
-        row = rows[0]._asdict()
-        units = {name: _unit(name) for name in row} | {"regret": "s" if scenario.game == "pe" else "m"}
-        there.print(pairs((name, as_text(row[name], units[name])) for name in row if name != "scenario"))
-        verdicts = scenario.expect.of(row)
+        values = rows[0]._asdict()
+        units = {name: _unit(name) for name in values} | {"regret": "s" if scenario.game == "pe" else "m"}
+        there.print(pairs((name, as_text(values[name], units[name])) for name in values if name != "scenario"))
+    verdicts = list(scenario.expect.verdicts(values))
     judged = {True: Text("holds", "green"), False: Text("FAILS", "red")}
     cells = [(one.column, one.expected, as_text(one.value), judged[one.held]) for one in verdicts]
     if cells:

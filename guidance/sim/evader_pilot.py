@@ -33,23 +33,23 @@ class EvaderPilot:
 
     def __init__(self, link: VehicleLink, scenario: Scenario) -> None:
         self._link = link
-        self._game, self._target_game_m, self._site = game(scenario), target_game_m(scenario), site(scenario)
+        self._game, self._site, target = game(scenario), site(scenario), target_game_m(scenario)
+        self._target_m = None if target is None else np.array(target)
         start_m, speeds = np.array((*scenario.evader.position_m, 0.0)), Ball(scenario.evader.speed_m_s)
         self._strategy = strategy_of(scenario, EVADER, start_m, speeds, scenario.seed)
         self._began_s: float | None = None
         self._requested_s = self._stood_s = float("-inf")
         self.vehicle, self.ready = VehicleState(), False
         self.position_game_m: Vector | None = None
-        self._sources: tuple[Home | None, Origin | None] = (None, None)
-        self._frame: GameFrame | None = None
+        self._told: tuple[Home | None, Origin | None, GameFrame | None] = (None, None, None)
 
     def _located(self) -> Vector | None:
-        sources = (self.vehicle.latest.get(Home), self.vehicle.latest.get(Origin))
-        if sources != self._sources:
-            self._sources, local_ned = sources, local_frame(self.vehicle, ROVER.projection)
-            self._frame = None if local_ned is None else GameFrame(local_ned.ned_from_wgs84(*self._site))
-        local = self.vehicle.latest.get(LocalPosition)
-        return None if self._frame is None or local is None else self._frame.position_from_ned(local.position_ned_m)
+        home, origin = self.vehicle.latest.get(Home), self.vehicle.latest.get(Origin)
+        if (home, origin) != self._told[:2]:
+            frame = local_frame(self.vehicle, ROVER.projection)
+            self._told = home, origin, None if frame is None else GameFrame(frame.ned_from_wgs84(*self._site))
+        local, game_frame = self.vehicle.latest.get(LocalPosition), self._told[2]
+        return None if game_frame is None or local is None else game_frame.position_from_ned(local.position_ned_m)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
@@ -62,8 +62,10 @@ class EvaderPilot:
             self._make_ready(now_s)
         elif playing and pursuers_game_m:
             self._began_s = now_s if self._began_s is None else self._began_s
-            nearest = min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position))
-            self._link.send_setpoint(Setpoint(self._velocity_ned_m_s(nearest, position, now_s - self._began_s)))
+            P = np.array(min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position)))
+            E, memory = np.array((*position[:2], 0.0)), StrategyMemory(None, now_s - self._began_s)
+            x, y, _ = evade(self._strategy, self._game, P, E, self._target_m, memory).tolist()
+            self._link.send_setpoint(Setpoint(ned_from_game((x, y, 0.0))))
             self._stood_s = float("-inf")
         elif now_s - self._stood_s >= REPEAT_S:
             self._stood_s = now_s
@@ -80,10 +82,3 @@ class EvaderPilot:
         asked = map(ROVER.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))
         for request in (*ROVER.stream_requests(), *asked, ROVER.set_mode(Mode.GUIDED), ROVER.arm()):
             self._link.request(request)
-
-    def _velocity_ned_m_s(self, pursuer_game_m: Vector, evader_game_m: Vector, played_s: float) -> Vector:
-        target = self._target_game_m
-        P, E = np.array(pursuer_game_m), np.array((*evader_game_m[:2], 0.0))
-        T, memory = None if target is None else np.array(target), StrategyMemory(None, played_s)
-        x, y, _ = (float(part) for part in evade(self._strategy, self._game, P, E, T, memory))
-        return ned_from_game((x, y, 0.0))

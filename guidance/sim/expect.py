@@ -47,15 +47,22 @@ class CheckedExpectation(NamedTuple):
 
 
 class Ranges(Section):
-    """Expected texts and ranges of columns."""
+    """Expected texts and ranges of columns, and sections with those of one kind of run."""
 
-    def verdicts(self, values: Mapping[str, Any]) -> list[CheckedExpectation]:
-        """Return the verdict on everything that is expected, from the values of all columns."""
-        wanted = ((column, each, values[column]) for column, each in self if isinstance(each, (Range, str)))
-        return [
-            CheckedExpectation(name, str(each), value, each.holds(value) if isinstance(each, Range) else each == value)
-            for name, each, value in wanted
-        ]
+    def verdicts(self, values: Mapping[str, Any]) -> Iterator[CheckedExpectation]:
+        """Yield the verdict on everything that is expected, from the values of all columns."""
+        for column, each in self:
+            value: Any = values.get(column)
+            match each:
+                case Range():
+                    yield CheckedExpectation(column, str(each), value, each.holds(value))
+                case str():
+                    yield CheckedExpectation(column, each, value, value == each)
+                case tuple():
+                    for one in each:
+                        yield CheckedExpectation(column, f"has {one!r}", ", ".join(value), one in value)
+                case Ranges() if (column == "maths") == (values["run"] == "maths"):
+                    yield from each.verdicts(values)
 
 
 RENAMED_COLUMNS: Final[Mapping[str, str]] = {
@@ -112,20 +119,9 @@ class Expectations(Ranges):
         if wins is not None and self.winner is not None and self.winner != wins:
             yield f"expect.winner = {self.winner!r} contradicts expect.end = {self.end!r}: {wins} wins then"
 
-    def verdicts(self, outcome: Mapping[str, Any]) -> list[CheckedExpectation]:
-        """Return the verdict on every expectation."""
-        seen = outcome["events"]
-        events = [CheckedExpectation("events", f"has {one!r}", ", ".join(seen), one in seen) for one in self.events]
-        return [*super().verdicts(outcome), *events]
-
 
 class Expect(Expectations):
     """Expectations of every run, and those of mathematics or of flights only."""
 
     maths: Expectations = Field(Expectations(), description="only for runs as mathematics")
     flown: Expectations = Field(Expectations(), description="only for flights")
-
-    def of(self, outcome: Mapping[str, Any]) -> list[CheckedExpectation]:
-        """Return the verdicts that apply to an outcome's kind of run."""
-        own = self.maths if outcome["run"] == "maths" else self.flown
-        return [*self.verdicts(outcome), *own.verdicts(outcome)]

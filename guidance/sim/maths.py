@@ -21,7 +21,7 @@ from guidance.game import Ball, Solution, solve
 from guidance.game.arrays import NUMPY, Real, pair_length
 from guidance.game.pe import TOUCH_M
 from guidance.game.records import rows_of
-from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
+from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
 from guidance.sim.batch import Array, Batch, by_kind, kind_of, stack
 from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
@@ -49,10 +49,13 @@ _STRAIGHT = 1e-9
 
 _LONG_LOST_S = LIMITS_S[State.PAUSED]
 
-RUNNING, CAPTURED, ARRIVED, TIME_UP, FAILED = range(5)
-ENDS = ("running", "captured", "arrived", "time_up", "failed")
+_NAMES = {end: end.name.lower() for end in End} | {End.NO_ANSWER: "failed"}
 LIMITS = ("fence", "floor", "ceiling")
 _EVENTS = (Event.EVADER_LOST, Event.NO_GAME, Event.CAPTURED, Event.ESCAPED)
+
+
+Slope: TypeAlias = tuple[Array, ...]
+"""Rates of change, (n, 3) each: velocities of both players, and the rate of turn of a pursuer that navigates."""
 
 
 class Moment(NamedTuple):
@@ -74,7 +77,7 @@ class Moment(NamedTuple):
         altitude_m: Least height above the evader's plane so far.
         happened: Which of `LIMITS` have held the pursuer back, whether the evader was ever lost, and whether it was too
             fast for a game, (n, 5).
-        end: Index into `ENDS`.
+        end: `End`; NO_ANSWER is a failure.
     """
 
     row: NDArray[np.intp]
@@ -106,7 +109,7 @@ def moments(batch: Batch) -> Iterator[Moment]:
             ahead = look_ahead(NUMPY, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
             moment = moment._replace(end=_judge(batch, moment, ahead))
             yield moment
-            running = moment.end == RUNNING
+            running = moment.end == End.RUNNING
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
                 batch, moment, ahead = (rows_of(part, itemgetter(running)) for part in (batch, moment, ahead))
             if len(moment.row):
@@ -133,16 +136,16 @@ def begun(batch: Batch) -> Moment:
         turning_rad_s=np.zeros_like(P) if batch.pursuer.name == PROPORTIONAL and sensor == PERFECT else None,
         heard=None if sensor == PERFECT else begin(sensor, E),
         lost_s=zeros,
-        standoff_m=beside(P, E),
+        standoff_m=_level(P - E),
         altitude_m=P[:, 2],
         happened=np.zeros((count, len(LIMITS) + 2), dtype=bool),
         end=np.zeros(count, dtype=np.int8),
     )
 
 
-def beside(P: Array, E: Array) -> Array:
-    """Return the horizontal distances of pursuers and evaders, (n,), m."""
-    return np.asarray(np.sqrt((P[:, 0] - E[:, 0]) ** 2 + (P[:, 1] - E[:, 1]) ** 2))
+def _level(way: Array) -> Array:
+    """Return the horizontal lengths, (n,), of vectors."""
+    return np.asarray(np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2))
 
 
 def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
@@ -151,7 +154,7 @@ def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
     found: dict[int, Outcome] = {}
     done = np.zeros(len(scenarios), dtype=bool)
     for moment in moments(batch):
-        new = (moment.end != RUNNING) & ~done[moment.row]
+        new = (moment.end != End.RUNNING) & ~done[moment.row]
         if new.any():
             done[moment.row[new]] = True
             ended = _listed(rows_of(moment, itemgetter(new)))
@@ -167,29 +170,27 @@ def _listed(arrays: Any) -> Any:  # noqa: ANN401 - a named tuple
 
 def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
-    now = np.where(moment.now_s >= batch.limit_s, TIME_UP, RUNNING)
-    now = np.where(moment.happened[:, -1] | (moment.lost_s >= _LONG_LOST_S), FAILED, now)
-    now = np.where(ahead.arrival_s <= NANOSECOND_S, ARRIVED, now)
-    now = np.where(ahead.capture_s <= NANOSECOND_S, CAPTURED, now)
-    return np.where(moment.end == RUNNING, now, moment.end).astype(np.int8)
+    now = np.where(moment.now_s >= batch.limit_s, End.TIME_UP, End.RUNNING)
+    now = np.where(moment.happened[:, -1] | (moment.lost_s >= _LONG_LOST_S), End.NO_ANSWER, now)
+    now = np.where(ahead.arrival_s <= NANOSECOND_S, End.ARRIVED, now)
+    now = np.where(ahead.capture_s <= NANOSECOND_S, End.CAPTURED, now)
+    return np.where(moment.end == End.RUNNING, now, moment.end).astype(np.int8)
 
 
 def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     """Ask both players for velocities and move both by one step; finished games stay where they are."""
-    P, E, heard, waiting = moment.pursuer_m, moment.evader_m, moment.heard, np.zeros(len(moment.row), dtype=bool)
-    if heard is None:
-        v, w = _velocities(batch, moment, P, E)
-    else:
-        heard = listen(batch.kind.sensor, batch.noise, heard, moment.now_s, E, moment.run_m_s)
-        v, w, age_s = _sensed_velocities(batch, moment, heard)
-        waiting = age_s > TIMEOUT_S
+    P, E, waiting = moment.pursuer_m, moment.evader_m, np.zeros(len(moment.row), dtype=bool)
+    if (heard := moment.heard) is not None:
+        listen(batch.kind.sensor, batch.noise, heard, moment.now_s, E, moment.run_m_s)
+        waiting = moment.now_s - heard.measured_s > TIMEOUT_S
+    slope = first = _slope(batch, moment, P, E)
+    v, w = first[:2]
     no_game = ~np.isfinite(v[:, 0])
     v[no_game | waiting] = 0.0
     captured_s = _captured_s(batch, moment, v - w)
     ends_s = batch.limit_s - moment.now_s, captured_s, ahead.arrival_s, ahead.turn_s
-    h = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead, (v, w), captured_s))
-    h = np.where(moment.end == RUNNING, reduce(np.minimum, (*ends_s, *_changes_s(batch, moment, heard)), h), 0.0)
-    slope = first = _slope(batch, moment, P, E, (v, w))
+    h = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead, first, captured_s))
+    h = np.where(moment.end == End.RUNNING, reduce(np.minimum, (*ends_s, *_changes_s(batch, moment)), h), 0.0)
     if (long := h > CYCLE_S).any():
         mean = _mean_slope(batch, moment, h, first)
         slope = tuple(np.where(long[:, None], over, held) for over, held in zip(mean, first, strict=True))
@@ -203,32 +204,30 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
         run_m_s=w,
         step_s=h,
         turning_rad_s=slope[2] if len(slope) > 2 else None,
-        heard=heard,
         lost_s=np.where(waiting, moment.lost_s + h, 0.0),
-        standoff_m=np.minimum(moment.standoff_m, beside(P, E)),
+        standoff_m=np.minimum(moment.standoff_m, _level(P - E)),
         altitude_m=np.minimum(moment.altitude_m, P[:, 2]),
         happened=moment.happened | np.stack([*left, waiting, no_game], axis=-1),
     )
 
 
-def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, velocities: tuple[Array, Array], captured_s: Array) -> Real:
+def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured_s: Array) -> Real:
     """Return how long a step may be, (n,): a share of the least time until the pursuer is beside the evader or at a
     limit, or the evader at its target. While both players fly straight on, the time to the capture itself counts.
     """  # noqa: D205 - one sentence needs two lines
     share = _SHARES.get(batch.pursuer.name)
     if share is None or batch.kind.sensor != PERFECT:
         return 0.0
-    P, game, (v, w) = moment.pursuer_m, batch.game, velocities
+    P, game, (v, w) = moment.pursuer_m, batch.game, slope[:2]
     speeds, level_m_s = game.pursuer, game.pursuer.horizontal_m_s + pair_length(game.wind_m_s)
     vertical_m_s = 0.0 if isinstance(speeds, Ball) else np.maximum(speeds.climb_m_s, speeds.descent_m_s)
-    apart = beside(P, moment.evader_m)
+    apart = _level(P - moment.evader_m)
     if not isinstance(speeds, Ball):  # it holds its place when it is beside the evader
         apart = apart - game.standoff.radius_m - game.capture_radius_m
     bend_m_s = np.abs(v - moment.flown_m_s).max(axis=-1) + np.abs(w - moment.run_m_s).max(axis=-1)
     straight = bend_m_s <= _STRAIGHT * level_m_s
     beside_s = np.minimum(apart / (level_m_s + game.evader_speed_m_s), ahead.capture_s)
-    x, y, out = _from_home(batch, P)
-    outwards_m_s = (x * v[:, 0] + y * v[:, 1]) / np.where(out > 0.0, out, 1.0)
+    out, outwards_m_s = _stretched(P[:, :2] - batch.home_m, v)
     room_m = np.stack([batch.fence_m - out, P[:, 2] - batch.lowest_m, batch.highest_m - P[:, 2]])
     rate_m_s = np.where(straight, [-outwards_m_s, v[:, 2], -v[:, 2]], -np.sqrt(level_m_s**2 + vertical_m_s**2))
     least_s = np.minimum(np.where(straight, captured_s, beside_s), _zero_s(room_m, rate_m_s).min(axis=0))
@@ -241,11 +240,9 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
     The distance from the disc is a convex function of the relative position. Its tangent is below it, so a step of
     Newton's method does not pass the capture.
     """
-    P, E, game = moment.pursuer_m, moment.evader_m, batch.game
-    x, y, z = P[:, 0] - E[:, 0], P[:, 1] - E[:, 1], P[:, 2] - game.standoff.height_m
-    level = np.sqrt(x**2 + y**2)
-    outside = level - game.standoff.radius_m
-    rate = (x * closing_m_s[:, 0] + y * closing_m_s[:, 1]) / np.where(level > 0.0, level, 1.0)
+    game, z = batch.game, moment.pursuer_m[:, 2] - batch.game.standoff.height_m
+    apart, rate = _stretched(moment.pursuer_m - moment.evader_m, closing_m_s)
+    outside = apart - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
         reach = np.maximum(outside, 0.0)
         far = np.sqrt(reach**2 + z**2)
@@ -254,18 +251,15 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
     return np.maximum(_zero_s(outside - capture, rate), _zero_s(np.abs(z) - capture, np.sign(z) * closing_m_s[:, 2]))
 
 
+def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
+    """Return the horizontal lengths, (n,), of vectors that change at a rate, and the rate of change of the lengths."""
+    length = _level(way_m)
+    return length, (way_m[:, 0] * rate_m_s[:, 0] + way_m[:, 1] * rate_m_s[:, 1]) / np.where(length > 0.0, length, 1.0)
+
+
 def _zero_s(distance_m: Array, rate_m_s: Array) -> Array:
     """Return when a distance is zero that changes at a constant rate; infinite if it does not shrink."""
     return np.where(distance_m <= 0.0, 0.0, np.where(rate_m_s < 0.0, distance_m / -rate_m_s, np.inf))
-
-
-Slope: TypeAlias = tuple[Array, ...]
-"""Rates of change, (n, 3) each: velocities of both players, and the rate of turn of a pursuer that navigates."""
-
-
-def _slope(batch: Batch, moment: Moment, P: Array, E: Array, velocities: tuple[Array, Array]) -> Slope:
-    v, w = velocities
-    return velocities if moment.turning_rad_s is None else (v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain))
 
 
 def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Slope:
@@ -276,12 +270,12 @@ def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Sl
         passed = share * step_s
         P, E = moment.pursuer_m + passed[:, None] * v, moment.evader_m + passed[:, None] * w
         then = moment._replace(flown_m_s=first[0], turning_rad_s=turn[0] if turn else None, step_s=passed)
-        slopes.append(_slope(batch, then, P, E, _velocities(batch, then, P, E, first)))
+        slopes.append(_slope(batch, then, P, E, first))
     return tuple((a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
 
 
-def _velocities(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None = None) -> tuple[Array, Array]:
-    """Return the velocities of players that see each other, (n, 3) each.
+def _slope(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None = None) -> Slope:
+    """Return the players' velocities, and the turn; the pursuer sees the evader, or knows what it has heard.
 
     Args:
         batch: The games.
@@ -291,7 +285,7 @@ def _velocities(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope |
         first: Velocities at the begin of the step, kept by players on a course; None at the begin.
     """
     T, game, evader = batch.target_m, batch.game, batch.kind.evader
-    agreed = evader.believed_speed_m_s == evader.speed_m_s  # in all games of a kind
+    agreed = moment.heard is None and evader.believed_speed_m_s == evader.speed_m_s  # in all games of a kind
     if agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
         solution = solve(game, P, E, T, evader_velocity_m_s=moment.run_m_s)
         return solution.pursuer_velocity_m_s, solution.evader_velocity_m_s
@@ -299,50 +293,40 @@ def _velocities(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope |
     w = evade(batch.evader, game, P, E, T, memory) if first is None or batch.evader.course is None else first[1]
     if first is not None and batch.pursuer.course is not None:
         return first[0], w
-    if not agreed:
-        speed_m_s = np.maximum(batch.believed_m_s, np.sqrt(w[:, 0] ** 2 + w[:, 1] ** 2))
-        game = replace(game, evader_speed_m_s=speed_m_s)
-    return pursue(batch.pursuer, game, P, E, T, w, memory, dt_s=moment.step_s), w
+    seen_m, seen_m_s = E, w
+    if moment.heard is not None:
+        seen_m, bound_m_s, age_s = known(batch.noise, moment.heard, batch.believed_m_s, moment.now_s)
+        game = replace(game, evader_speed_m_s=bound_m_s, information_age_s=np.minimum(age_s, TIMEOUT_S))
+        seen_m_s = moment.heard.velocity_m_s
+    elif not agreed:
+        game = replace(game, evader_speed_m_s=np.maximum(batch.believed_m_s, _level(w)))
+    v = pursue(batch.pursuer, game, P, seen_m, T, seen_m_s, memory, dt_s=moment.step_s)
+    return (v, w) if moment.turning_rad_s is None else (v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain))
 
 
-def _sensed_velocities(batch: Batch, moment: Moment, heard: Received) -> tuple[Array, Array, Array]:
-    """Return both players' velocities, (n, 3), and the age, (n,), of what the pursuer knows from its sensor."""
-    P, T, memory = moment.pursuer_m, batch.target_m, StrategyMemory(moment.flown_m_s, moment.now_s)
-    seen_m, bound_m_s, age_s = known(batch.noise, heard, batch.believed_m_s, moment.now_s)
-    game = replace(batch.game, evader_speed_m_s=bound_m_s, information_age_s=np.minimum(age_s, TIMEOUT_S))
-    v = pursue(batch.pursuer, game, P, seen_m, T, heard.velocity_m_s, memory, dt_s=moment.step_s)
-    return v, evade(batch.evader, batch.game, P, moment.evader_m, T, memory), age_s
-
-
-def _changes_s(batch: Batch, moment: Moment, heard: Received | None) -> Iterator[Array]:
+def _changes_s(batch: Batch, moment: Moment) -> Iterator[Array]:
     """Yield the times, (n,), until a course turns and until a report is measured or arrives."""
     for strategy in (batch.pursuer, batch.evader):
         if strategy.course is not None:
             yield strategy.course.corner_s(moment.now_s) - moment.now_s
-    if heard is not None:
-        yield next_event_s(batch.kind.sensor, heard) - moment.now_s
+    if moment.heard is not None:
+        yield next_event_s(batch.kind.sensor, moment.heard) - moment.now_s
 
 
 def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_]]]:
     """Return the pursuer's position inside fence, floor and ceiling, and for each whether it had left it, (n,)."""
-    x, y, out = _from_home(batch, P)
+    away_m = P[:, :2] - batch.home_m
+    out = _level(away_m)
     beyond = out > batch.fence_m
     back = np.where(beyond, 1.0 - batch.fence_m / np.where(beyond, out, 1.0), 0.0)
     low, high = P[:, 2] < batch.lowest_m, P[:, 2] > batch.highest_m
-    height = np.minimum(np.maximum(P[:, 2], batch.lowest_m), batch.highest_m)
-    held = np.stack([P[:, 0] - back * x, P[:, 1] - back * y, height], axis=-1)
-    return held, (beyond, low, high)
-
-
-def _from_home(batch: Batch, P: Array) -> tuple[Array, Array, Array]:
-    """Return the horizontal position relative to home and its length, (n,) each."""
-    x, y = P[:, 0] - batch.home_m[:, 0], P[:, 1] - batch.home_m[:, 1]
-    return x, y, np.sqrt(x**2 + y**2)
+    height = np.clip(P[:, 2], batch.lowest_m, batch.highest_m)
+    return np.column_stack([P[:, :2] - back[:, None] * away_m, height]), (beyond, low, high)
 
 
 def _outcome(scenario: Scenario, first: Any, row: int, ended: Any, place: int) -> Outcome:  # noqa: ANN401
     """Return the outcome of one game: a row of the opening's lists, and a place in those of an ended moment."""
-    end, P, E = ENDS[ended.end[place]], ended.pursuer_m[place], ended.evader_m[place]
+    end, P, E = _NAMES[ended.end[place]], ended.pursuer_m[place], ended.evader_m[place]
     *met, lost, no_game = ended.happened[place]
     happened = (lost, no_game, end == "captured", end == "arrived")
     return outcome_of(

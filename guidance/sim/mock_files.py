@@ -3,12 +3,12 @@
 Faults that count from the start form a script. Faults that count from engagement are added when the game begins.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from guidance.autopilots import autopilot_named
 from guidance.errors import ConfigError
-from guidance.sim.scenario import EVADER, PURSUER, Evader, Flown, Scenario, pursuits_of
+from guidance.sim.scenario import EVADER, PURSUER, Flown, Point2, pursuits_of
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.faults import Faulted, parse_script
 from sitl_mock.fleet import build, checked
@@ -20,12 +20,14 @@ READY_AFTER_S: Final = 3.0
 
 
 def fleet(flown: Flown) -> dict[str, Any]:
-    """Return the fleet: every pursuer on the ground near its start, and every evader at its start."""
+    """Return the fleet: every pursuer on the ground near its start, with its speeds, and every evader at its start."""
     pursuits = pursuits_of(flown)
     site, vehicles = pursuits[0].scenario.site, dict[str, dict[str, Any]]()
     for scenario, vehicle, evader in pursuits:
-        vehicles[vehicle] = _pursuer(scenario)
-        vehicles.setdefault(evader, _evader(scenario.evader))
+        autopilot, speeds, rover = autopilot_named(scenario.pursuer.autopilot), scenario.pursuer.speeds, scenario.evader
+        vehicles[vehicle] = _parked(autopilot.mock, scenario.home_m, 0.0, autopilot.mock_speeds(speeds))
+        own = {} if rover.acceleration_m_s2 is None else {"ATC_ACCEL_MAX": rover.acceleration_m_s2}
+        vehicles.setdefault(evader, _parked("rover", rover.position_m, -rover.height_m, own))
     return {
         "seed": pursuits[0].scenario.seed,
         "home": {"lat_deg": site.latitude_deg, "lon_deg": site.longitude_deg, "alt_amsl_m": site.altitude_amsl_m},
@@ -41,18 +43,10 @@ def system_ids(flown: Flown) -> dict[str, int]:
     return {one["name"]: one["system_id"] for one in fleet(flown)["vehicle"]}
 
 
-def _pursuer(scenario: Scenario) -> dict[str, Any]:
-    """Return the keys of a pursuer; its autopilot gets the vertical speeds of the scenario."""
-    east_m, north_m = scenario.home_m
-    autopilot = autopilot_named(scenario.pursuer.autopilot)
-    parameters = dict(autopilot.mock_speeds(scenario.pursuer.speeds))
-    return {"flavour": autopilot.mock, "start_ned_m": [north_m, east_m, 0.0], "parameters": parameters}
-
-
-def _evader(evader: Evader) -> dict[str, Any]:
-    east_m, north_m = evader.position_m
-    parameters = {} if evader.acceleration_m_s2 is None else {"ATC_ACCEL_MAX": evader.acceleration_m_s2}
-    return {"flavour": "rover", "start_ned_m": [north_m, east_m, -evader.height_m], "parameters": parameters}
+def _parked(flavour: str, place_m: Point2, down_m: float, parameters: Mapping[str, float]) -> dict[str, Any]:
+    """Return the keys of a player that waits at a place; its autopilot has these parameters."""
+    east_m, north_m = place_m
+    return {"flavour": flavour, "start_ned_m": [north_m, east_m, down_m], "parameters": dict(parameters)}
 
 
 def faults_after(flown: Flown, *events: str) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -82,8 +82,8 @@ def next_event_s(sensor: Sensor, heard: Received) -> Array:
     return np.asarray(np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s))
 
 
-def listen(sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, run_m_s: Array) -> Received:
-    """Make the measurements and receive the reports that are due.
+def listen(sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, run_m_s: Array) -> None:
+    """Make the measurements and receive the reports that are due; call it once in a period at least.
 
     Args:
         sensor: Rate, latency and dropouts.
@@ -95,26 +95,22 @@ def listen(sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m
     """
     period_s, near_s, ring = 1.0 / (sensor.rate_hz or FASTEST_HZ), now_s + 1e-9, heard.on_the_way
     rows = np.flatnonzero(heard.measurements * period_s <= near_s)
-    if rows.size:
-        number, report = heard.measurements[rows], np.concatenate([evader_m[rows], run_m_s[rows]], axis=1)
-        for place, stream in _STREAMS.items():
-            spread = noise.position_m if place < 3 else noise.velocity_m_s
-            report[:, place] += np.broadcast_to(spread, now_s.shape)[rows] * normal(noise.seed[rows], stream, number)
-        ring[rows, number % ring.shape[1]] = report
-        heard.measurements[rows] += 1
-    while True:
-        here = (heard.arrivals < heard.measurements) & (heard.arrivals * period_s + sensor.latency_s <= near_s)
-        rows = np.flatnonzero(here)
-        if not rows.size:
-            return heard
-        number = heard.arrivals[rows]
-        comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= np.broadcast_to(noise.dropout, now_s.shape)[rows]
-        for begin_s, end_s in sensor.outages_s:
-            comes &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
-        heard.arrivals[rows] += 1
-        rows, number = rows[comes], number[comes]
-        heard.position_m[rows], heard.velocity_m_s[rows] = np.split(ring[rows, number % ring.shape[1]], 2, axis=1)
-        heard.measured_s[rows] = number * period_s
+    number, report = heard.measurements[rows], np.concatenate([evader_m[rows], run_m_s[rows]], axis=1)
+    for place, stream in _STREAMS.items():
+        spread = noise.position_m if place < 3 else noise.velocity_m_s
+        report[:, place] += np.broadcast_to(spread, now_s.shape)[rows] * normal(noise.seed[rows], stream, number)
+    ring[rows, number % ring.shape[1]] = report
+    heard.measurements[rows] += 1
+    here = (heard.arrivals < heard.measurements) & (heard.arrivals * period_s + sensor.latency_s <= near_s)
+    rows = np.flatnonzero(here)
+    number = heard.arrivals[rows]
+    comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= np.broadcast_to(noise.dropout, now_s.shape)[rows]
+    for begin_s, end_s in sensor.outages_s:
+        comes &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
+    heard.arrivals[rows] += 1
+    rows, number = rows[comes], number[comes]
+    heard.position_m[rows], heard.velocity_m_s[rows] = np.split(ring[rows, number % ring.shape[1]], 2, axis=1)
+    heard.measured_s[rows] = number * period_s
 
 
 def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> tuple[Array, Real, Array]:

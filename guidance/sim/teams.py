@@ -25,8 +25,6 @@ PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSU
 EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})]
 GroundedHeight = Annotated[float, Field(ge=0.0)]
 
-_ENDS = {End.CAPTURED: "captured", End.ARRIVED: "arrived", End.TIME_UP: "time_up"}
-
 
 class PlayerGroup(Section):
     """One player, or several equal players around a place."""
@@ -237,10 +235,11 @@ def _kind_of(scenario: TeamScenario) -> Hashable:
 def _play_kind(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
     teams = [teams_of(scenario) for scenario in scenarios]
     played = played_teams(scenarios[0], teams)
-    fields = played.end, played.time_s, played.distance_m, played.captor
     rows = []
     for row, scenario in enumerate(scenarios):
-        ends = [(_ENDS[End(end)], *rest) for end, *rest in zip(*(field[row].tolist() for field in fields), strict=True)]
+        names = [End(end).name.lower() for end in played.end[row]]
+        measured = (field[row].tolist() for field in (played.time_s, played.distance_m, played.captor))
+        ends = list(zip(names, *measured, strict=True))
         rows.append(outcomes_of(scenario, "maths", teams[row], Matching(*(field[row] for field in played.first)), ends))
     return rows
 

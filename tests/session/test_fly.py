@@ -57,7 +57,7 @@ def tad():
 @pytest.mark.parametrize("name", ["pe", "tad"])
 def test_what_the_papers_scenarios_expect_holds_in_flight(name, pe, tad):
     result = {"pe": pe[0], "tad": tad}[name]
-    verdicts = load_scenario(name)[1].expect.of(outcome(result)._asdict())
+    verdicts = list(load_scenario(name)[1].expect.verdicts(outcome(result)._asdict()))
     assert verdicts
     assert [verdict for verdict in verdicts if not verdict.held] == []
 

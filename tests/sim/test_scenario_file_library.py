@@ -45,7 +45,7 @@ tests/test_promise_kept.py flies hover_chase.
 
 
 def failed(scenario, outcome):
-    return [verdict for verdict in scenario.expect.of(outcome._asdict()) if not verdict.held]
+    return [verdict for verdict in scenario.expect.verdicts(outcome._asdict()) if not verdict.held]
 
 
 def test_the_library_has_what_a_reader_looks_for():
@@ -81,7 +81,7 @@ def test_what_a_scenario_expects_holds_in_mathematics(name):
 @pytest.mark.parametrize("name", TEAMS)
 def test_what_a_scenario_of_teams_expects_holds_in_mathematics(name):
     scenario = load_any(name)[1]
-    verdicts = scenario.expect.verdicts(summary_of(play_teams([scenario])[0]))
+    verdicts = list(scenario.expect.verdicts(summary_of(play_teams([scenario])[0])))
     assert len(verdicts) > 1
     assert [verdict for verdict in verdicts if not verdict.held] == []
 

@@ -65,7 +65,7 @@ def test_an_expectation_that_fails_is_the_one_that_is_told():
     scenario = built(
         expect={"end": "captured", "capture_time_s": {"max": 0.5}, "maths": {"regret": {"max": 1e-6}}, "events": ["x"]}
     )
-    verdicts = scenario.expect.of(play([scenario])[0]._asdict())
+    verdicts = list(scenario.expect.verdicts(play([scenario])[0]._asdict()))
     assert {(each.column, each.held) for each in verdicts} == {
         ("end", True),
         ("capture_time_s", False),
@@ -77,15 +77,15 @@ def test_an_expectation_that_fails_is_the_one_that_is_told():
 def test_what_is_expected_of_flights_is_not_asked_of_mathematics():
     scenario = built(expect={"flown": {"end": "yielded"}})
     outcome = play([scenario])[0]
-    assert scenario.expect.of(outcome._asdict()) == []
-    assert [each.held for each in scenario.expect.of(outcome._replace(run="fast")._asdict())] == [False]
+    assert list(scenario.expect.verdicts(outcome._asdict())) == []
+    assert [each.held for each in scenario.expect.verdicts(outcome._replace(run="fast")._asdict())] == [False]
 
 
 def test_no_number_meets_no_range():
     scenario = built(expect={"maths": {"distance_to_disc_m": {"min": -1e9, "max": 1e9}}})
     outcome = play([scenario])[0]
-    assert scenario.expect.of(outcome._asdict())[0].held
-    assert not scenario.expect.of(outcome._replace(distance_to_disc_m=float("nan"))._asdict())[0].held
+    assert next(scenario.expect.verdicts(outcome._asdict())).held
+    assert not next(scenario.expect.verdicts(outcome._replace(distance_to_disc_m=float("nan"))._asdict())).held
 
 
 def test_a_track_is_read_from_a_csv_beside_the_scenario(tmp_path):
