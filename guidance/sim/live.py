@@ -11,7 +11,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.links import carriers, mavlink_evader, opening, wires, world, zenoh_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.sim.evader_pilot import EvaderPilot
-from guidance.sim.mock_files import faults_after, fleet, script, system_ids
+from guidance.sim.mock_files import faults_after, fleet, script
 from guidance.sim.scenario import Flown, Scenario, pursuits_of
 from sitl_mock.child import RunningFleet, running
 from sitl_mock.errors import ConfigError as MockConfigError
@@ -35,7 +35,7 @@ class LiveWorld(world.World):
 
     def __init__(self, flown: Flown, clock: Clock, *, link: str, port: int, over: str = ZENOH) -> None:
         super().__init__()
-        self._clock, self._pursuits, self._ids = clock, pursuits_of(flown), system_ids(flown)
+        self._clock, self._pursuits = clock, pursuits_of(flown)
         self._sources: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
         self.evaders |= self._sources
         try:
@@ -73,9 +73,9 @@ class LiveWorld(world.World):
         return [zenoh_wire.ZenohWire(now_s, zenoh_wire.open_session(vehicle.zenoh or ""), name) for _ in range(readers)]
 
     def _open_link(self, kind: str, bare: Wire, name: str) -> VehicleLink:
-        now_s, who = self._clock.now_s, f"the mock's {name}"
+        now_s, who, system_id = self._clock.now_s, f"the mock's {name}", self._mock[name].system_id
         self.taps.append(wires.TappedWire(bare, now_s, name))
-        link = opening.open_link(self.taps[-1], kind, system_id=self._ids[name], clock=now_s, who=who, timeout_s=5.0)
+        link = opening.open_link(self.taps[-1], kind, system_id=system_id, clock=now_s, who=who, timeout_s=5.0)
         self.closing.callback(link.close)
         return link
 
@@ -84,7 +84,8 @@ class LiveWorld(world.World):
         commands, *reports = self._wires(name, 1 + len(self.evaders))
         self.players[name] = EvaderPilot(self._open_link("pymavlink", commands, name), scenario)
         for sources, wire in zip(self._sources.values(), reports, strict=True):
-            sources[name] = mavlink_evader.MavlinkEvader(wire, carriers.GLOBAL_POSITION, system_id=self._ids[name])
+            system_id = self._mock[name].system_id
+            sources[name] = mavlink_evader.MavlinkEvader(wire, carriers.GLOBAL_POSITION, system_id=system_id)
             self.closing.callback(sources[name].close)
 
 

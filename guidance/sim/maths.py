@@ -150,22 +150,21 @@ def _level(way: Array) -> Array:
 
 def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
     batch = stack(scenarios)
-    first = _listed(opening(batch))
-    found: dict[int, Outcome] = {}
+    first, found = list(_one_by_one(opening(batch))), dict[int, Outcome]()
     done = np.zeros(len(scenarios), dtype=bool)
     for moment in moments(batch):
         new = (moment.end != End.RUNNING) & ~done[moment.row]
         if new.any():
             done[moment.row[new]] = True
-            ended = _listed(rows_of(moment, itemgetter(new)))
-            for place, row in enumerate(ended.row):
-                found[row] = _outcome(scenarios[row], first, row, ended, place)
+            for ended in _one_by_one(rows_of(moment, itemgetter(new))):
+                found[ended.row] = _outcome(scenarios[ended.row], first[ended.row], ended)
     return [found[row] for row in range(len(scenarios))]
 
 
-def _listed(arrays: Any) -> Any:  # noqa: ANN401 - a named tuple
-    """Return a named tuple of arrays as one of lists: Python's numbers are faster one by one."""
-    return type(arrays)(*(part.tolist() if isinstance(part, np.ndarray) else part for part in arrays))
+def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
+    """Yield the rows of a named tuple of arrays, with Python's numbers, which are faster then."""
+    columns = (part.tolist() if isinstance(part, np.ndarray) else itertools.repeat(part) for part in arrays)
+    return map(type(arrays)._make, zip(*columns, strict=False))
 
 
 def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
@@ -324,24 +323,24 @@ def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_
     return np.column_stack([P[:, :2] - back[:, None] * away_m, height]), (beyond, low, high)
 
 
-def _outcome(scenario: Scenario, first: Any, row: int, ended: Any, place: int) -> Outcome:  # noqa: ANN401
-    """Return the outcome of one game: a row of the opening's lists, and a place in those of an ended moment."""
-    end, P, E = _NAMES[ended.end[place]], ended.pursuer_m[place], ended.evader_m[place]
-    *met, lost, no_game = ended.happened[place]
+def _outcome(scenario: Scenario, first: Any, ended: Any) -> Outcome:  # noqa: ANN401 - one row each
+    """Return the outcome of one game, from its solution at engagement and its last moment."""
+    end, P, E = _NAMES[ended.end], ended.pursuer_m, ended.evader_m
+    *met, lost, no_game = ended.happened
     happened = (lost, no_game, end == "captured", end == "arrived")
     return outcome_of(
         scenario,
         "maths",
         end=end,
-        game_time_s=ended.now_s[place],
+        game_time_s=ended.now_s,
         distance_to_disc_m=distance_to_disc_m(scenario, P, E),
         evader_to_target_m=evader_to_target_m(scenario, E),
-        predicted=first.value[row],
-        predicted_winner=winner_name(first.winner[row]),
-        time_needed_s=first.meeting_time_s[row],
-        min_standoff_m=ended.standoff_m[place],
-        min_altitude_m=ended.altitude_m[place] + scenario.evader.height_m,
-        duration_s=ended.now_s[place],
+        predicted=first.value,
+        predicted_winner=winner_name(first.winner),
+        time_needed_s=first.meeting_time_s,
+        min_standoff_m=ended.standoff_m,
+        min_altitude_m=ended.altitude_m + scenario.evader.height_m,
+        duration_s=ended.now_s,
         limits=tuple(itertools.compress(LIMITS, met)),
         events=tuple(map(str, itertools.compress(_EVENTS, happened))),
         reason="" if end != "failed" else str(Event.NO_GAME if no_game else Event.EVADER_LOST),

@@ -38,11 +38,6 @@ def fleet(flown: Flown) -> dict[str, Any]:
     }
 
 
-def system_ids(flown: Flown) -> dict[str, int]:
-    """Return the MAVLink system id of every player, by name."""
-    return {one["name"]: one["system_id"] for one in fleet(flown)["vehicle"]}
-
-
 def _parked(flavour: str, place_m: Point2, down_m: float, parameters: Mapping[str, float]) -> dict[str, Any]:
     """Return the keys of a player that waits at a place; its autopilot has these parameters."""
     east_m, north_m = place_m

@@ -12,7 +12,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import MemoryWire, TappedWire
 from guidance.links.world import World
 from guidance.sim.evader_pilot import EvaderPilot
-from guidance.sim.mock_files import faulted_fleet, faults_after, system_ids
+from guidance.sim.mock_files import faulted_fleet, faults_after
 from guidance.sim.scenario import EVADER, EVADER_ID, Flown, Scenario, pursuits_of
 from sitl_mock.faults import Faulted
 
@@ -55,19 +55,19 @@ class SteppedWorld(World):
 
     def __init__(self, flown: Flown, clock: Clock) -> None:
         super().__init__()
-        self._clock, self._pursuits, ids = clock, pursuits_of(flown), system_ids(flown)
+        self._clock, self._pursuits = clock, pursuits_of(flown)
         self.faulted = faulted_fleet(flown)
         self.vehicles = {name: faulted.vehicle for name, faulted in self.faulted.items()}
         self._mocks = {name: SteppedMock(faulted, clock) for name, faulted in self.faulted.items()}
         chased = {evader: scenario for scenario, _, evader in reversed(self._pursuits)}
-        for name, mock in self._mocks.items():
+        for name, vehicle in self.vehicles.items():
             unread = _REPORTS if name in chased else frozenset()
-            self.taps.append(TappedWire(mock.wire(), clock.now_s, name))
-            self.links[name] = PymavlinkLink(self.taps[-1], clock.now_s, system_id=ids[name], unread=unread)
+            self.taps.append(TappedWire(self._mocks[name].wire(), clock.now_s, name))
+            self.links[name] = PymavlinkLink(self.taps[-1], clock.now_s, system_id=vehicle.system_id, unread=unread)
         self.players |= {name: EvaderPilot(self.links.pop(name), scenario) for name, scenario in chased.items()}
-        for vehicle in self.links:
-            self.evaders[vehicle] = {
-                name: MavlinkEvader(self._mocks[name].wire(), GLOBAL_POSITION, system_id=ids[name])
+        for pursuer in self.links:
+            self.evaders[pursuer] = {
+                name: MavlinkEvader(self._mocks[name].wire(), GLOBAL_POSITION, system_id=self.vehicles[name].system_id)
                 for name in self.players
             }
 
@@ -107,6 +107,5 @@ class EvaderHere(EvaderPilot):
 
     def engage(self) -> None:
         """Put the evader's faults in place that count from engagement."""
-        for name, keys in faults_after(self._scenario, "engaged"):
-            if name == EVADER:
-                self._faulted.inject(keys)
+        for _, keys in faults_after(self._scenario, "engaged"):  # those of the vehicle fell away with its mock
+            self._faulted.inject(keys)
