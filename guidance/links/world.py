@@ -1,7 +1,7 @@
 """The world of a flight: its vehicles and evaders, by name."""
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
@@ -36,7 +36,6 @@ class World:
         taps: Pass on the raw frames of the vehicles' wires.
         closing: Closes everything.
         players: The evaders that this process plays.
-        on_engage: Called when the game begins.
     """
 
     links: dict[str, VehicleLink] = field(default_factory=dict)
@@ -44,7 +43,6 @@ class World:
     taps: list[TappedWire] = field(default_factory=list)
     closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     players: dict[str, EvaderPlayer] = field(default_factory=dict)
-    on_engage: Callable[[], None] = lambda: None
     real_time: ClassVar[bool] = True
 
     def advance(self) -> None:
@@ -55,8 +53,7 @@ class World:
         """
 
     def engage(self, _vehicle: str) -> None:
-        """A vehicle's game has begun: start the faults that count from its engagement."""
-        self.on_engage()
+        """A vehicle's game has begun: start the faults that count from its engagement, where the vehicle is a mock."""
 
     def drain(self) -> Sequence[CapturedFrame]:
         """Return the raw frames that passed since the last call, of one vehicle after the other, for the records."""

@@ -215,8 +215,7 @@ class Asked:
             laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
         for name, radio in radios.items():
             chased = next(one.scenario for one in laid if one.evader == name)
-            world.players[name] = evader = stepped.EvaderHere(chased, clock, radio)
-            world.on_engage = evader.engage  # a team's scenario has no faults that would begin then
+            world.players[name] = stepped.EvaderHere(chased, clock, radio)
         policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
         signals = stack.enter_context(Signals(Event.LAND).installed())
         used = {name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()}

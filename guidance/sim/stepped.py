@@ -89,23 +89,21 @@ class EvaderHere(EvaderPilot):
     frames, and its TIMESYNC is answered too.
 
     Args:
-        scenario: Its play and its place on Earth.
+        scenario: Its play and its place on Earth, and faults of its own only.
         clock: The run's.
         radio: For its reports and TIMESYNC.
     """
 
     def __init__(self, scenario: Scenario, clock: Clock, radio: Wire) -> None:
-        self._scenario, self._faulted = scenario, faulted_fleet(scenario)[EVADER]
+        self._faulted = faulted_fleet(scenario)[EVADER]
+        self._later = [keys for _, keys in faults_after(scenario, "engaged")]
         self._mock = SteppedMock(self._faulted, clock)
         super().__init__(PymavlinkLink(self._mock.wire(), clock.now_s, system_id=EVADER_ID), scenario)
         self._mock.ends.append(radio)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
-        """Step the rover and its pilot."""
+        """Step the rover and its pilot; when the game begins, put the faults in place that count from then."""
+        while playing and self._later:
+            self._faulted.inject(self._later.pop(0))
         self._mock.advance(now_s)
         super().step(now_s, pursuers_game_m, playing=playing)
-
-    def engage(self) -> None:
-        """Put the evader's faults in place that count from engagement."""
-        for _, keys in faults_after(self._scenario, "engaged"):  # those of the vehicle fell away with its mock
-            self._faulted.inject(keys)

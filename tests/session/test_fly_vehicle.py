@@ -124,7 +124,6 @@ class Sortie(Supervised):
                 {"pursuer": world.link},
                 {"pursuer": {"evader": source}},
                 players={"evader": self.evader},
-                on_engage=self.evader.engage,
             ),
             plan=plan_of(self.own, self.laid),
             scenario=self.laid,
