@@ -7,9 +7,9 @@ the smallest difference seen. A jump that no motion explains is doubt: the mate 
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 from guidance.estimation.measurement import ClockOffset, hear
 from guidance.frames import LocalFrame, Vector
@@ -23,6 +23,9 @@ _SLACK_M: Final = 3.0
 _SWERVE_M_S2: Final = 5.0
 """Largest error of a position, and largest acceleration, that count as motion."""
 
+News = MateState | EvaderReport | None
+"""What a message tells the flight."""
+
 
 @dataclass(slots=True)
 class Mate:
@@ -33,6 +36,8 @@ class Mate:
         at_s: When that was true, on our clock.
         heard_s: When it arrived.
         doubt_ned_m: Sum of its jumps that no motion explains.
+        epoch: Its present one.
+        numbers: Number of its last message under each key, in every epoch.
     """
 
     state: StateMessage | None = None
@@ -41,8 +46,7 @@ class Mate:
     doubt_ned_m: Vector = (0.0, 0.0, 0.0)
     clock: ClockOffset | None = None
     epoch: int = -1
-    ended: set[int] = field(default_factory=set)
-    numbers: dict[str, int] = field(default_factory=dict)
+    numbers: dict[int, dict[str, int]] = field(default_factory=dict)
 
 
 class Board:
@@ -65,33 +69,30 @@ class Board:
     def __init__(self, vehicle: str, mates: Collection[str], evaders: Collection[str]) -> None:
         self.vehicle, self._evaders = vehicle, frozenset(evaders)
         self.mates = {name: Mate() for name in sorted(mates) if name != vehicle}
-        self._fresh, self._relayed = dict[str, MateState](), list[EvaderReport]()
         self.own: StateMessage | None = None
         self.over: dict[str, float] = {}
         self.roles: RolesMessage | None = None
         self.roles_s, self.term = -math.inf, 0
         self.counts, self.news = Counter[str](), list[str]()
 
-    def hear(self, arrived_s: float, key: str, payload: bytes) -> None:
-        """Take a message, or count why it is refused.
+    def hear(self, arrived_s: float, key: str, payload: bytes) -> News:
+        """Take a message, or count why it is refused; return the mate's state or the evader's report that it tells.
 
         Args:
             arrived_s: On our clock.
             key: Without the prefix: `state/alpha`.
             payload: Untrusted bytes.
         """
+        takes: Mapping[type, Callable[[float, Any], News]]
+        takes = {StateMessage: self._take_state, EvaderMessage: self._take_report, RolesMessage: self.take_roles}
         try:
             message = self._read(key, payload)
-            if isinstance(message, StateMessage):
-                self._take_state(arrived_s, message)
-            elif isinstance(message, EvaderMessage):
-                self._take_report(arrived_s, message)
-            elif isinstance(message, RolesMessage):
-                self.take_roles(arrived_s, message)
+            news = takes[type(message)](arrived_s, message)
         except Refused as refused:
             self.counts[f"refused_{refused}"] += 1
-        else:
-            self.counts["accepted"] += 1
+            return None
+        self.counts["accepted"] += 1
+        return news
 
     def _read(self, key: str, payload: bytes) -> Message:
         """Read a message. Strangers and old messages are refused."""
@@ -99,16 +100,15 @@ class Board:
         if (mate := self.mates.get(message.vehicle)) is None or message.key != key:
             raise Refused("identity")
         if message.epoch != mate.epoch:
-            if message.epoch in mate.ended:
+            if message.epoch in mate.numbers:
                 raise Refused("epoch")
-            mate.ended.add(mate.epoch)
-            mate.epoch, mate.numbers = message.epoch, {}
-        if message.seq <= mate.numbers.get(key, -1):
+            mate.epoch, mate.numbers[message.epoch] = message.epoch, {}
+        if message.seq <= mate.numbers[mate.epoch].get(key, -1):
             raise Refused("order")
-        mate.numbers[key] = message.seq
+        mate.numbers[mate.epoch][key] = message.seq
         return message
 
-    def _take_state(self, arrived_s: float, state: StateMessage) -> None:
+    def _take_state(self, arrived_s: float, state: StateMessage) -> MateState:
         mate = self.mates[state.vehicle]
         before = mate.state
         if before is None or before.epoch != state.epoch:
@@ -124,7 +124,7 @@ class Board:
         place, velocity = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m), state.velocity_ned_m_s
         top_m_s = max(math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s)), math.hypot(*velocity))
         doubt_m = math.hypot(*mate.doubt_ned_m)
-        self._fresh[state.vehicle] = MateState(state.vehicle, at_s, *place, velocity, top_m_s, doubt_m, state.airborne)
+        return MateState(state.vehicle, at_s, *place, velocity, top_m_s, doubt_m, state.airborne)
 
     def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
         """Add what of a step no motion explains."""
@@ -140,14 +140,14 @@ class Board:
         self.counts["jumps"] += 1
         self.news.append(f"{after.vehicle} jumped by {apart_m:.0f} m")
 
-    def _take_report(self, arrived_s: float, told: EvaderMessage) -> None:
+    def _take_report(self, arrived_s: float, told: EvaderMessage) -> EvaderReport:
         if told.evader not in self._evaders:
             raise Refused("evader")
         clock = self.mates[told.vehicle].clock
         at_s = arrived_s if clock is None else min(arrived_s, clock.ours(told.sent_s))
         place = (told.latitude_deg, told.longitude_deg, told.altitude_amsl_m)
         velocity, source = told.velocity_ned_m_s or UNKNOWN_VELOCITY, f"{told.vehicle}: {told.source}"
-        self._relayed.append(EvaderReport(at_s, math.nan, source, *place, velocity, evader=told.evader))
+        return EvaderReport(at_s, math.nan, source, *place, velocity, evader=told.evader)
 
     def take_roles(self, now_s: float, roles: RolesMessage) -> None:
         """Take an assignment if it is newer: by its term, then the lower name, then its number.
@@ -174,9 +174,3 @@ class Board:
         """
         heard = (name for name, mate in self.mates.items() if now_s - mate.heard_s <= SILENT_S)
         return sorted([self.vehicle, *(name for name in heard if present is None or name in present)])
-
-    def news_of_players(self) -> tuple[tuple[MateState, ...], list[EvaderReport]]:
-        """Return and remove the newest state of each mate, and the reports of evaders, since the last call."""
-        fresh, relayed = tuple(self._fresh.values()), self._relayed
-        self._fresh, self._relayed = {}, []
-        return fresh, relayed

@@ -69,7 +69,7 @@ class Coordinator:
 
     def __init__(self, board: Board, epoch: int, slot_m: float) -> None:
         self._board, self._epoch, self._slot_m = board, epoch, slot_m
-        self._seq = self._term = 0
+        self._seq = 0
         self._begun_s: float | None = None
         self._players: tuple[list[str], list[str]] | None = None
         self._matched_s = -math.inf
@@ -78,7 +78,7 @@ class Coordinator:
     def leading(self) -> bool:
         """True if this vehicle is the coordinator."""
         roles, own = self._board.roles, (self._board.vehicle, self._epoch)
-        return self._term > 0 and roles is not None and (roles.vehicle, roles.epoch) == own
+        return roles is not None and (roles.vehicle, roles.epoch) == own
 
     def elect(self, now_s: float, alive: list[str]) -> bool:
         """Take part in the election; return whether this vehicle is to make assignments.
@@ -88,12 +88,8 @@ class Coordinator:
             alive: Names of the vehicles that are there, in order.
         """
         self._begun_s = now_s if self._begun_s is None else self._begun_s
-        if self.leading:
-            return True
-        if now_s - max(self._board.roles_s, self._begun_s) < SILENT_S or alive[0] != self._board.vehicle:
-            return False
-        self._term = self._board.term + 1
-        return True
+        silent = now_s - max(self._board.roles_s, self._begun_s) >= SILENT_S
+        return self.leading or (silent and alive[0] == self._board.vehicle)
 
     def assign(self, now_s: float, scene: Scene) -> RolesMessage | None:
         """Return a new assignment when one is due, and put it on the board.
@@ -115,7 +111,8 @@ class Coordinator:
         self._seq += 1
         sent: dict[str, Any] = {"vehicle": self._board.vehicle, "epoch": self._epoch, "seq": self._seq}
         promises = self._promises(now_s, scene, matching, *players)
-        made = RolesMessage(**sent, term=self._term, roles=roles, promises=promises)
+        term = self._board.term + 1 if last is None else last.term
+        made = RolesMessage(**sent, term=term, roles=roles, promises=promises)
         self._board.take_roles(now_s, made)
         return made
 

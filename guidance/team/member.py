@@ -80,14 +80,14 @@ class Member:
             flight: The vehicle's.
             reports: Of evaders that the vehicle heard itself in this cycle.
         """
-        for arrived_s, key, payload in self._transport.receive():
-            self.board.hear(arrived_s, key, payload)
+        news = [self.board.hear(*message) for message in self._transport.receive()]
         for report in reports:
             if report.evader is not None:
                 self._heard_s[report.evader], self._reports[report.evader] = now_s, report
-        mates, relayed = self.board.news_of_players()
+        mates = {one.name: one for one in news if isinstance(one, MateState)}
+        relayed = [one for one in news if isinstance(one, EvaderReport)]
         unheard = [one for one in relayed if now_s - self._heard_s.get(one.evader or "", -math.inf) > _RELAYED_S]
-        return mates or None, self._role(now_s, flight), unheard
+        return tuple(mates.values()) or None, self._role(now_s, flight), unheard
 
     def _role(self, now_s: float, flight: Flight) -> Role | None:
         """Return a new role; None keeps the present one. An assignment to an unseen evader is ignored."""
