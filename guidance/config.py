@@ -4,7 +4,7 @@ import difflib
 import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Final, Self, TypeVar
@@ -117,6 +117,14 @@ class Section(BaseModel):
         for fault in self._faults():
             raise ValueError(fault)
         return self
+
+
+def faults_of(what: str, make: Callable[[], object]) -> Iterator[str]:
+    """Yield why `make` refuses the values of a section, after the words for them."""
+    try:
+        make()
+    except ConfigError as error:
+        yield f"{what}: {error}"
 
 
 Model = TypeVar("Model", bound=Section)

@@ -12,7 +12,7 @@ from typing import Annotated, Final, NamedTuple, Self
 
 from pydantic import Field
 
-from guidance.config import Latitude, Longitude, Section
+from guidance.config import Latitude, Longitude, Section, faults_of
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame, Vector
@@ -247,10 +247,7 @@ def _corner_faults(corners_deg: tuple[tuple[float, float], ...]) -> Iterator[str
     if not corners_deg:
         yield "limits.fence_polygon_deg has 0 corners: needs at least 3"
     corners_m = corners_about_home(corners_deg, (0.0, 0.0, 0.0), LocalFrame(*corners_deg[0], Amsl(0.0)))
-    try:
-        Polygon(corners_m)
-    except ConfigError as error:
-        yield f"limits.fence_polygon_deg, in metres about its first corner: {error}"
+    yield from faults_of("limits.fence_polygon_deg, in metres about its first corner", lambda: Polygon(corners_m))
     widest_m = max(math.hypot(*corner) for corner in corners_m)
     if widest_m > FARTHEST_FENCE_M:
         reach = f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner"

@@ -264,13 +264,11 @@ class ControlSocket:
         self._path.unlink(missing_ok=True)
 
     def _serve(self) -> None:
-        while True:
-            try:
+        with contextlib.suppress(OSError):  # it was shut down
+            while True:
                 there, _ = self._listener.accept()
-            except OSError:
-                return
-            if not begin(self._free, self._exchange, there):
-                there.close()
+                if not begin(self._free, self._exchange, there):
+                    there.close()
 
     def _exchange(self, there: socket.socket) -> None:
         with there, contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # the data may be anything

@@ -16,6 +16,7 @@ from guidance.autopilots import AUTOPILOTS, Autopilot, AutopilotProfile, autopil
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import config_folder, parse
+from guidance.control.limits import CATCH_UP_RATIO
 from guidance.errors import ConfigError, FlightError
 from guidance.files import writing
 from guidance.flight import State
@@ -30,7 +31,6 @@ from guidance.vehicle import VehicleState, local_frame, observe
 
 FOUND_WITHIN_S: Final = 15.0
 READ_WITHIN_S: Final = 10.0
-_CONNECTED_WITHIN_S: Final = 5.0
 
 PLACED_WITHIN_S: Final = 120.0
 """Longest wait for a position. An ArduCopter takes 25 to 45 s after its start."""
@@ -39,9 +39,6 @@ _ASK_EVERY_S: Final = 1.0
 _LOOK_EVERY_S: Final = 0.05
 _BEHIND_M: Final = 5.0
 """Distance of our fence from the autopilot's fence around it."""
-
-_LIMITS_ABOVE: Final = 1.1
-"""Default of the speed limits over the game's speeds."""
 
 _LANDED_STATE_WITHIN_S: Final = 3.0
 _NAMES: Final[dict[type[Message], str]] = {
@@ -69,7 +66,7 @@ def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iter
         ConfigError: If the URL is wrong, or `identify` refuses the autopilot.
         LinkError: If nothing answers.
     """
-    with closing(open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)) as wire:
+    with closing(open_wire(url, clock=clock.now_s)) as wire:
         found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=who)
         yield wire, found, identify(found, url, asked)
 
@@ -208,10 +205,10 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
         head += [f"  {key:<18} {'not read' if value is None else f'{value:g}'}" for key, value in told.items()]
     text = "".join(f"# {line}\n" for line in head) + f"\n{text[text.index('name = ') :]}"
     for section, key, value, why in changes:
-        within = rf"^\[{section}\]\n(?:(?!\[).*\n)*?" if section else r"\A(?:(?!^\[).*\n)*?"
-        line = rf"({within})^({key} = )[^#\n]*?( *#[^\n]*)?$"
-        new = rf"\g<1>\g<2>{value}" + (f"  # {why}" if why else r"\g<3>")
-        text = re.sub(line, new, text, count=1, flags=re.MULTILINE)
+        before, header, keys = text.partition(f"\n[{section}]\n") if section else ("", "", text)
+        new = rf"\g<1>{value}" + (f"  # {why}" if why else r"\g<2>")
+        line = rf"^({key} = )[^#\n]*?( *#[^\n]*)?$"
+        text = before + header + re.sub(line, new, keys, count=1, flags=re.MULTILINE)
     parse(Config, tomllib.loads(text), source="the vehicle file")
     return text
 
@@ -239,7 +236,7 @@ def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, 
             continue
         bound, value, said = told * scale, own[section][key], f"{parameter} is {told:g}"
         if section != "limits":
-            value = min(value, math.floor(10.0 * bound / _LIMITS_ABOVE) / 10.0)
+            value = min(value, math.floor(10.0 * bound / CATCH_UP_RATIO) / 10.0)
         elif bound > _BEHIND_M:
             value = min(value, math.floor(bound - _BEHIND_M))
         said += ", which is off: guidance check refuses it" if section == "limits" and told == 0.0 else ""

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from guidance.autopilots import AutopilotName, Preflight
-from guidance.config import Altitude, Latitude, Longitude, Section, parse, read
+from guidance.config import Altitude, Latitude, Longitude, Section, faults_of, parse, read
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
 from guidance.flight.settings import FlightSection, TeamSection
@@ -53,10 +53,8 @@ class Target(Section):
         return {"latitude_deg": middle[0], "longitude_deg": middle[1], **given}
 
     def _faults(self) -> Iterator[str]:
-        try:
-            _ = self.extent
-        except ConfigError as error:
-            yield f"game.target.polygon_deg, in metres east and north of the place: {error}"
+        what = "game.target.polygon_deg, in metres east and north of the place"
+        yield from faults_of(what, lambda: self.extent)
 
 
 _PLANS: Final = {"limits.fence_plan_file": "fence_polygon_deg", "game.target.polygon_plan_file": "polygon_deg"}

@@ -11,10 +11,9 @@ from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 from pydantic import ConfigDict, Field, WithJsonSchema
 
 from guidance.autopilots import AutopilotName
-from guidance.config import Latitude, Longitude, Section
+from guidance.config import Latitude, Longitude, Section, faults_of
 from guidance.control import Limits, Speeds
 from guidance.control.limits import AtLeast, AtMost
-from guidance.errors import ConfigError
 from guidance.game import Extent
 from guidance.sim.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
@@ -118,10 +117,7 @@ class Target(Section):
         return Extent(self.polygon_m or ((0.0, 0.0),), self.radius_m)
 
     def _faults(self) -> Iterator[str]:
-        try:
-            _ = self.extent
-        except ConfigError as error:
-            yield f"target.polygon_m = {self.polygon_m}: {error}"
+        yield from faults_of(f"target.polygon_m = {self.polygon_m}", lambda: self.extent)
 
 
 class Standoff(Section):
