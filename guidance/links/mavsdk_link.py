@@ -95,14 +95,14 @@ class MavsdkLink(PymavlinkLink):
         """True once both we and MAVSDK have received a HEARTBEAT of the vehicle."""
         return self.heartbeats > 0 and self._direct is not None
 
-    def poll(self) -> None:
-        """Read the wire, keep the messages for the next `receive`, and send due requests."""
-        super().poll()
-        if self._direct is None and not self._closed and self.heartbeats:
+    def _tend(self, now_s: float) -> None:
+        """As the other link; first, find the vehicle in MAVSDK, which knows it some time after its first HEARTBEAT."""
+        if self._direct is None and self.heartbeats:
             system_id, component_id = self._vehicle
-            for one in self._mavsdk.get_systems():  # the vehicle is one of them some time after its first HEARTBEAT
+            for one in self._mavsdk.get_systems():
                 if one.get_system_id() == system_id and component_id in one.component_ids():
                     self._direct = MavlinkDirect(one)
+        super()._tend(now_s)
 
     def _send(self, message: Fields) -> None:
         name = message.msgname

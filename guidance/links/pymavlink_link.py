@@ -120,16 +120,14 @@ class PymavlinkLink:
         """True once a HEARTBEAT of the vehicle has arrived."""
         return self.heartbeats > 0
 
-    def receive(self) -> Sequence[messages.Message]:
-        """Return all messages of the vehicle since the last call, oldest first."""
-        self.poll()
-        received, self._inbox = self._inbox, []
-        return received
-
     def poll(self) -> None:
-        """Read the wire, keep the messages for the next `receive`, and send due requests."""
+        """Read the wire as `receive` does, which returns the messages the next time."""
+        self._inbox = [*self.receive()]
+
+    def receive(self) -> Sequence[messages.Message]:
+        """Read the wire and send due requests; return all messages of the vehicle since the last call, oldest first."""
         if self._closed:
-            return
+            return []
         check = self._station.check
         for received_s, data in self._wire.receive():
             for frame in self._frames.read(data, stream=self._wire.stream):
@@ -147,6 +145,8 @@ class PymavlinkLink:
         if (overflowed := len(self._inbox) - QUEUE_LENGTH) > 0:
             del self._inbox[:overflowed]
             self.counts["overflowed"] += overflowed
+        received, self._inbox = self._inbox, []
+        return received
 
     def _overhear(self, frame: Frame, received_s: float) -> None:
         """Count a frame of another sender. A position of another system is an aircraft's, unless frames are signed."""

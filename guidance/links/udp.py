@@ -169,30 +169,28 @@ class UdpWire(QueuedWire):
         self._reader = Reader(self._watch, name=f"udp {host}:{port}")
 
     def _watch(self) -> None:
-        """Read what has arrived, on the reader thread."""
-        if self._watched.poll(_WAIT_MS) and self._reading.acquire(blocking=False):
-            try:
-                for packet in self._read():
-                    self._arrivals.put(packet)
-            finally:
-                self._reading.release()
+        """Wait for datagrams, on the reader thread."""
+        if self._watched.poll(_WAIT_MS):
+            self._take_in()
 
-    def _read(self) -> list[Packet]:
-        """Return up to `_BATCH` datagrams from the kernel, as far as they are accepted."""
-        packets: list[Packet] = []
-        for _ in range(_BATCH):
-            if not self._readable.poll(0):  # cheaper than the exception: 20 µs on a cold processor
-                break
-            try:
+    def _take_in(self) -> None:
+        """Queue up to `_BATCH` datagrams from the kernel, as far as they are accepted, unless the other thread does."""
+        if not self._reading.acquire(blocking=False):
+            return
+        try:
+            for _ in range(_BATCH):
+                if not self._readable.poll(0):  # cheaper than the exception: 20 µs on a cold processor
+                    break
                 data, address = self._socket.recvfrom(_DATAGRAM_BYTES)
-            except OSError:
-                break  # nothing listens at the port that we call; it may later
-            now_s = self._clock()
-            if self._pins is not None:
-                data = self._pins.admit(now_s, address, data)
-            if data:
-                packets.append((now_s, data))
-        return packets
+                now_s = self._clock()
+                if self._pins is not None:
+                    data = self._pins.admit(now_s, address, data)
+                if data:
+                    self._arrivals.put((now_s, data))
+        except OSError:
+            pass  # nothing listens at the port that we call; it may later
+        finally:
+            self._reading.release()
 
     def receive(self) -> Sequence[Packet]:
         """Return the datagrams since the last call, including those that the kernel still holds.
@@ -200,12 +198,8 @@ class UdpWire(QueuedWire):
         Reads the socket itself, since the reader thread may be waiting for this one to release the interpreter. Does
         not wait if the reader thread is reading.
         """
-        if self._arrivals.closed or not self._reading.acquire(blocking=False):
-            return self._arrivals.take()
-        try:
-            return self._arrivals.take() + self._read()
-        finally:
-            self._reading.release()
+        self._take_in()
+        return self._arrivals.take()
 
     def impostors(self) -> Sequence[bytes]:
         """Return datagrams since the last call with a pinned system's id from another address."""
