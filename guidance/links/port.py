@@ -132,7 +132,7 @@ def parse(url: str) -> Endpoint:
     """Parse a URL.
 
     Raises:
-        ConfigError: If it has none of the forms of docs/vehicles.md.
+        ConfigError: If it has none of the allowed forms.
     """
     try:
         return taken_apart(url)
@@ -144,7 +144,7 @@ def taken_apart(url: str) -> Endpoint:
     """Parse a URL for a configuration, whose own error names the key and the value.
 
     Raises:
-        ValueError: If it has none of the forms of docs/vehicles.md.
+        ValueError: If it has none of the allowed forms.
     """
     scheme, separator, rest = url.partition("://")
     if separator and scheme in ("udp", "tcp"):

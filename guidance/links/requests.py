@@ -71,15 +71,12 @@ class RequestQueue:
 
     def due(self, now_s: float) -> Iterator[tuple[Request, int]]:
         """Yield (request, attempt counted from 0) for all that must be sent now; drop those never answered."""
-        for key in list(self.waiting):
-            lane = self.waiting[key]
+        for key, lane in list(self.waiting.items()):
             while lane and lane[0].sends >= lane[0].max_sends and now_s >= lane[0].next_send_s:
                 self.unanswered += not isinstance(lane.popleft().request, FenceReceived)  # has no answer
             if not lane:
                 del self.waiting[key]
-                continue
-            pending = lane[0]
-            if now_s >= pending.next_send_s:
+            elif now_s >= (pending := lane[0]).next_send_s:
                 yield pending.request, pending.sends
                 pending.sends += 1
                 pending.next_send_s = now_s + REPEAT_S
