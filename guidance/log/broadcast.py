@@ -16,7 +16,7 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.flight import Inputs
-from guidance.links.zenoh_wire import is_over
+from guidance.links.zenoh_wire import close_all, is_over
 from guidance.log.codec import Codec
 from guidance.log.entries import CONFIG, CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, Idle, Item
 from guidance.log.writer import Entry, Record
@@ -80,8 +80,7 @@ class Broadcast(Record):
         """Stop publishing; may be called twice."""
         self._stop.set()
         self._thread.join()
-        with contextlib.suppress(zenoh.ZError):
-            self._queryable.undeclare()  # type: ignore[no-untyped-call]
+        close_all(self._queryable.undeclare)
 
     def _run(self) -> None:
         over = False

@@ -290,7 +290,7 @@ def from_start_to_landed(browser, page):
     assert inked(page, "space") > 0.002
     page.locator("#show-plan").click()
     assert min(inked(page, name) for name in ("plan", "profile")) > 0.002
-    column = page.evaluate("() => Object.keys(panel.daemon.columns).indexOf('flown_m_s')")
+    column = page.evaluate("() => panel.daemon.columns.indexOf('speed_m_s.flown')")
     assert page.evaluate(f"() => Math.max(...panel.daemon.rows.map(row => row[{column}]))") > 1.0  # the charts show it
     stands(page, "landed")
     stands(other, "landed")

@@ -19,7 +19,7 @@ import zenoh
 from guidance.clock import Clock
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.links.zenoh_access import Credentials
-from guidance.links.zenoh_wire import is_over
+from guidance.links.zenoh_wire import close_all, is_over
 from guidance.log import EventEntry, Item
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER
@@ -160,8 +160,7 @@ class DaemonBus:
     def _disconnect(self) -> None:
         session, self._session = self._session, None
         if session is not None:
-            with contextlib.suppress(zenoh.ZError):
-                session.close()  # type: ignore[no-untyped-call]
+            close_all(session.close)
 
 
 class DaemonView:
@@ -175,7 +174,7 @@ class DaemonView:
         self.told: Plain = {"status": {}}
         self._sent, self._unsent_events = dict[str, Any](), 0  # nothing was sent: the next message is whole
         self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
-        self._rows: deque[Sequence[float | None]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
+        self._rows: deque[Sequence[Any]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
 
     def take(self, news: News) -> None:
         """Take the metadata of a flight, a status, a cycle or an event; ignore unreadable ones."""

@@ -78,19 +78,12 @@ _REACH: Final[Mapping[str, Level]] = {"yes": Level.OK, "uncertain": Level.CAUTIO
 
 _OF_THE_GAME: Final = ("value", "time_needed_s", "vehicle_margin_s", "reachable_speed_m_s", "assured_distance_m")
 _VELOCITIES: Final = ("flown", "commanded", "desired")
-HISTORY: Final[Mapping[str, tuple[str | int, ...]]] = {
-    "now_s": ("now_s",),
-    **{f"pursuer_{axis}": ("pursuer_m", number) for number, axis in enumerate("xyz")},
-    **{f"evader_{axis}": ("evader_m", number) for number, axis in enumerate("xyz")},
-    "gap_m": ("gap_m",),
-    "height_gap_m": ("height_gap_m",),
-    "value": ("game", "value"),
-    "time_needed_s": ("game", "time_needed_s"),
-    "assured_m": ("game", "assured_distance_m"),
-    **{f"{name}_m_s": ("speed_m_s", name) for name in _VELOCITIES},
-    **{f"{name}_age_s": ("age_s", name) for name in ("position", "evader")},
-}
-"""Columns of the charts, and where each is in a snapshot. The page makes further rows by the same table."""
+HISTORY: Final = (
+    *("now_s", "pursuer_m", "evader_m", "gap_m", "height_gap_m"),
+    *("game.value", "game.time_needed_s", "game.assured_distance_m"),
+    *("speed_m_s.flown", "speed_m_s.commanded", "speed_m_s.desired", "age_s.position", "age_s.evader"),
+)
+"""Columns of the charts: where each value is in a snapshot. The page makes further rows by the same table."""
 
 
 def event_row(event: EventEntry) -> Plain:
@@ -98,10 +91,10 @@ def event_row(event: EventEntry) -> Plain:
     return {"now_s": round(event.now_s, 2), "event": event.event, "detail": event.words[:300]}
 
 
-def history_row(snapshot: Plain | None) -> list[float | None]:
+def history_row(snapshot: Plain | None) -> list[Any]:
     """Return a snapshot as a row of the charts."""
-    parts: list[Any] = [reduce(lambda part, step: part and part[step], path, snapshot) for path in HISTORY.values()]
-    return [None if part is None else round(part, 2) for part in parts]
+    parts: list[Any] = [reduce(lambda part, step: part and part[step], path.split("."), snapshot) for path in HISTORY]
+    return [round(part, 2) if isinstance(part, float) else part for part in parts]
 
 
 def level_of(value: float, caution: float, warning: float) -> Level:

@@ -4,11 +4,19 @@ import { TEXTS } from "./texts.js";
 
 const CHARTS = [
   ["range", { gap_m: ["--pursuer", []], height_gap_m: ["--evader", [5, 3]] }],
-  ["reach", { value: ["--isochron", [5, 3]], time_needed_s: ["--pursuer", []], assured_m: ["--pursuer", []] }],
-  ["speed", { flown_m_s: ["--isochron", []], commanded_m_s: ["--pursuer", [5, 3]], desired_m_s: ["--evader", [2, 3]] }],
-  ["age", { position_age_s: ["--pursuer", []], evader_age_s: ["--evader", [5, 3]] }],
+  ["reach", {
+    "game.value": ["--isochron", [5, 3]],
+    "game.time_needed_s": ["--pursuer", []],
+    "game.assured_distance_m": ["--pursuer", []],
+  }],
+  ["speed", {
+    "speed_m_s.flown": ["--isochron", []],
+    "speed_m_s.commanded": ["--pursuer", [5, 3]],
+    "speed_m_s.desired": ["--evader", [2, 3]],
+  }],
+  ["age", { "age_s.position": ["--pursuer", []], "age_s.evader": ["--evader", [5, 3]] }],
 ];
-const LEFT_OUT = { s: "assured_m", m: "time_needed_s" }; // by the unit of the game's value
+const LEFT_OUT = { s: "game.assured_distance_m", m: "game.time_needed_s" }; // by the unit of the game's value
 const [LEFT, RIGHT, TOP, BOTTOM] = [34, 8, 34, 18];
 const WINDOW_S = 300;
 
@@ -33,7 +41,7 @@ export class Charts {
       const surface = this.surfaces[at];
       if (!surface.begin()) return;
       const drawn = Object.entries(curves).filter(([column]) => column !== LEFT_OUT[unit]).map(([column, [colour, dash]]) => {
-        const [index, factor] = [Object.keys(columns).indexOf(column), name === "age" ? 1000 : 1];
+        const [index, factor] = [columns.indexOf(column), name === "age" ? 1000 : 1];
         const points = shown.map((row) => (row[index] === null ? null : [row[0], factor * row[index]]));
         return { column, colour: ink(colour), dash, points };
       });

@@ -58,7 +58,7 @@ export class Feed {
 
 // Merge one message into the stored data of a daemon.
 export function merged(known, said) {
-  const daemon = known ?? { events: [], rows: [], status: {}, columns: {} };
+  const daemon = known ?? { events: [], rows: [], status: {}, columns: [] };
   const { events, history, snapshot, ...plain } = said;
   Object.assign(daemon, plain);
   if (history) {
@@ -82,7 +82,7 @@ function remember(daemon, seen) {
   while (daemon.rows.length && seen.now_s - daemon.rows[0][0] > WINDOW_S) daemon.rows.shift();
 }
 
-// A row of the charts: each column has the path of its value in a snapshot.
+// A row of the charts: each column is the path of its value in a snapshot.
 export function rowOf(seen, columns) {
-  return Object.values(columns).map((path) => path.reduce((part, step) => part?.[step] ?? null, seen));
+  return columns.map((path) => path.split(".").reduce((part, step) => part?.[step] ?? null, seen));
 }

@@ -1,5 +1,5 @@
 // The plan view, to scale: x east, y north, m. It shows everything until the user zooms or drags.
-import { EVADER, PURSUER, Surface, ink, placeIn, roundStep } from "./surface.js";
+import { EVADER, PURSUER, Surface, ink, roundStep } from "./surface.js";
 import { TEXTS } from "./texts.js";
 import { playersOf } from "./team.js";
 import { Tiles } from "./tiles.js";
@@ -81,7 +81,7 @@ export class Plan {
     const places = [pursuer, target, meeting, this.daemon.scene?.home_m, this.daemon.scene?.target_m].filter(Boolean);
     const radius = scene?.standoff_m.radius ?? 0;
     if (target) for (const by of [-radius, radius]) places.push([target[0] + by, target[1] + by]);
-    for (const row of rows.slice(-240)) for (const from of [PURSUER, EVADER]) places.push(placeIn(row, from));
+    for (const row of rows.slice(-240)) for (const from of [PURSUER, EVADER]) places.push(row[from]);
     return places.filter(Boolean);
   }
 
@@ -205,7 +205,7 @@ export class Plan {
 
 // A track of the history, broken where it jumps.
 export function track(rows, from) {
-  const places = rows.map((row) => placeIn(row, from));
+  const places = rows.map((row) => row[from]);
   const jumps = (one, other) => one && other && Math.hypot(one[0] - other[0], one[1] - other[1]) > JUMP_M;
   return places.flatMap((place, at) => (jumps(place, places[at - 1]) ? [null, place] : [place]));
 }

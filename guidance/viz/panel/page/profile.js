@@ -1,5 +1,5 @@
 // Height above home over the distance to the evader, or to home if no evader is known.
-import { EVADER, PURSUER, Surface, fixed, ink, placeIn, roundStep } from "./surface.js";
+import { EVADER, PURSUER, Surface, fixed, ink, roundStep } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
 const [LEFT, BOTTOM, TOP, RIGHT] = [34, 20, 34, 10];
@@ -18,7 +18,7 @@ export class Profile {
     const toEvader = Boolean(seen?.evader_m);
     const flat = (one, other) => Math.hypot(one[0] - other[0], one[1] - other[1]);
     const trail = rows.slice(-TRAIL).map((row) => {
-      const [here, evader] = [placeIn(row, PURSUER), placeIn(row, EVADER)];
+      const [here, evader] = [row[PURSUER], row[EVADER]];
       const from = toEvader ? evader : home;
       return here && from ? [flat(here, from), here[2] - home[2]] : null;
     });

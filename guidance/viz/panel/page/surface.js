@@ -121,15 +121,11 @@ export function roundStep(length, most) {
   return power * [1, 2, 5, 10].find((one) => one * power >= raw);
 }
 
-// A position in a row of the history, or null; `from` is the column of x.
-export function placeIn(row, from) {
-  return row[from] === null ? null : [row[from], row[from + 1], row[from + 2]];
-}
-
 // Format a number without "-0.0".
 export function fixed(value, digits) {
   const words = value.toFixed(digits);
   return Number(words) === 0 ? words.replace("-", "") : words;
 }
 
-export const [PURSUER, EVADER] = [1, 4];
+// Columns of the history with their places.
+export const [PURSUER, EVADER] = [1, 2];

@@ -43,7 +43,8 @@ function player(daemon, [east, north], named) {
   const { snapshot: seen, scene, status } = daemon;
   const same = Math.hypot(east, north) < SAME_M;
   const moved = (place) => (same || !place ? place : [place[0] + east, place[1] + north, ...place.slice(2)]);
-  const rows = same ? daemon.rows : daemon.rows.map((row) => movedRow(row, east, north));
+  const movedIn = (row) => row.map((value, column) => ([PURSUER, EVADER].includes(column) ? moved(value) : value));
+  const rows = same ? daemon.rows : daemon.rows.map(movedIn);
   const evader = status.assignment?.evader ?? "";
   return {
     scene, rows, seen, evader,
@@ -55,14 +56,6 @@ function player(daemon, [east, north], named) {
     meeting: moved(seen?.game?.meeting_m),
     isochron: seen?.game?.isochron_m?.map(moved),
   };
-}
-
-function movedRow(row, east, north) {
-  const moved = [...row];
-  for (const from of [PURSUER, EVADER]) {
-    if (row[from] !== null) [moved[from], moved[from + 1]] = [row[from] + east, row[from + 1] + north];
-  }
-  return moved;
 }
 
 // What to add to a place of one daemon to have it in the frame of another: both know their home in degrees.

@@ -104,8 +104,10 @@ export const TEXTS = {
   charts: {
     range: "Range to the disc, m", speed: "Speed, m/s", age: "Age, ms",
     reach: { s: "Time to reach it, s", m: "Keeps it from T by, m" },
-    gap_m: "rim", height_gap_m: "height", value: "ideal", time_needed_s: "vehicle", assured_m: "vehicle",
-    flown_m_s: "flown", commanded_m_s: "sent", desired_m_s: "game", position_age_s: "position", evader_age_s: "evader",
+    gap_m: "rim", height_gap_m: "height",
+    "game.value": "ideal", "game.time_needed_s": "vehicle", "game.assured_distance_m": "vehicle",
+    "speed_m_s.flown": "flown", "speed_m_s.commanded": "sent", "speed_m_s.desired": "game",
+    "age_s.position": "position", "age_s.evader": "evader",
   },
   profile: ["Height above home, m", "over range to evader, m"],
   profileHome: ["Height above home, m", "over range to home, m"],
