@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import zenoh
+from zenoh.handlers import RingChannel
 
 from guidance.errors import ConfigError, LinkError
 from guidance.flight import Inputs
@@ -56,14 +57,13 @@ class Broadcast(Record):
         self._latest, self._waiting = dict[type, Any](), deque[CycleEntry | EventEntry]()
         self._last: CycleEntry | None = None
         self._heard = Inputs()
-        self._queries: deque[Any] = deque(maxlen=_MAX_QUERIES)
         json_of = zenoh.Encoding.APPLICATION_JSON.with_schema
         how: dict[str, Any] = {"congestion_control": zenoh.CongestionControl.DROP, "priority": zenoh.Priority.DATA_LOW}
         self._publishers = {
             what: session.declare_publisher(broadcast_key(name, what), encoding=json_of(codec.title), **how)
             for what, codec in _CODECS.items()
         }
-        self._queryable = session.declare_queryable(broadcast_key(name, FLIGHT), self._queries.append)
+        self._queries = session.declare_queryable(broadcast_key(name, FLIGHT), RingChannel(_MAX_QUERIES))
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
@@ -80,7 +80,7 @@ class Broadcast(Record):
         """Stop publishing; may be called twice."""
         self._stop.set()
         self._thread.join()
-        close_all(self._queryable.undeclare)
+        close_all(self._queries.undeclare)
 
     def _run(self) -> None:
         over = False
@@ -104,15 +104,14 @@ class Broadcast(Record):
                 self._publishers[what].put(_CODECS[what].encode(entry))
 
     def _answer(self) -> None:
-        while self._queries:
-            query = self._queries.popleft()
+        while (query := self._queries.try_recv()) is not None:
             answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
             if self._last is not None:
                 inputs = self._heard._replace(messages=tuple(self._latest.values()))
                 answer["heard"] = CYCLE.plain(CycleEntry(self._last.now_s, self._last.state, inputs, ()))
             data = json.dumps(answer, allow_nan=False).encode()
             query.reply(broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON)
-            query.drop()
+            query.drop()  # type: ignore[no-untyped-call]
 
 
 def is_watched(publisher: "zenoh.Publisher") -> bool:
@@ -167,9 +166,7 @@ class LiveFlight:
         if not found:
             raise LinkError(f"{name or 'any daemon'}: no answer within {TIMEOUT_S:g} s; is it running?")
         ((self.name, self._flight),) = found.items()
-        self._arrived: deque[Item | None] = deque(maxlen=MAX_ARRIVED)
-        # Zenoh's thread must not wait.
-        session.declare_subscriber(broadcast_key(self.name, "*"), lambda sample: self._arrived.append(item_of(sample)))
+        self._arriving = session.declare_subscriber(broadcast_key(self.name, "*"), RingChannel(MAX_ARRIVED))
 
     def metadata(self, _idle: Idle) -> Mapping[str, str]:
         """Return the metadata of the flight, as in its record."""
@@ -179,8 +176,8 @@ class LiveFlight:
         """Yield what arrives until `idle` returns True, beginning with the vehicle's latest messages."""
         yield from self._flight.heard
         while True:
-            while self._arrived:
-                if (item := self._arrived.popleft()) is not None:
+            while (sample := self._arriving.try_recv()) is not None:
+                if (item := item_of(sample)) is not None:
                     yield item
             if idle():
                 return
