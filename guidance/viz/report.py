@@ -218,7 +218,7 @@ def plan(team: TeamStory) -> Figure:
     axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
     figures.draw_fence(axes, team.first.flight.fence_m, 2)
-    figures.legend_below(figure, axes, columns=4)
+    figures.legend_below(figure, axes)
     return figure
 
 
