@@ -211,25 +211,21 @@ class DaemonView:
             if last_s is None or not 0.0 <= entry.now_s - last_s < HISTORY_INTERVAL_S:
                 self._rows.append(history_row(fold.snapshot()))
 
-    def _parts(self) -> Plain:
-        """Return the parts of a message that are replaced when they change."""
-        return self.told | ({} if self._fold is None else {"scene": self._fold.scene, "snapshot": self._fold.last})
-
     def message(self, now_s: float, *, whole: bool) -> Plain:
         """Return the parts that changed since the last message of changes, or everything (`whole`)."""
         full = whole or not self._sent
         silent_s = max(0.0, now_s - self._heard_s)
         message: Plain = {"key": self.key, "name": self.name, "endpoint": self.bus.endpoint, "over": self._over}
         message |= {"silent_s": round(silent_s, 1), "contact": level_of(silent_s, 0.5 * NO_CONTACT_S, NO_CONTACT_S)}
-        message |= {name: part for name, part in self._parts().items() if full or part is not self._sent.get(name)}
-        if self._fold is not None and "snapshot" in message:
-            message["snapshot"] = self._fold.snapshot()
+        fold = self._fold
+        parts = self.told | ({} if fold is None else {"scene": fold.scene, "snapshot": fold.snapshot()})
+        message |= {name: part for name, part in parts.items() if full or part is not self._sent.get(name)}
         if full:
             message["history"] = {"columns": HISTORY, "rows": list(self._rows)}
         if full or self._unsent_events:
             message["events"] = list(self._events)[0 if full else -self._unsent_events :]
         if not whole:
-            self._sent, self._unsent_events = self._parts(), 0
+            self._sent, self._unsent_events = parts, 0
         return message
 
 

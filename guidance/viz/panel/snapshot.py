@@ -136,7 +136,6 @@ class SnapshotFold:
 
     Attributes:
         scene: Home, fence, target, size of the stand-off disc and kind of game; another object when it changes.
-        last: The last cycle; None before the first.
 
     Raises:
         ConfigError: If the metadata has no settings.
@@ -147,7 +146,7 @@ class SnapshotFold:
         self._begin()
 
     def _begin(self) -> None:
-        self.last: CycleEntry | None = None
+        self._last: CycleEntry | None = None
         self._shown: Plain | None = None
         self._alarm: Plain | None = None
         self._isochron: tuple[float, list[Any]] = (-math.inf, [])
@@ -169,7 +168,7 @@ class SnapshotFold:
         return entry
 
     def _add_cycle(self, row: CycleEntry) -> None:
-        cycle, inputs, self.last, self._shown = self._flight.cycle, row.inputs, row, None
+        cycle, inputs, self._last, self._shown = self._flight.cycle, row.inputs, row, None
         self._round_trip_s = cycle.round_trip_s if math.isfinite(cycle.round_trip_s) else self._round_trip_s
         if self._flight.vehicle.armed != math.isfinite(self._armed_s):
             self._armed_s = row.now_s if self._flight.vehicle.armed else math.nan
@@ -201,8 +200,8 @@ class SnapshotFold:
         }
 
     def snapshot(self) -> Plain | None:
-        """Return the last cycle, made once; None before the first. Unknown values are null."""
-        row, cycle = self.last, self._flight.cycle
+        """Return the last cycle, as one object until the next; None before the first. Unknown values are null."""
+        row, cycle = self._last, self._flight.cycle
         if row is None or self._shown is not None:
             return self._shown
         certificate, alarm, vehicle = row.certificate, self._alarm, self._flight.vehicle
