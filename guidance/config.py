@@ -149,8 +149,7 @@ def read(path: Path) -> tuple[str, dict[str, Any]]:
     """
     try:
         text = path.read_text(encoding="utf-8")
-        document = tomllib.loads(text)
-        if not _within_64_bits(document):
+        if not _within_64_bits(document := tomllib.loads(text)):
             raise ConfigError(f"{path}: not valid TOML: an integer has more than 64 bits")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error

@@ -27,8 +27,7 @@ def require(what: str, *extras: str) -> None:
     Raises:
         ConfigError: If one is missing; the message says how to install it.
     """
-    advice = how_to_add(*extras)
-    if advice is not None:
+    if (advice := how_to_add(*extras)) is not None:
         raise ConfigError(f"{what}: {advice}")
 
 

@@ -37,8 +37,7 @@ def main() -> None:
 
 def _run() -> None:
     try:
-        code = _short_order(sys.argv[1:])
-        if code is None:
+        if (code := _short_order(sys.argv[1:])) is None:
             from guidance.cli.program import app  # noqa: PLC0415 - typer takes a third of a second
 
             app()

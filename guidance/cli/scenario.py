@@ -152,8 +152,7 @@ def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Con
         there.print(pairs((name, as_text(values[name], units[name])) for name in values if name != "scenario"))
     verdicts = list(scenario.expect.verdicts(values))
     judged = {True: Text("holds", "green"), False: Text("FAILS", "red")}
-    cells = [(one.column, one.expected, as_text(one.value), judged[one.held]) for one in verdicts]
-    if cells:
+    if cells := [(one.column, one.expected, as_text(one.value), judged[one.held]) for one in verdicts]:
         there.print(sheet(("column", "expected", "came out", "verdict"), cells, left=range(4), title="expected"))
     return verdicts
 

@@ -176,8 +176,7 @@ def _explained(row: Finding) -> str:
 
 def _print_table(there: Console, lines: Iterable[tuple[str, str, str]]) -> None:
     """Print verdicts, names and explanations, which wrap in their column."""
-    rows = [(Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines]
-    if rows:
+    if rows := [(Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines]:
         there.print(sheet(("verdict", "name", "value"), rows, left=range(3)))
 
 

@@ -131,8 +131,7 @@ def parameter_names(autopilot: Autopilot, *, only_needed: bool = False) -> tuple
 
 def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
     """Judge everything. For a wrong autopilot, return that row only."""
-    other = another_autopilot(facts, autopilot)
-    if other is not None:
+    if (other := another_autopilot(facts, autopilot)) is not None:
         return (other,)
     parameters, wants = _judged(facts), fence.about_home(wants, facts.vehicle, autopilot.projection)
     return (

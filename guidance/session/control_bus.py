@@ -219,8 +219,7 @@ def ask(
         if len(names) > 1:
             raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
         name = names[0]
-    answered = answers(session, name, order, timeout_s, by)
-    if not answered:
+    if not (answered := answers(session, name, order, timeout_s, by)):
         raise LinkError(f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?")
     return answered[0]
 
