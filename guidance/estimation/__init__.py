@@ -50,7 +50,7 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
     if answer is not None:
         clock = synchronise(clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
     clock = hear(clock, report.sent_s, report.received_s)
-    measurement = measure(report, frame, observer.shift_ned_m, true_at(report, clock, settings), settings)
+    measurement = measure(report, frame, observer.shift_ned_m, true_at(report, clock), settings)
     track = update(observer.track, measurement, settings)
     if track.outcome is ReportOutcome.UNUSABLE:
         return observer._replace(clock=clock, track=track)

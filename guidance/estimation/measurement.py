@@ -36,7 +36,6 @@ class TrackSettings:
         prior_speed_sd_m_s: Spread of the velocity before the first report of it.
         known_velocity_sd_m_s: Largest spread of a velocity that counts as known.
         largest_speed_m_s: Reports of a higher speed are refused.
-        latency_s: Least time from measurement to arrival, for clocks without TIMESYNC.
         stale_s: Reports older than this on arrival are dropped.
         future_s: A report may be this far ahead of its own arrival.
         silence_s: After this long without a report, the next one restarts the track.
@@ -62,7 +61,6 @@ class TrackSettings:
     prior_speed_sd_m_s: float = 10.0
     known_velocity_sd_m_s: float = 1.5
     largest_speed_m_s: float = 60.0
-    latency_s: float = 0.0
     stale_s: float = 2.0
     future_s: float = 0.2
     silence_s: float = 5.0
@@ -213,8 +211,6 @@ def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOff
     return ClockOffset(agreed.candidate_s, received_s) if lasting else agreed
 
 
-def true_at(report: EvaderReport, clock: ClockOffset | None, settings: TrackSettings) -> float:
-    """Return when a report was true: by its sender's clock if it has one, else its arrival minus the latency."""
-    if math.isnan(report.sent_s) or clock is None:
-        return report.received_s - settings.latency_s
-    return clock.ours(report.sent_s) - (0.0 if clock.measured else settings.latency_s)
+def true_at(report: EvaderReport, clock: ClockOffset | None) -> float:
+    """Return when a report was true: by its sender's clock if it has one, else when it arrived."""
+    return report.received_s if math.isnan(report.sent_s) or clock is None else clock.ours(report.sent_s)

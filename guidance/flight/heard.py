@@ -249,7 +249,6 @@ class Echo:
         self._sent: deque[tuple[float, Vector]] = deque(maxlen=256)
         self.strange_s: deque[float] = deque(maxlen=STRANGE_REPORTS)
         """Times of the recent foreign reports."""
-        self._begun_s = math.inf
 
     @property
     def foreign(self) -> bool:
@@ -260,11 +259,9 @@ class Echo:
         """Forget everything, because we send no setpoints."""
         self._sent.clear()
         self.strange_s.clear()
-        self._begun_s = math.inf
 
     def sent(self, now_s: float, setpoint: Setpoint) -> None:
         """Note a setpoint that we send."""
-        self._begun_s = min(self._begun_s, now_s)
         self._sent.append((now_s, setpoint.velocity_ned_m_s))
 
     def hear(self, messages: Iterable[Message], *, guided: bool) -> None:
@@ -279,7 +276,8 @@ class Echo:
             while self.strange_s and now_s - self.strange_s[0] > WINDOW_S + _ROUNDING_S:
                 self.strange_s.popleft()
             counted = self.strange_s and now_s - self.strange_s[-1] < APART_S - _ROUNDING_S
-            if not counted and now_s - self._begun_s > REMEMBERED_S and not self._is_ours(message):
+            begun = self._sent and now_s - self._sent[0][0] > REMEMBERED_S
+            if begun and not counted and not self._is_ours(message):
                 self.strange_s.append(now_s)
 
     def _is_ours(self, message: PositionTarget) -> bool:

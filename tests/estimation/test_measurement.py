@@ -155,12 +155,11 @@ def test_a_report_off_the_wire_ends_in_local_metres_on_our_clock():
     assert evader.age_s == pytest.approx(104.0 - (100.02 + 3.9), abs=1e-3)
 
 
-def test_a_declared_latency_is_taken_off_and_a_timesync_makes_it_needless():
-    slow = TrackSettings(declared_speed_m_s=3.0, latency_s=0.5)
-    for sent_s, measured_clock, true_s in ((math.nan, False, 99.5), (7.0, False, 99.5), (7.0, True, 99.41)):
+def test_a_report_was_true_when_it_arrived_and_with_a_timesync_when_it_was_sent():
+    for sent_s, measured_clock, true_s in ((math.nan, False, 100.0), (7.0, False, 100.0), (7.0, True, 99.41)):
         answer = Timesync(100.0, remote_ns=round(7.58e9), local_ns=round(99.98e9)) if measured_clock else None
         report = wire_report(received_s=100.0, sent_s=sent_s)._replace(timesync=answer)
-        observer = observe(Observer(), report, FRAME, slow)
+        observer = observe(Observer(), report, FRAME, SETTINGS)
         assert observer.track.estimate.time_s == pytest.approx(true_s)
 
 

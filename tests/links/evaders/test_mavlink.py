@@ -424,7 +424,7 @@ def test_garbage_and_other_messages_are_nothing():
 
 
 def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_known():
-    settings = TrackSettings(declared_speed_m_s=3.0, latency_s=0.5)
+    settings = TrackSettings(declared_speed_m_s=3.0)
     world = AskedWorld(GLOBAL_POSITION)
     observer = Observer()
     ages = []
