@@ -1,4 +1,4 @@
-"""The evader's track: `update(track, measurement)` adds a report, or drops it and counts the reason.
+"""The evader's track: `update(track, measurement)` adds a report, or drops it for a reason.
 
 A track is a value; update returns a new one. It keeps the accepted reports of the last seconds with the estimate after
 each, so a late report is inserted at its time and the later ones are processed again. Outliers form a second track, the
@@ -6,7 +6,6 @@ rival, which replaces the first once several in a row agree with it.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
@@ -57,7 +56,6 @@ class Track:
         history: Accepted reports of the last seconds, oldest first; empty before the first one.
         rival: A track of outliers that agree, not accepted yet.
         outcome: Of the last report.
-        counts: Number of reports by outcome.
         anchors: Some estimates of the last seconds, oldest first; they bound how far it can have moved.
         estimate: The newest one, None before the first report.
     """
@@ -65,7 +63,6 @@ class Track:
     history: tuple[Accepted, ...] = ()
     rival: "Track | None" = None
     outcome: ReportOutcome | None = None
-    counts: Mapping[ReportOutcome, int] = field(default_factory=dict)
     anchors: tuple[Estimate, ...] = ()
     estimate: Estimate | None = field(init=False, repr=False)
 
@@ -74,15 +71,16 @@ class Track:
 
 
 def update(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
-    """Add a report, or drop it and count the reason."""
+    """Add a report, or drop it; the outcome says why."""
     refused = _refusal(track, measurement, settings)
     if refused is not None:
-        return _ended(track, refused)
+        return replace(track, outcome=refused)
     estimate = track.estimate
     if estimate is None:
-        return _ended(_begun(track, measurement, settings), ReportOutcome.STARTED)
+        return _begun(track, measurement, settings)
     if measurement.received_s - estimate.received_s > settings.silence_s:
-        return _begun_anew(track, _begun(track, measurement, settings), ReportOutcome.REACQUIRED, settings)
+        anew = _begun(track, measurement, settings)
+        return _begun_anew(track, replace(anew, outcome=ReportOutcome.REACQUIRED), settings)
 
     earlier = len(track.history)
     while track.history[earlier - 1].measurement.time_s > measurement.time_s:
@@ -97,7 +95,7 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
     oldest_s = history[-1].measurement.time_s - settings.history_s
     recent = tuple(one for one in history if one.measurement.time_s >= oldest_s)
-    return _anchored(_ended(replace(track, history=recent, rival=None), outcome), settings)
+    return _anchored(replace(track, history=recent, rival=None, outcome=outcome), settings)
 
 
 def _anchored(track: Track, settings: TrackSettings) -> Track:
@@ -151,7 +149,7 @@ def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     height = Height(measurement.position_ned_m[2], down_m_s, measurement.position_sd_m**2, 0.0, sd_m_s**2)
     modes = filters.begin(*measurement.plane(), settings)
     first = Accepted(measurement, Estimate(measurement.time_s, measurement.received_s, modes, height))
-    return replace(track, history=(first,), rival=None)
+    return replace(track, history=(first,), rival=None, outcome=ReportOutcome.STARTED)
 
 
 def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -> Estimate | None:
@@ -176,12 +174,12 @@ def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) ->
         rival = _begun(Track(), measurement, settings)
     lasting_s = rival.history[-1].measurement.time_s - rival.history[0].measurement.time_s
     if len(rival.history) < settings.jump_reports and lasting_s < settings.jump_s:
-        return _ended(replace(track, rival=rival), ReportOutcome.OUTLIER)
-    anew = replace(track, history=rival.history, rival=None)
-    return _begun_anew(replace(track, rival=rival), anew, ReportOutcome.JUMPED, settings)
+        return replace(track, rival=rival, outcome=ReportOutcome.OUTLIER)
+    anew = replace(track, history=rival.history, rival=None, outcome=ReportOutcome.JUMPED)
+    return _begun_anew(replace(track, rival=rival), anew, settings)
 
 
-def _begun_anew(track: Track, anew: Track, outcome: ReportOutcome, settings: TrackSettings) -> Track:
+def _begun_anew(track: Track, anew: Track, settings: TrackSettings) -> Track:
     """Return the new track if the evader can have reached it since the last estimate, at its declared speed.
 
     Else keep the old one.
@@ -192,9 +190,5 @@ def _begun_anew(track: Track, anew: Track, outcome: ReportOutcome, settings: Tra
         spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
         way_m = settings.jump_m_s * max(0.0, measurement.time_s - estimate.time_s) + max(settings.reach_m, spread_m)
         if not _is_within(way_m, moved, measurement):
-            return _ended(track, ReportOutcome.TOO_FAR)
-    return _anchored(_ended(anew, outcome), settings)
-
-
-def _ended(track: Track, outcome: ReportOutcome) -> Track:
-    return replace(track, outcome=outcome, counts={**track.counts, outcome: track.counts.get(outcome, 0) + 1})
+            return replace(track, outcome=ReportOutcome.TOO_FAR)
+    return _anchored(anew, settings)

@@ -8,13 +8,12 @@ back, so no command mixes the two frames.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 from guidance.estimation import EvaderEstimate, Observer, moved, observe, predict
 from guidance.estimation.measurement import TrackSettings
-from guidance.estimation.track import ReportOutcome
 from guidance.flight.settings import FlightSettings
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference, total
 from guidance.messages import EvaderReport, GlobalPosition, Home, LocalPosition, Message, Origin
@@ -118,11 +117,6 @@ class Tracking:
         jumped = replace(held, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
         possible, self.held_back_ned_m = (held, told, jumped), NOWHERE
         return min(possible, key=lambda frame: _apart_m(frame, place, local))
-
-    @property
-    def counts(self) -> Mapping[ReportOutcome, int]:
-        """Number of evader reports by outcome: used, or dropped with a reason."""
-        return self._observers.get(self.playing, _UNHEARD).track.counts
 
     def rival(self, now_s: float) -> str:
         """Return the evidence of a second source of evader reports; empty if there is none."""

@@ -2,6 +2,7 @@
 
 import math
 import random
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,15 @@ def tracked(reports, options=SETTINGS, track=None):
     for one in reports:
         track = update(track, one, options)
     return track
+
+
+def outcomes_of(reports, options=SETTINGS):
+    """Return how many reports have each outcome."""
+    track, counts = Track(), Counter()
+    for one in reports:
+        track = update(track, one, options)
+        counts[track.outcome] += 1
+    return counts
 
 
 def nis_of(track, one, options):

@@ -186,6 +186,7 @@ def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
 
 
 @pytest.mark.parametrize("report", [wire_report(received_s=0.0, amsl_m=math.nan), wire_report(received_s=math.nan)])
-def test_a_report_that_says_no_number_is_dropped_and_counted(report):
+def test_a_report_that_says_no_number_is_dropped(report):
     observer = observe(Observer(), report, FRAME, SETTINGS)
-    assert observer.track.counts == {ReportOutcome.UNUSABLE: 1}
+    assert observer.track.outcome is ReportOutcome.UNUSABLE
+    assert observer.track.estimate is None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from guidance.estimation.track import ReportOutcome, Track, update
-from tests.estimation.scenes import SETTINGS, measured, predict, straight, tracked
+from tests.estimation.scenes import SETTINGS, measured, outcomes_of, predict, straight, tracked
 
 
 def test_nothing_is_known_before_the_first_report():
@@ -18,12 +18,12 @@ def test_nothing_is_known_before_the_first_report():
 
 
 def test_a_straight_course_is_followed_and_predicted_through_the_delay():
-    track = tracked(straight(50, delay_s=0.5))
-    evader = predict(track, 4.9 + 0.5, SETTINGS)
+    reports = straight(50, delay_s=0.5)
+    evader = predict(tracked(reports), 4.9 + 0.5, SETTINGS)
     assert evader.position_ned_m == pytest.approx((10.0 + 5.4 * 3.0, 20.0 - 5.4, -1.0 + 5.4 * 0.2), abs=0.02)
     assert evader.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.01)
     assert evader.age_s == pytest.approx(0.5)
-    assert track.counts == {ReportOutcome.STARTED: 1, ReportOutcome.ACCEPTED: 49}
+    assert outcomes_of(reports) == {ReportOutcome.STARTED: 1, ReportOutcome.ACCEPTED: 49}
 
 
 def test_age_is_since_the_report_was_true_and_not_since_it_arrived():

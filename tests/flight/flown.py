@@ -1,6 +1,7 @@
 """A flight fed by hand: its vehicle says what the test has it say, cycle by cycle."""
 
 import math
+from collections import Counter
 
 from guidance.autopilots import Mode
 from guidance.flight import Event, Flight, Inputs, State
@@ -18,6 +19,12 @@ CYCLE_S = 0.02
 START_S = 50.0
 
 
+def outcome_of(flight):
+    """Return the outcome of the evader's last report, None before the first one."""
+    observer = flight.tracking._observers.get(flight.tracking.playing)
+    return None if observer is None else observer.track.outcome
+
+
 class Flown:
     """A flight and its vehicle's word for it: every cycle a position, every second (or at once) a HEARTBEAT."""
 
@@ -33,6 +40,7 @@ class Flown:
         self.outputs = None
         self.beat_s = -math.inf
         self.without_position = False
+        self.outcomes = Counter()
 
     @property
     def state(self):
@@ -54,6 +62,7 @@ class Flown:
             ]
         heard = [*([] if self.evader is None else [self.report()]), *reports]
         self.outputs = self.flight.step(self.now_s, self.inputs([*said, *more], heard, orders, refusals))
+        self.outcomes[outcome_of(self.flight)] += 1 if heard else 0
         return self.outputs
 
     def inputs(self, *read):
