@@ -94,7 +94,7 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
             history = (*history, Accepted(one.measurement, again))
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
     oldest_s = history[-1].measurement.time_s - settings.history_s
-    recent = tuple(one for one in history if one.measurement.time_s >= oldest_s)
+    recent = tuple([one for one in history if one.measurement.time_s >= oldest_s])
     return _anchored(replace(track, history=recent, rival=None, outcome=outcome), settings)
 
 

@@ -169,9 +169,9 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     yield Event.FOREIGN, heard.foreign
     # Its position.
     view = (heard.seen or heard.view(now.now_s)) if playing else None
+    beyond = () if view is None else [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
     for event, (limiters, allowed_m) in _BREACHES.items():
-        walls = () if view is None else [wall for wall in view.walls if wall.limiter in limiters]
-        yield event, any(-(wall.gap_m + wall.margin_m) > allowed_m for wall in walls)
+        yield event, any(wall.gap_m + wall.margin_m < -allowed_m for wall in beyond if wall.limiter in limiters)
     # Rival sources, the operator and the battery.
     yield Event.RIVAL, playing and settings.hold_on_rival and tracking.rival(now.now_s) != ""
     silent_s, allowed_s = now.now_s - stage.operator_s, settings.operator_timeout_s or math.inf

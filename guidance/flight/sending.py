@@ -1,6 +1,5 @@
 """What a flight sends in a cycle: the setpoint of its state, and requests until their effect is seen."""
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -198,12 +197,13 @@ class Playing:
         played = play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
         output = played(inputs, heard.cycle, self._memory)
         self._memory = output.memory
-        if output.certificate is not None:
-            needed = math.nan if settings.reserve is None else heard.battery_needed
-            self.certificate = output.certificate._replace(battery_needed=needed)
+        if (certificate := output.certificate) is not None:
+            if settings.reserve is not None:
+                certificate = certificate._replace(battery_needed=heard.battery_needed)
+            self.certificate = certificate
             if state is State.ENGAGED:
                 aimed, speed_m_s = settings.cycle.target_game_m is not None, settings.cycle.game.pursuer.horizontal_m_s
-                slack_s, certificate = settings.guarantee_slack_s, self.certificate
+                slack_s = settings.guarantee_slack_s
                 self._monitor, self.alarm = watch(
                     self._monitor, now_s, certificate, with_target=aimed, speed_m_s=speed_m_s, slack_s=slack_s
                 )
