@@ -24,7 +24,7 @@ from guidance.log.writer import Record, Recorder
 from guidance.monitor import Alarm
 from guidance.session.flight_files import Stopped
 from guidance.sim.batch import stack
-from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
+from guidance.sim.outcome import Outcome, distances_of, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind
 from guidance.sim.teams import TeamOutcome, TeamScenario, outcomes_of, teams_of
 from guidance.team import Member
@@ -154,8 +154,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         way,
         end=end,
         game_time_s=end_s - began.now_s,
-        distance_to_disc_m=distance_to_disc_m(scenario, last.pursuer_m, last.evader_m) if last else math.nan,
-        evader_to_target_m=evader_to_target_m(scenario, last.evader_m) if last else math.nan,
+        **(distances_of(scenario, last.pursuer_m, last.evader_m) if last else {}),
         predicted=predicted,
         predicted_winner=winner,
         time_needed_s=math.nan if result.engaged is None else result.engaged.time_needed_s,

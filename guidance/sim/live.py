@@ -38,15 +38,13 @@ class LiveWorld(world.World):
         self._clock, self._pursuits = clock, pursuits_of(flown)
         self._sources: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
         self.evaders |= self._sources
-        try:
+        with self.closing:
             self._mock = _mock(self.closing, flown, over, port)
             for scenario, vehicle, evader in self._pursuits:
                 self.links[vehicle] = self._open_link(link, self._wires(vehicle, 1)[0], vehicle)
                 if evader not in self.players:
                     self._open_evader(evader, scenario)
-        except BaseException:
-            self.close()
-            raise
+            self.closing = self.closing.pop_all()
 
     def advance(self) -> None:
         """See that the mock lives: time moves by itself.

@@ -23,7 +23,7 @@ from guidance.game.pe import TOUCH_M
 from guidance.game.records import rows_of
 from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
 from guidance.sim.batch import Array, Batch, by_kind, kind_of, stack
-from guidance.sim.outcome import Outcome, distance_to_disc_m, evader_to_target_m, outcome_of, winner_name
+from guidance.sim.outcome import Outcome, distances_of, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import PERFECT, TIMEOUT_S, Received, begin, known, listen, next_event_s
 from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
@@ -124,18 +124,14 @@ def opening(batch: Batch) -> Solution:
 def begun(batch: Batch) -> Moment:
     """Return the moment of engagement."""
     P, E, count, sensor = batch.pursuer_m, batch.evader_m, len(batch.pursuer_m), batch.kind.sensor
-    zeros = np.zeros(count)
     return Moment(
+        **dict.fromkeys(("now_s", "step_s", "lost_s"), np.zeros(count)),
+        **dict.fromkeys(("flown_m_s", "run_m_s"), np.zeros_like(P)),
         row=np.arange(count),
-        now_s=zeros,
         pursuer_m=P,
         evader_m=E,
-        flown_m_s=np.zeros_like(P),
-        run_m_s=np.zeros_like(E),
-        step_s=zeros,
         turning_rad_s=np.zeros_like(P) if batch.pursuer.name == PROPORTIONAL and sensor == PERFECT else None,
         heard=None if sensor == PERFECT else begin(sensor, E),
-        lost_s=zeros,
         standoff_m=_level(P - E),
         altitude_m=P[:, 2],
         happened=np.zeros((count, len(LIMITS) + 2), dtype=bool),
@@ -325,7 +321,7 @@ def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_
 
 def _outcome(scenario: Scenario, first: Any, ended: Any) -> Outcome:  # noqa: ANN401 - one row each
     """Return the outcome of one game, from its solution at engagement and its last moment."""
-    end, P, E = _NAMES[ended.end], ended.pursuer_m, ended.evader_m
+    end = _NAMES[ended.end]
     *met, lost, no_game = ended.happened
     happened = (lost, no_game, end == "captured", end == "arrived")
     return outcome_of(
@@ -333,8 +329,7 @@ def _outcome(scenario: Scenario, first: Any, ended: Any) -> Outcome:  # noqa: AN
         "maths",
         end=end,
         game_time_s=ended.now_s,
-        distance_to_disc_m=distance_to_disc_m(scenario, P, E),
-        evader_to_target_m=evader_to_target_m(scenario, E),
+        **distances_of(scenario, ended.pursuer_m, ended.evader_m),
         predicted=first.value,
         predicted_winner=winner_name(first.winner),
         time_needed_s=first.meeting_time_s,

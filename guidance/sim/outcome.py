@@ -137,17 +137,14 @@ def judged(
     }
 
 
-def distance_to_disc_m(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> float:
-    """Return how far the pursuer is from the stand-off disc, from positions above the evader's plane."""
-    disc = scenario.standoff
+def distances_of(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> dict[str, float]:
+    """Return the columns that follow from the players' positions at the end, above the evader's plane."""
+    disc, target = scenario.standoff, scenario.target
     beside = max(0.0, math.dist(pursuer_m[:2], evader_m[:2]) - disc.radius_m)
-    return math.hypot(beside, pursuer_m[2] - (disc.height_m - scenario.evader.height_m))
-
-
-def evader_to_target_m(scenario: Scenario, evader_m: Sequence[float]) -> float:
-    """Return how far the evader is from its target; NaN in PE."""
-    target = scenario.target
-    return math.nan if target is None else target.extent.distance_m(target.position_m, evader_m)
+    return {
+        "distance_to_disc_m": math.hypot(beside, pursuer_m[2] - (disc.height_m - scenario.evader.height_m)),
+        "evader_to_target_m": math.nan if target is None else target.extent.distance_m(target.position_m, evader_m),
+    }
 
 
 def winner_name(winner: int) -> str:

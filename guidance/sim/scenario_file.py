@@ -46,9 +46,8 @@ def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamS
     path = find(name, FOLDER)
     text, document = load_document(path)
     document |= {} if seed is None else {"seed": seed}
-    if has_teams(document):
-        return path, parse(TeamScenario, document, source=str(path), text=text)
-    return path, parse(Scenario, document, source=str(path), text=text)
+    model: type[Scenario] | type[TeamScenario] = TeamScenario if has_teams(document) else Scenario
+    return path, parse(model, document, source=str(path), text=text)
 
 
 def has_teams(document: Mapping[str, Any]) -> bool:
@@ -129,8 +128,7 @@ def _from_record(path: Path, part: str) -> Rows:
         for item in scan(path):
             row = json.loads(item.data) if item.topic == CYCLE.topic else {}
             certificate = row.get("certificate")
-            if certificate is None or (rows and row["now_s"] - rows[-1][0] < _LEAST_STEP_S - 1e-6):
-                continue
-            x, y, z = certificate[part]
-            rows.append((float(row["now_s"]), float(x), float(y), float(z)))
+            if certificate is not None and not (rows and row["now_s"] - rows[-1][0] < _LEAST_STEP_S - 1e-6):
+                x, y, z = certificate[part]
+                rows.append((float(row["now_s"]), float(x), float(y), float(z)))
     return rows

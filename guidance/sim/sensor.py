@@ -6,8 +6,8 @@ starts with the game: earlier reports pass unchanged. Mathematics and flights us
 """
 
 import math
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -146,7 +146,7 @@ class SensedEvader:
 
     def __init__(self, source: EvaderSource, sensor: Sensor, seed: int, clock: Callable[[], float]) -> None:
         self._source, self._sensor, self._seed, self._clock = source, sensor, seed, clock
-        self._engaged_s, self._on_the_way = math.inf, deque[EvaderReport]()
+        self._engaged_s, self._on_the_way = math.inf, list[EvaderReport]()
         self._last, self._withheld, self._lost = -1, 0, 0
 
     def engage(self, now_s: float) -> None:
@@ -161,9 +161,8 @@ class SensedEvader:
             return reports
         for report in reports:
             self._measure(report)
-        arrived = []
-        while self._on_the_way and self._on_the_way[0].received_s <= self._clock() + _SLACK_S:
-            arrived.append(self._on_the_way.popleft())
+        arrived = [*takewhile(lambda late: late.received_s <= self._clock() + _SLACK_S, self._on_the_way)]
+        del self._on_the_way[: len(arrived)]
         return arrived
 
     def counters(self) -> Mapping[str, int]:

@@ -14,6 +14,7 @@ from pydantic import Field, WithJsonSchema
 from guidance.autopilots import AutopilotName
 from guidance.config import Section
 from guidance.flight.settings import TeamSection
+from guidance.frames import Vector
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, End, Game
 from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
 from guidance.sim.batch import Array, by_kind
@@ -118,22 +119,20 @@ class Teams(NamedTuple):
 
 def teams_of(scenario: TeamScenario) -> Teams:
     """Place the players of a scenario; a player's place depends on the seed and not on the number of others."""
-    P, u, plays = _placed(scenario.pursuer, scenario.seed, 0)
-    E, v, flees = _placed(scenario.evader, scenario.seed, 1)
+    P, u, plays = zip(*_placed(scenario.pursuer, scenario.seed, 0), strict=True)
+    E, v, flees = zip(*_placed(scenario.evader, scenario.seed, 1), strict=True)
     target = None if scenario.target is None else np.array([*scenario.target.position_m, 0.0])
-    return Teams(P, E, u, v, target, plays, flees)
+    return Teams(np.array(P), np.array(E), np.array(u), np.array(v), target, plays, flees)
 
 
-def _placed(groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int) -> tuple[Array, Array, tuple[str, ...]]:
-    places: list[tuple[float, float, float]] = []
+def _placed(groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int) -> Iterator[tuple[Vector, float, str]]:
+    """Yield place, speed and policy of each player."""
     for number, group in enumerate(groups):
         draws = np.random.default_rng([seed, side, number])
         x, y, z = (*group.position_m, 0.0)[:3]
         for _ in range(group.count):
             far, turn = group.scatter_m * math.sqrt(draws.random()), 2.0 * math.pi * draws.random()
-            places.append((x + far * math.cos(turn), y + far * math.sin(turn), z))
-    each = [group for group in groups for _ in range(group.count)]
-    return np.array(places), np.array([one.speed_m_s for one in each]), tuple(one.policy for one in each)
+            yield (x + far * math.cos(turn), y + far * math.sin(turn), z), group.speed_m_s, group.policy
 
 
 class TeamOutcome(NamedTuple):
@@ -235,11 +234,10 @@ def _kind_of(scenario: TeamScenario) -> Hashable:
 def _play_kind(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
     teams = [teams_of(scenario) for scenario in scenarios]
     played = played_teams(scenarios[0], teams)
-    rows = []
+    names, rows = np.array([end.name.lower() for end in End])[played.end], []
     for row, scenario in enumerate(scenarios):
-        names = [End(end).name.lower() for end in played.end[row]]
-        measured = (field[row].tolist() for field in (played.time_s, played.distance_m, played.captor))
-        ends = list(zip(names, *measured, strict=True))
+        fields = (field[row].tolist() for field in (names, played.time_s, played.distance_m, played.captor))
+        ends = list(zip(*fields, strict=True))
         rows.append(outcomes_of(scenario, "maths", teams[row], Matching(*(field[row] for field in played.first)), ends))
     return rows
 

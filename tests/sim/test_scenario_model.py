@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.session.plan import plan_of
 from guidance.sim.batch import game, site
 from guidance.sim.evader_pilot import EvaderPilot
-from guidance.sim.outcome import evader_to_target_m
+from guidance.sim.outcome import distances_of
 from guidance.sim.scenario import Scenario, Target
 from guidance.sim.scenario_file import has_teams, load_document, load_scenario
 
@@ -92,7 +92,7 @@ def test_a_target_may_be_a_convex_polygon_about_its_place():
     square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]
     _, tad = load_scenario("tad")
     shaped = tad.model_copy(update={"target": Target(position_m=(1.0, 2.0), polygon_m=square, radius_m=1.0)})
-    assert evader_to_target_m(shaped, (3.0, 12.0)) == pytest.approx(5.0)
+    assert distances_of(shaped, (0.0, 0.0, 9.0), (3.0, 12.0))["evader_to_target_m"] == pytest.approx(5.0)
     dented = {"position_m": [0.0, 0.0], "polygon_m": [*square, [2.0, 1.0]]}
     assert "target.polygon_m" in refused(game="tad", target=dented)
     assert "(2, 1) is no corner" in refused(game="tad", target=dented)
