@@ -100,14 +100,11 @@ def outcome_of(scenario: Scenario, run: str, *, end: str, predicted: float = mat
     """
     names = (scenario.title, run, scenario.game, scenario.pursuer.policy, scenario.evader.policy)
     row = Outcome(*names, scenario.seed, end, **measured)
-    pe, winnable, nan = row.game == "pe", row.predicted_winner != "evader", math.nan
+    winnable = row.predicted_winner != "evader"
     _, columns = judged(row.game, end, row.game_time_s, row.evader_to_target_m, predicted, promised=winnable)
-    return row._replace(
-        predicted_capture_time_s=predicted if pe else nan,
-        predicted_evader_to_target_m=predicted if winnable and not pe else nan,
-        predicted_short_m=nan if winnable or pe else predicted,
-        **columns,
-    )
+    in_tad = "predicted_evader_to_target_m" if winnable else "predicted_short_m"
+    columns["predicted_capture_time_s" if row.game == "pe" else in_tad] = predicted
+    return row._replace(**columns)
 
 
 def judged(
