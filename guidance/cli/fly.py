@@ -5,9 +5,8 @@ import math
 import re
 import signal
 import sys
-import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, NoReturn
 
@@ -25,9 +24,9 @@ from guidance.files import private_file, writing
 from guidance.flight import State
 from guidance.screen import aged, console, live, pairs, redraws
 from guidance.session.control_socket import ENDPOINT
-from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, Stopped, flight_folder
+from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, flight_folder
 from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
-from guidance.session.mission import Progress, Show
+from guidance.session.mission import Progress
 from guidance.session.result import FlightResult, MissionResult, ending_words, outcome_of_flight, team_rows
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import load_any
@@ -202,38 +201,17 @@ def fly_rows(
             there.print(f"{what}: only a mock can have that; the vehicle flies without")
         with contextlib.ExitStack() as stack:
             if not isinstance(how, ByFile):
-                line = LiveLine(there)
+                line, control = LiveLine(there), None if how.way == "fast" else ENDPOINT
                 stack.enter_context(live(there, line.line, every_s=0.1))
-                show = stack.enter_context(noted_ctrl_c(line.show)) if isinstance(how, MockOptions) else line.show
-                control = None if how.way == "fast" else ENDPOINT
-                onlooker = onlooker._replace(show=show, control=control, on_control=tell_endpoint)
+                if isinstance(how, MockOptions):
+                    stack.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, line.interrupt))
+                onlooker = onlooker._replace(show=line.show, control=control, on_control=tell_endpoint)
             result = fly_recorded(scenario, folder, how, onlooker)
         if dropped := sum(one.record_dropped for one in result.vehicles.values()):
             there.print(f"[yellow]the disk was too slow: {dropped} messages are not in the record[/yellow]")
         if isinstance(scenario, TeamScenario):
             return result, _tell_team(there, scenario, how.way, result, folder), folder
         return result, [outcome_of_flight(one, how.way) for one in result.vehicles.values()], folder
-
-
-@contextlib.contextmanager
-def noted_ctrl_c(show: Show) -> Iterator[Show]:
-    """Raise KeyboardInterrupt on Ctrl-C, and again from the yielded `show`: a library may swallow the first one."""
-    noted = threading.Event()
-
-    def note(*_: object) -> NoReturn:
-        noted.set()
-        raise KeyboardInterrupt
-
-    def look(progress: Progress) -> None:
-        if noted.is_set():
-            raise KeyboardInterrupt
-        show(progress)
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield look
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _advised(refusal: str, name: str, urls: Sequence[str]) -> str:
@@ -255,14 +233,21 @@ class LiveLine:
         self._last: dict[str, Progress] = {}
         self._told_s = 0.0
         self._printed: dict[str, tuple[str, float]] = {}
-        self._record_told = False
+        self._record_told = self._interrupted = False
+
+    def interrupt(self, *_: object) -> NoReturn:
+        """Handle Ctrl-C: KeyboardInterrupt is raised here, and again by `show`, as a library may swallow this one."""
+        self._interrupted = True
+        raise KeyboardInterrupt
 
     def show(self, progress: Progress) -> None:
         """Update from one cycle of a vehicle."""
+        if self._interrupted:
+            raise KeyboardInterrupt
         self._last[progress.vehicle], self._told_s = progress, time.perf_counter()
-        if progress.record_stopped is not None and not self._record_told:
+        if progress.record_stopped and not self._record_told:
             self._record_told = True
-            self._there.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
+            self._there.print(f"[yellow]{progress.now_s:7.1f} s  {progress.record_stopped}[/yellow]")
         if redraws(self._there):
             return
         news, (printed, printed_s) = plain(progress), self._printed.get(progress.vehicle, ("", 0.0))
@@ -275,11 +260,6 @@ class LiveLine:
         lasting = list(self._last.values())
         stalled_s = math.inf if any(one.waiting for one in lasting) else STALLED_S
         return aged("\n".join(map(words, lasting)), time.perf_counter() - self._told_s, stalled_s)
-
-
-def record_words(stopped: Stopped | None) -> str:
-    """Say whether everything was recorded."""
-    return "whole" if stopped is None else f"recording stopped at {stopped.now_s:.1f} s: {stopped.reason}"
 
 
 def words(progress: Progress) -> str:
@@ -364,7 +344,7 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
         "late cycles": f"{result.late_cycles} of {result.cycles}",
         "guarantee alarms": f"{outcome.alarms}",
         "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
-        "record": record_words(result.record_stopped),
+        "record": result.record_stopped or "whole",
     }
     return pairs(rows.items(), title=f"{ending_words(outcome)}; value is the {what}", right=True)
 

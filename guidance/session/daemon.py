@@ -192,10 +192,10 @@ class Daemon:
             self._link.send_setpoint(outputs.setpoint)
         for request in outputs.requests:
             self._link.request(request)
-        stopped = self.recording.cycle(self._now_s, self.inputs, outputs, timing)
-        if stopped is not None:
+        failed = self.recording.cycle(self._now_s, self.inputs, outputs, timing)
+        if failed is not None:
             self.metrics.happened(STOPPED)
-            self._log.say(logging.WARNING, STOPPED, reason=stopped.reason)
+            self._log.say(logging.WARNING, STOPPED, reason=failed)
 
     def _tell(self, team: Member, now_s: float, outputs: Outputs) -> None:
         """Tell the mates about this cycle, and people what the mates told."""

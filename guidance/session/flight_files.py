@@ -6,7 +6,7 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from guidance.autopilots import Finding, Verdict
 from guidance.clock import Clock, Timing
@@ -84,11 +84,9 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
         yield recorder
 
 
-class Stopped(NamedTuple):
-    """Time and reason of the record's end. The flight continues."""
-
-    now_s: float
-    reason: str
+def stopped_words(now_s: float, reason: str) -> str:
+    """Say when and why a record ended. The flight continues."""
+    return f"recording stopped at {now_s:.1f} s: {reason}"
 
 
 class Recording:
@@ -101,7 +99,7 @@ class Recording:
         required: Whether nothing flies without the record.
 
     Attributes:
-        stopped: Time and reason of the record's end; None before it.
+        stopped: Time and reason of the record's end, in words; empty before it.
     """
 
     def __init__(
@@ -109,13 +107,13 @@ class Recording:
     ) -> None:
         self._vehicle, self._record, self._required, self._begun = vehicle, record, required, False
         self._each = [one for one in (record, broadcast) if one is not None]
-        self.stopped: Stopped | None = None
+        self.stopped = ""
 
     def begin(self) -> None:
         """The next cycle is the first of another flight."""
         self._begun = False
 
-    def cycle(self, now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> Stopped | None:
+    def cycle(self, now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> str | None:
         """Keep a cycle with its events; return the reason once, when the record stops."""
         if not self._each:
             return None
@@ -132,11 +130,11 @@ class Recording:
         if outputs.alarm is not None:
             self.event(now_s, str(outputs.alarm.violation), outputs.alarm.by)
         failed = None if self._record is None else self._record.failed
-        if failed is None or self.stopped is not None:
+        if failed is None or self.stopped:
             return None
-        self.stopped = Stopped(now_s, failed)
+        self.stopped = stopped_words(now_s, failed)
         self.event(now_s, STOPPED, failed)
-        return self.stopped
+        return failed
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep an event."""

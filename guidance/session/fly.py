@@ -31,7 +31,7 @@ from guidance.messages import Home
 from guidance.session import control_bus, discovery
 from guidance.session.checkup import Checkup
 from guidance.session.daemon import Equipment
-from guidance.session.flight_files import RECORD, TEAM, Stopped, flight_metadata, recording
+from guidance.session.flight_files import RECORD, TEAM, flight_metadata, recording, stopped_words
 from guidance.session.loop import Signals
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
@@ -303,8 +303,8 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
     for name, flown in result.vehicles.items():  # the records are closed: note what is missing
         if isinstance(record := equipment[name].record, Recorder):
             flown.record_dropped = record.dropped
-            if record.failed is not None and flown.record_stopped is None:
-                flown.record_stopped = Stopped(flown.duration_s, record.failed)
+            if record.failed is not None and not flown.record_stopped:
+                flown.record_stopped = stopped_words(flown.duration_s, record.failed)
     return result
 
 

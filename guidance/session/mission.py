@@ -21,7 +21,6 @@ from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
 from guidance.session.answers import failed_checks, missing, next_words
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.flight_files import Stopped
 from guidance.session.loop import PERIOD_S, Signals, run
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
@@ -56,7 +55,7 @@ class Progress(NamedTuple):
         mode: The autopilot's, by its own name.
         certificate: Of the game; None outside of it.
         unit: Of the game's value.
-        record_stopped: When and why the record stopped.
+        record_stopped: When and why the record stopped; empty before.
         waiting: Why a vehicle on the ground is not ready.
         why: The cause of this state.
         next: The orders that continue, if the flight waits for a person.
@@ -70,7 +69,7 @@ class Progress(NamedTuple):
     mode: str
     certificate: Certificate | None
     unit: str
-    record_stopped: Stopped | None = None
+    record_stopped: str = ""
     waiting: str = ""
     why: str = ""
     next: str = ""

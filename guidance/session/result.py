@@ -22,7 +22,6 @@ from guidance.game import Cylinder, Game, StandOff, solve
 from guidance.game.team import match_teams
 from guidance.log.writer import Record, Recorder
 from guidance.monitor import Alarm
-from guidance.session.flight_files import Stopped
 from guidance.sim.batch import stack
 from guidance.sim.outcome import Outcome, distances_of, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind
@@ -66,7 +65,7 @@ class FlightResult:
     happenings: list[Happening] = field(default_factory=list)
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
-    record_stopped: Stopped | None = None
+    record_stopped: str = ""
     record_dropped: int = 0
     said: str = ""
     interrupted: bool = False
