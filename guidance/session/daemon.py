@@ -30,9 +30,9 @@ SHOWN_EVERY_S: Final = 1.0
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Equipment:
-    """Optional parts of a daemon.
+    """Optional parts of a daemon, filled in as they are opened.
 
     Attributes:
         mailbox: Orders of people.

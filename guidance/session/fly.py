@@ -7,7 +7,7 @@ import json
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final, NamedTuple
@@ -26,7 +26,6 @@ from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
-from guidance.log.writer import Recorder
 from guidance.messages import Home
 from guidance.session import control_bus, discovery
 from guidance.session.checkup import Checkup
@@ -290,7 +289,8 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
         pursuits, clock, policy, show = flight.pursuits, flight.clock, flight.policy, onlooker.show
         team = team_document(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
         plans = {one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team) for one in pursuits}
-        equipment = _equipped(flight, scenario, folder, stack)
+        equipment = flight.equipment
+        _equip(flight, scenario, folder, stack)
         if folder is not None:
             onlooker.on_record(folder if team else folder / RECORD)
         for used in equipment.values():
@@ -301,7 +301,7 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
             if (told := equipment[name].broadcast) is not None:
                 told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, equipment[name].record, folder))
     for name, flown in result.vehicles.items():  # the records are closed: note what is missing
-        if isinstance(record := equipment[name].record, Recorder):
+        if (record := equipment[name].record) is not None:
             flown.record_dropped = record.dropped
             if record.failed is not None and not flown.record_stopped:
                 flown.record_stopped = stopped_words(flown.duration_s, record.failed)
@@ -323,31 +323,29 @@ def team_document(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> str:
     return json.dumps({"team": _separation(scenario), "evaders": _declared_m_s(pursuits)})
 
 
-def _equipped(flight: Opened, scenario: Played, folder: Path | None, stack: ExitStack) -> dict[str, Equipment]:
-    """Return the equipment of all vehicles with their records, and broadcasts where orders are taken.
+def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitStack) -> None:
+    """Give all vehicles their records, and broadcasts where orders are taken.
 
     Those of a team are connected until the stack is closed: over the control buses, or in virtual time by a network in
     this process.
     """
     names, evaders = [one.vehicle for one in flight.pursuits], sorted({one.evader for one in flight.pursuits})
     now_s, stamp = flight.clock.now_s, flight.clock if flight.world.real_time else None
-    equipment, ends = dict(flight.equipment), dict[str, MemoryTransport]()
+    ends = dict[str, MemoryTransport]()
     for number, (own, name, first) in enumerate(flight.pursuits):
         metadata, bus = flight_metadata(own, flight.configs.get(name), stamp), flight.buses.get(name)
-        record = broadcast = part = None
+        used = flight.equipment[name]
         if isinstance(scenario, TeamScenario):
             metadata |= {TEAM: team_document(scenario, flight.pursuits), "vehicle": name}
             transport = ZenohTeam(now_s, bus, TEAM, name, names) if bus else MemoryTransport(name, ends, now_s)
             stack.callback(transport.close)
             epoch, above_m = random.Random(f"{own.seed} {number}").getrandbits(48), scenario.flight.separation_height_m
-            part = Member(name, names, [first, *evaders], transport, epoch=epoch, separation_height_m=above_m)
+            used.team = Member(name, names, [first, *evaders], transport, epoch=epoch, separation_height_m=above_m)
         if folder is not None:
-            path = (folder if part is None else folder / name) / RECORD
-            record = stack.enter_context(recording(path, metadata, real_time=flight.world.real_time))
+            path = (folder if used.team is None else folder / name) / RECORD
+            used.record = stack.enter_context(recording(path, metadata, real_time=flight.world.real_time))
         if bus is not None:
-            broadcast = stack.enter_context(closing(Broadcast(name, bus, metadata)))
-        equipment[name] = replace(equipment[name], record=record, broadcast=broadcast, team=part)
-    return equipment
+            used.broadcast = stack.enter_context(closing(Broadcast(name, bus, metadata)))
 
 
 @contextmanager

@@ -15,6 +15,7 @@ import numpy as np
 
 from guidance.autopilots import Wants, autopilot_named
 from guidance.config import parse
+from guidance.control import Speeds
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
@@ -129,11 +130,10 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     if contradictions := [*_players(scenario, config), *_places(scenario, config)]:
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
-    both, rates = (scenario.pursuer, config.game), ("climb_m_s", "descent_m_s")
-    slower = {key: min(getattr(one, key) for one in both) for key in rates}
+    slower = Speeds(*(min(both) for both in zip(scenario.pursuer.speeds, config.game.speeds, strict=True)))
     own, theirs = (one.limits.model_copy(update=one.speed_limits._asdict()) for one in (config, scenario))
     document = config.model_dump(mode="json")
-    document["game"] = GameSection(**_game(scenario) | slower).model_dump(mode="json")
+    document["game"] = _game(scenario) | slower._asdict()
     document["limits"] = own.tighter(theirs).model_dump(mode="json")
     up = {"takeoff_height_m": scenario.pursuer.takeoff_height_m}
     document["flight"] |= {**up, "after_capture": "hold", "engage_on": "command"}
