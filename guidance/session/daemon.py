@@ -55,16 +55,15 @@ class Equipment:
     team: Member | None = None
 
 
+Evaders = EvaderSource | Mapping[str, EvaderSource]
+"""The source of reports of the only evader, or one for each evader by name."""
+
+
 class Daemon:
     """One vehicle's guidance, in real or virtual time, against one evader or, in a team, several by name."""
 
     def __init__(
-        self,
-        name: str,
-        plan: FlightPlan,
-        link: VehicleLink,
-        evader: EvaderSource | Mapping[str, EvaderSource],
-        equipment: Equipment | None = None,
+        self, name: str, plan: FlightPlan, link: VehicleLink, evader: Evaders, equipment: Equipment | None = None
     ) -> None:
         used = equipment or Equipment()
         self.name, self._link, self.team, self.mailbox = name, link, used.team, used.mailbox

@@ -19,7 +19,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Final, NoReturn, Protocol, Self
+from typing import Final, NoReturn, Self
 
 from guidance.clock import Clock, Timing
 from guidance.errors import ConfigError
@@ -146,12 +146,13 @@ class GcScheduler:
         gc.unfreeze()
 
 
-class CycleHooks(Protocol):
-    """Called before and after the daemons' steps in every cycle."""
+class CycleHooks:
+    """Called before and after the daemons' steps in every cycle; these do nothing."""
 
     @property
     def finished(self) -> bool:
         """Whether the loop is to end."""
+        return False
 
     def before(self, now_s: float) -> None:
         """Prepare a cycle."""
@@ -160,13 +161,12 @@ class CycleHooks(Protocol):
         """Follow a cycle that began `late_s` later than due."""
 
 
+IDLE: Final = CycleHooks()
+"""No mission: only people give orders."""
+
+
 def run(
-    daemons: Sequence[Daemon],
-    world: World,
-    clock: Clock,
-    *,
-    mission: CycleHooks | None = None,
-    signals: Signals | None = None,
+    daemons: Sequence[Daemon], world: World, clock: Clock, *, mission: CycleHooks = IDLE, signals: Signals | None = None
 ) -> None:
     """Run daemons in a world, in real or in virtual time, until they or their mission have finished.
 
@@ -177,7 +177,7 @@ def run(
         daemons: What flies.
         world: Where.
         clock: Its time.
-        mission: Called around every cycle; None if only people give orders.
+        mission: Called around every cycle.
         signals: Acts on the signals of the operating system; None leaves these to the process.
 
     Raises:
@@ -189,20 +189,18 @@ def run(
     due_s = clock.now_s()
     garbage = GcScheduler(due_s, collect=world.real_time)
     try:
-        while (flying := [one for one in daemons if not one.finished]) and not (mission and mission.finished):
+        while (flying := [one for one in daemons if not one.finished]) and not mission.finished:
             clock.sleep_until(due_s)
             world.advance()
             now_s = clock.now_s()
             signals.act(flying, now_s)
-            if mission is not None:
-                mission.before(now_s)
+            mission.before(now_s)
             for daemon in flying:
                 try:
                     daemon.step(now_s, Timing(now_s - due_s, worked_s))
                 except Exception as error:  # of any kind: no other program flies this vehicle
                     daemon.survive(error, now_s)
-            if mission is not None:
-                mission.after(now_s, now_s - due_s)
+            mission.after(now_s, now_s - due_s)
             _record_frames(world, daemons)
             done_s = clock.now_s()
             worked_s = done_s - now_s

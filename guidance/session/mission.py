@@ -21,7 +21,7 @@ from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
 from guidance.session.answers import failed_checks, missing, next_words
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.loop import PERIOD_S, Signals, run
+from guidance.session.loop import PERIOD_S, CycleHooks, Signals, run
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.result import PLAYING, EvaderResult, FlightResult, MissionResult, begins_game, note
@@ -110,7 +110,7 @@ MOCKED: Final = MissionPolicy(engage=True, end_with=Event.LAND)
 
 
 @dataclass(eq=False)
-class Mission:
+class Mission(CycleHooks):
     """The mission of all vehicles of a flight, around every cycle of their daemons: `before` and `after`.
 
     Args:
