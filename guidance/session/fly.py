@@ -17,7 +17,7 @@ from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.flight.settings import TeamSection
-from guidance.frames import Amsl, LocalFrame, ned_from_game
+from guidance.frames import Amsl, GameFrame, LocalFrame
 from guidance.links.opening import KINDS
 from guidance.links.port import Wire, parse
 from guidance.links.wires import MemoryWire, share
@@ -154,12 +154,8 @@ class ByFile:
         name, hand_over = own.name, ORDER_OF[own.flight.on_terminate]
         signals = stack.enter_context(Signals(hand_over).installed())
         world, bus, used = open_vehicle(own, clock, stack, tapped=True)
-        name, pursuits, policy = (
-            own.name,
-            (Pursuit(scenario, own.name),),
-            MissionPolicy(self.engage, hand_over=hand_over),
-        )
-        return Opened(pursuits, world, clock, {name: bus}, {name: used}, {name: own}, policy, signals)
+        policy = MissionPolicy(self.engage, hand_over=hand_over)
+        return Opened((Pursuit(scenario, name),), world, clock, {name: bus}, {name: used}, {name: own}, policy, signals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -376,8 +372,8 @@ def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str
     """
     x, y = scenario.home_m
     home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))
-    north_m, east_m, down_m = (at + by for at, by in zip(home_ned_m, ned_from_game((-x, -y, 0.0)), strict=True))
-    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned((north_m, east_m, down_m))
+    site_ned_m = GameFrame(home_ned_m).position_to_ned((-x, -y, 0.0))
+    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(site_ned_m)
     update: dict[str, Any] = {
         "site": Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres),
         "pursuer": scenario.pursuer.model_copy(update={"autopilot": autopilot}),
