@@ -73,7 +73,7 @@ class Daemon:
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
         self._refused: tuple[str, ...] = ()
-        self._now_s, self.inputs = float("-inf"), Inputs()
+        self.inputs = Inputs()
         self.outputs: Outputs | None = None
         self.finished = False
         self._begin(plan)
@@ -87,7 +87,7 @@ class Daemon:
             self.team.begin()
         self.survey = PreflightMemory(parameter_names(plan.flight.autopilot))
         self._engaging = Engaging(self.flight, self.survey, plan.wants)
-        self.recording.begin()
+        self.recording.begun = False
         self._judged_s = float("-inf")
         self.rows: tuple[Finding, ...] = ()  # preflight's, as last judged
         self._refused_for: dict[str, str] = {}
@@ -106,14 +106,14 @@ class Daemon:
         """Run one cycle; `timing` is how the loop kept time."""
         asked, queries = self.mailbox.take()
         orders = self._orders(asked, now_s)
-        self._now_s, self.inputs = now_s, self._read(now_s, queries, orders)
+        self.inputs = self._read(now_s, queries, orders)
         outputs = self.outputs = self.flight.step(now_s, self.inputs)
-        self._write(outputs, timing)
+        self._write(now_s, outputs, timing)
         if self.team is not None:
             self._tell(self.team, now_s, outputs)
-        self._answer(queries, orders, outputs)
-        self._preflight(self.inputs)
-        self._report(outputs, timing)
+        self._answer(now_s, queries, orders, outputs)
+        self._preflight(now_s)
+        self._report(now_s, outputs, timing)
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
 
@@ -185,13 +185,13 @@ class Daemon:
         """True while preflight applies: on the ground, and for a vehicle found armed until it has passed once."""
         return self.flight.state in ON_GROUND or (self.in_flight and not self.flight.checked)
 
-    def _write(self, outputs: Outputs, timing: Timing) -> None:
+    def _write(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
         """Send the flight's outputs, the setpoint first: everything else can wait a millisecond."""
         if outputs.setpoint is not None:
             self._link.send_setpoint(outputs.setpoint)
         for request in outputs.requests:
             self._link.request(request)
-        failed = self.recording.cycle(self._now_s, self.inputs, outputs, timing)
+        failed = self.recording.cycle(now_s, self.inputs, outputs, timing)
         if failed is not None:
             self.metrics.happened(STOPPED)
             self._log.say(logging.WARNING, STOPPED, reason=failed)
@@ -257,9 +257,8 @@ class Daemon:
         for question in self._engaging.give_up():
             self._reply(question, now_s, reason)
 
-    def _answer(self, queries: Sequence[Question], orders: Sequence[Question], outputs: Outputs) -> None:
+    def _answer(self, now_s: float, queries: Sequence[Question], orders: Sequence[Question], outputs: Outputs) -> None:
         """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
-        now_s = self._now_s
         for question, happening in zip(orders, outputs.happenings, strict=False):
             order = Event(question.order)
             done = happening.after is not happening.before or is_done(order, happening.after)
@@ -290,12 +289,12 @@ class Daemon:
         if question.by:
             self.recording.event(now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}")
 
-    def _preflight(self, inputs: Inputs) -> None:
+    def _preflight(self, now_s: float) -> None:
         """Read and judge parameters on the ground, and read the failsafe parameters again before the game begins."""
-        now_s, wants = self._now_s, self._plan.wants
+        wants = self._plan.wants
         if wants is None or not (self._judging or self._engaging.asked_s is not None):
             return
-        self.survey.observe(inputs.messages, inputs.reports)
+        self.survey.observe(self.inputs.messages, self.inputs.reports)
         if self._judging or not self.survey.complete:  # the uploaded fence is read on the ground
             for request in self.survey.requests(now_s):
                 self._link.request(request)
@@ -310,9 +309,8 @@ class Daemon:
             if refused:
                 self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self.rows))
 
-    def _report(self, outputs: Outputs, timing: Timing) -> None:
+    def _report(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
         """Log the cycle's events, count it, and show the flight once a second and when its state changes."""
-        now_s = self._now_s
         say_outputs(self._log, outputs)
         self.metrics.follow(outputs, timing.late_s)
         self._notifier.alive(now_s)
@@ -320,8 +318,7 @@ class Daemon:
         if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
             return
         self._shown_s = now_s
-        evaders = {name: source.counters() for name, source in self._evaders.items()}
-        counters = {"vehicle": self._link.counters(), **evaders}
+        counters = {"vehicle": self._link.counters()} | {name: one.counters() for name, one in self._evaders.items()}
         if self.team is not None:
             counters["team"] = self.team.board.counts
         self.metrics.show(now_s, self.flight, outputs, counters)

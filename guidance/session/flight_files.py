@@ -99,26 +99,23 @@ class Recording:
         required: Whether nothing flies without the record.
 
     Attributes:
+        begun: Whether a cycle of the present flight was kept; False begins another flight.
         stopped: Time and reason of the record's end, in words; empty before it.
     """
 
     def __init__(
         self, vehicle: str, record: Record | None, broadcast: Record | None = None, *, required: bool = False
     ) -> None:
-        self._vehicle, self._record, self._required, self._begun = vehicle, record, required, False
+        self._vehicle, self._record, self._required, self.begun = vehicle, record, required, False
         self._each = [one for one in (record, broadcast) if one is not None]
         self.stopped = ""
-
-    def begin(self) -> None:
-        """The next cycle is the first of another flight."""
-        self._begun = False
 
     def cycle(self, now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> str | None:
         """Keep a cycle with its events; return the reason once, when the record stops."""
         if not self._each:
             return None
-        if not self._begun:
-            self._begun = True
+        if not self.begun:
+            self.begun = True
             self.event(now_s, BEGUN)
         entry = cycle_entry(now_s, inputs, outputs, timing, self._vehicle)
         for one in self._each:
