@@ -285,19 +285,17 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
         pursuits, clock, policy, show = flight.pursuits, flight.clock, flight.policy, onlooker.show
         team = team_document(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
         plans = {one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team) for one in pursuits}
-        equipment = flight.equipment
         _equip(flight, scenario, folder, stack)
         if folder is not None:
             onlooker.on_record(folder if team else folder / RECORD)
-        for used in equipment.values():
-            used.mailbox.meanwhile = None
-        mission = Mission(pursuits, flight.world, clock, plans=plans, equipment=equipment, policy=policy, show=show)
+        used = flight.equipment
+        mission = Mission(pursuits, flight.world, clock, plans=plans, equipment=used, policy=policy, show=show)
         result = mission.fly(flight.signals)
         for name, flown in result.vehicles.items():
-            if (told := equipment[name].broadcast) is not None:
-                told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, equipment[name].record, folder))
+            if (told := used[name].broadcast) is not None:
+                told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, used[name].record, folder))
     for name, flown in result.vehicles.items():  # the records are closed: note what is missing
-        if (record := equipment[name].record) is not None:
+        if (record := used[name].record) is not None:
             flown.record_dropped = record.dropped
             if record.failed is not None and not flown.record_stopped:
                 flown.record_stopped = stopped_words(flown.duration_s, record.failed)
@@ -342,6 +340,7 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
             used.record = stack.enter_context(recording(path, metadata, real_time=flight.world.real_time))
         if bus is not None:
             used.broadcast = stack.enter_context(closing(Broadcast(name, bus, metadata)))
+        used.mailbox.meanwhile = None  # orders wait for the loop from now on
 
 
 @contextmanager
