@@ -10,10 +10,9 @@ Reading:
 
 Replay:
     replay: runs the present code on a record, `ReplayedCycle` by cycle. compare: counts differences in a `Comparison`.
-    SettingsOf: type of the function that makes settings from metadata.
 """
 
-from guidance.log.aggregator import Aggregator, Cycle, SettingsOf
+from guidance.log.aggregator import Aggregator, Cycle
 from guidance.log.entries import CycleEntry, EventEntry, Item, title_of
 from guidance.log.reader import Survey, cycles_of, events_of, metadata_of, record_errors, reports_of, scan, survey_of
 from guidance.log.replay import Comparison, ReplayedCycle, compare, replay
@@ -26,7 +25,6 @@ __all__ = [
     "EventEntry",
     "Item",
     "ReplayedCycle",
-    "SettingsOf",
     "Survey",
     "compare",
     "cycles_of",

@@ -103,8 +103,6 @@ def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], worst: Sequence[
         keys: Groups of the rows.
         worst: Rows with the worst results.
     """
-    for key in keys:
-        table = table.append_column(_place(key), pa.array(key.places))
     grid = [key for key in keys if key.grid]
     by_key = {key.column: _groups(plan, table, [key]) for key in keys}
     by_point = _groups(plan, table, grid) if len(grid) == 2 else {}
@@ -132,24 +130,21 @@ def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], worst: Sequence[
     return {name: plain(part) for name, part in report.items()}
 
 
-def _place(key: Key) -> str:
-    return f"place of {key.column}"
-
-
 def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
-    names = [PAIR, *map(_place, keys)]
-    sums = [(CAPTURED, "list"), ("regret", "list"), ("predicted", "mean"), ("game_time_s", "min_max")]
-    grouped = table.group_by(names, use_threads=False).aggregate(sums)  # else the last digits of means vary
+    names = (CAPTURED, "regret", "predicted", "game_time_s")
+    columns = np.stack([table[name].to_numpy() for name in names], axis=-1)
+    shape = (len(plan.pairs), *(len(key.labels) for key in keys))
+    group = np.ravel_multi_index((table[PAIR].to_numpy(), *(key.places for key in keys)), shape)
     mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
     found: dict[int, list[dict[str, Any]]] = {}
-    grouped = grouped.sort_by([(name, "ascending") for name in names])
-    lists = [grouped[f"{name}_list"] for name in (CAPTURED, "regret")]
-    for number, row in enumerate(grouped.drop_columns(["captured_list", "regret_list"]).to_pylist()):
-        at = {key.column: key.labels[row[_place(key)]] for key in keys}
-        times = row["game_time_s_min_max"]
-        drawn = any(axis.random is not None for axis in plan.axes) or times["min"] != times["max"]
-        captures, regrets = (known(one[number].values.to_numpy(zero_copy_only=False)) for one in lists)
+    order = np.argsort(group, kind="stable")
+    numbers, begins = np.unique(group[order], return_index=True)
+    for number, rows in zip(numbers.tolist(), np.split(columns[order], begins[1:]), strict=True):
+        pair, *places = np.unravel_index(number, shape)
+        captures, regrets, predicted, times_s = rows.T
+        captures, regrets = known(captures), known(regrets)
+        drawn = any(axis.random is not None for axis in plan.axes) or np.unique(known(times_s)).size != 1
         captured, regret = share(int(captures.sum()), captures.size), mean(regrets)
         if not drawn or mixed or plan.teams:
             captured, regret = Interval(captured.estimate), Interval(regret.estimate)
@@ -157,12 +152,13 @@ def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[
         summary = {
             "games": captures.size,
             "capture": captured,
-            "predicted_mean": row["predicted_mean"],
+            "predicted_mean": float(predicted.mean()),
             "regret_games": regrets.size,
             "regret_mean": regret,
             "regret_quantiles": {f"{one:g}": value for one, value in zip(QUANTILES, quantiles, strict=False)},
         }
-        found.setdefault(row[PAIR], []).append(({"at": at} if keys else {}) | summary)
+        at = {key.column: key.labels[place] for key, place in zip(keys, places, strict=True)}
+        found.setdefault(int(pair), []).append(({"at": at} if keys else {}) | summary)
     return found
 
 
