@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
+from numpy.typing import NDArray
 from rich.table import Table
 from scipy import stats
 
@@ -18,7 +17,7 @@ from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sim.outcome import Outcome
 from guidance.sweeps.axes import Array
-from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, SEED, Folder, read_folder, read_json
+from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, SEED, Columns, Folder, read_folder, read_json
 from guidance.sweeps.plan import ROW, Plan
 
 CONFIDENCE: Final = 0.95
@@ -91,16 +90,16 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
             raise ConfigError(f"{folder.path}: has teams, whose rows are evaders; use guidance sweep report for each")
     matched = matched_pairs(a.plan, b.plan)
     paired = bool(matched) and a.plan.axes == b.plan.axes
-    tables = [folder.table(COLUMNS) for folder in (a, b)]
+    both = [folder.columns(COLUMNS) for folder in (a, b)]
     groups, largest = [], list[dict[str, Any]]()
     if not matched:
-        groups.append(_group("all rows", "all rows", *tables, paired=False))
+        groups.append(_group("all rows", "all rows", *both, paired=False))
     for numbers in matched.items():
-        first, second = (table.filter(pc.equal(table[PAIR], one)) for table, one in zip(tables, numbers, strict=True))
+        first, second = (_some(each, each[PAIR] == one) for each, one in zip(both, numbers, strict=True))
         if paired:
-            first, second = _shared(first, second), _shared(second, first)
+            first, second = _paired(first, second)
             largest += _largest(first, second, column, rows)
-        if first.num_rows or second.num_rows:
+        if first[ROW].size or second[ROW].size:
             name_a, name_b = (" / ".join(of.plan.pairs[one]) for of, one in zip((a, b), numbers, strict=True))
             groups.append(_group(name_a, name_b, first, second, paired=paired))
     largest.sort(key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"]))))
@@ -109,10 +108,15 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
     return {name: plain(part) for name, part in found.items()}
 
 
-def _shared(rows: pa.Table, others: pa.Table) -> pa.Table:
-    """Return the rows whose grid point and seed occur in both tables, in order."""
-    keys = [POINT, SEED]
-    return rows.join(others.select(keys), keys, join_type="left semi").sort_by([(key, "ascending") for key in keys])
+def _some(rows: Columns, which: NDArray[Any]) -> Columns:
+    return {name: column[which] for name, column in rows.items()}
+
+
+def _paired(a: Columns, b: Columns) -> tuple[Columns, Columns]:
+    """Return the rows whose grid point and seed occur in both, in order."""
+    of_a, of_b = (np.rec.fromarrays([rows[POINT], rows[SEED]]) for rows in (a, b))
+    _, first, second = np.intersect1d(of_a, of_b, assume_unique=True, return_indices=True)
+    return _some(a, first), _some(b, second)
 
 
 def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
@@ -121,25 +125,24 @@ def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
     return shared or {number: number for number in range(len(a.pairs)) if len(a.pairs) == len(b.pairs)}
 
 
-def _group(name_a: str, name_b: str, a: pa.Table, b: pa.Table, *, paired: bool) -> dict[str, Any]:
+def _group(name_a: str, name_b: str, a: Columns, b: Columns, *, paired: bool) -> dict[str, Any]:
     columns = {}
     for name in (CAPTURED, *COLUMNS):
-        of_a, of_b = a[name].to_numpy(), b[name].to_numpy()
-        difference = mean(of_b - of_a) if paired else difference_of_means(of_a, of_b)
-        columns[name] = {"a": mean(of_a).estimate, "b": mean(of_b).estimate, "difference": difference}
-    return {"a": name_a, "b": name_b, "rows_a": a.num_rows, "rows_b": b.num_rows, "columns": columns}
+        difference = mean(b[name] - a[name]) if paired else difference_of_means(a[name], b[name])
+        columns[name] = {"a": mean(a[name]).estimate, "b": mean(b[name]).estimate, "difference": difference}
+    return {"a": name_a, "b": name_b, "rows_a": a[ROW].size, "rows_b": b[ROW].size, "columns": columns}
 
 
-def _largest(a: pa.Table, b: pa.Table, column: str, count: int) -> list[dict[str, Any]]:
+def _largest(a: Columns, b: Columns, column: str, count: int) -> list[dict[str, Any]]:
     """Return paired rows with different ends, then those with the largest differences."""
-    size = np.nan_to_num(np.abs(b[column].to_numpy() - a[column].to_numpy()))
-    same = np.array(a[END].to_pylist()) == np.array(b[END].to_pylist())
+    size, same = np.nan_to_num(np.abs(b[column] - a[column])), a[END] == b[END]
     order = np.lexsort((-size, same))[:count]
-    order = pa.array(order[~same[order] | (size[order] > 0.0)])
+    order = order[~same[order] | (size[order] > 0.0)]
+    values = [rows[name][order].tolist() for name in (ROW, END, column) for rows in (a, b)]
     return [
-        {"row_a": one[ROW], "row_b": other[ROW], "end_a": one[END], "end_b": other[END], "column": column}
-        | {"a": one[column], "b": other[column], "difference": other[column] - one[column]}
-        for one, other in zip(a.take(order).to_pylist(), b.take(order).to_pylist(), strict=True)
+        {"row_a": row_a, "row_b": row_b, "end_a": end_a, "end_b": end_b, "column": column}
+        | {"a": of_a, "b": of_b, "difference": of_b - of_a}
+        for row_a, row_b, end_a, end_b, of_a, of_b in zip(*values, strict=True)
     ]
 
 

@@ -17,8 +17,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
+from numpy.typing import NDArray
 from pyarrow import parquet
 
 from guidance.errors import ConfigError
@@ -34,9 +35,13 @@ ROWS: Final = "rows"
 END: Final = "end"
 CAPTURED: Final = "captured"
 PAIR, POINT, SEED = "pair", "point", "case_seed"
-"""Columns that `Folder.table` adds: number of the pair of policies, of the grid point, and the seed. `CAPTURED` is 1 or
-0, and NaN in an invalid row.
+"""Columns that `Folder.columns` adds: number of the pair of policies, of the grid point, and the seed.
+
+`CAPTURED` is 1 or 0, and NaN in an invalid row.
 """
+
+Columns = dict[str, NDArray[Any]]
+"""Columns of some rows, by name, (n,) each; texts are objects."""
 
 _FORMAT: Final = 1
 
@@ -118,13 +123,13 @@ class Folder:
         """The existing files, in the order of their rows."""
         return sorted((self.path / ROWS).glob("part-*.parquet"))
 
-    def table(self, columns: Sequence[str]) -> pa.Table:
+    def columns(self, names: Sequence[str]) -> Columns:
         """Read `ROW`, `END` and other columns of all rows, and add `PAIR`, `POINT`, `SEED` and `CAPTURED`."""
-        table = parquet.read_table(self.parts, columns=[ROW, END, *columns])
-        for name, values in zip((PAIR, POINT, SEED), self.plan.places(table[ROW].to_numpy()), strict=True):
-            table = table.append_column(name, pa.array(values))
-        captured = pc.cast(pc.equal(table[END], CAPTURED), pa.float64())
-        return table.append_column(CAPTURED, pc.if_else(pc.equal(table[END], "invalid"), math.nan, captured))
+        table = parquet.read_table(self.parts, columns=[ROW, END, *names])
+        read = {name: table[name].to_numpy() for name in table.column_names}
+        placed = dict(zip((PAIR, POINT, SEED), self.plan.places(read[ROW]), strict=True))
+        captured = np.where(read[END] == "invalid", math.nan, read[END] == CAPTURED)
+        return read | placed | {CAPTURED: captured}
 
 
 def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:

@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 import tomli_w
 from rich.console import Console
 
@@ -21,7 +19,7 @@ from guidance.screen import console, sheet
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.compare import Interval, cell, known, mean, share, spread
 from guidance.sweeps.drawing import Key, draw_all, key_label
-from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, Folder, read_folder, write_whole
+from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, Columns, read_folder, write_whole
 from guidance.sweeps.plan import ROW, Plan
 from guidance.sweeps.rows import scenario_of
 
@@ -56,17 +54,16 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     plan = folder.plan
     swept = [column for axis in plan.axes for column in axis.columns()]
     of_game = ("predicted", "evader_to_target_m") if plan.teams else _OF_GAME[plan.scenario["game"]]
-    table = folder.table([*swept, *_COLUMNS, *of_game])
-    table = table.rename_columns(dict(zip(of_game, ("predicted", "away_m"), strict=True)))
-    keys = [key for axis in plan.axes for key in _keys(plan, axis, table)]
+    rows = folder.columns([*swept, *_COLUMNS, *of_game])
+    rows["predicted"], rows["away_m"] = (rows[name] for name in of_game)
+    keys = [key for axis in plan.axes for key in _keys(plan, axis, rows)]
     with writing(f"--out {out}"):
         private_folder(out)
-        cases = list(_written_worst(folder, table, out, worst))
-        report = summed_up(plan, table, keys, cases)
+        cases = list(_written_worst(plan, rows, out, worst))
+        report = summed_up(plan, rows, keys, cases)
         text = json.dumps(report, indent=1) + "\n"
         write_whole(out / "report.json", text.encode())
-        regret, pair = table["regret"].to_numpy(), table[PAIR].to_numpy()
-        regrets = [regret[np.isfinite(regret) & (pair == number)] for number in range(len(plan.pairs))]
+        regrets = [known(rows["regret"][rows[PAIR] == number]) for number in range(len(plan.pairs))]
         pictures = draw_all(report, keys, regrets, out)
     if as_json:
         sys.stdout.write(text)
@@ -75,74 +72,73 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     return [out / "report.json", *pictures, *(out / case["file"] for case in cases)]
 
 
-def _keys(plan: Plan, axis: Axis, table: pa.Table) -> Iterator[Key]:
+def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
     """Yield groups of rows: by the values of a grid, or by ten even bins of each random number."""
     if axis.random is None and len(axis.values) > 1:
-        places = plan.on_axes(table[POINT].to_numpy())[plan.axes.index(axis)]
+        places = plan.on_axes(rows[POINT])[plan.axes.index(axis)]
         labels = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values]
-        numbers = axis.values if all(isinstance(value, (int, float)) for value in axis.values) else range(len(labels))
-        yield Key(axis.key, labels, numbers, places, grid=True)
+        centres = axis.values if all(isinstance(value, (int, float)) for value in axis.values) else range(len(labels))
+        yield Key(axis.key, labels, centres, places, grid=True)
     for column in axis.columns() if axis.random is not None else ():
-        if not pa.types.is_floating(table[column].type):
-            texts, places = np.unique([str(value) for value in table[column].to_pylist()], return_inverse=True)
+        numbers = rows[column]
+        if numbers.dtype.kind != "f":
+            texts, places = np.unique(numbers.astype(str), return_inverse=True)
             yield Key(column, texts.tolist(), range(len(texts)), places, grid=False)
             continue
-        numbers = table[column].to_numpy()
         edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
         labels = [f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(edges.tolist())]
         places = np.searchsorted(edges[1:-1], numbers, side="right")
         yield Key(column, labels, (0.5 * (edges[1:] + edges[:-1])).tolist(), places, grid=False)
 
 
-def summed_up(plan: Plan, table: pa.Table, keys: Sequence[Key], worst: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def summed_up(plan: Plan, rows: Columns, keys: Sequence[Key], worst: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the report as plain values; None if unknown.
 
     Args:
         plan: Of the sweep.
-        table: Its rows.
+        rows: Its rows.
         keys: Groups of the rows.
         worst: Rows with the worst results.
     """
     grid = [key for key in keys if key.grid]
-    by_key = {key.column: _groups(plan, table, [key]) for key in keys}
-    by_point = _groups(plan, table, grid) if len(grid) == 2 else {}
-    whole, ends, pairs = _groups(plan, table, []), np.array(table[END].to_pylist()), table[PAIR].to_numpy()
+    by_key = {key.column: _groups(plan, rows, [key]) for key in keys}
+    by_point = _groups(plan, rows, grid) if len(grid) == 2 else {}
+    whole = _groups(plan, rows, [])
     report = {
         "title": plan.title or plan.scenario["title"],
         "scenario": plan.scenario["title"],
         "as": plan.way,
         "digest": plan.digest,
-        "rows": table.num_rows,
+        "rows": rows[ROW].size,
         "rows_planned": plan.rows,
         "teams": plan.teams,
         "unit": "s" if plan.scenario["game"] == "pe" else "m",
         "intervals": "95 %, of random draws only: Wilson's for probabilities, Student's t for means",
         "policies": [
-            {**pair._asdict(), "ends": Counter(ends[pairs == number].tolist()), **whole[number][0]}
+            {**pair._asdict(), "ends": Counter(rows[END][rows[PAIR] == number].tolist()), **whole[number][0]}
             | {"by_key": {column: found[number] for column, found in by_key.items()}}
             | {"by_point": by_point.get(number, [])}
             for number, pair in enumerate(plan.pairs)
             if number in whole
         ],
-        "invalid": _reasons(table),
+        "invalid": _reasons(rows),
         "worst": worst,
     }
     return {name: plain(part) for name, part in report.items()}
 
 
-def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
+def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
-    names = (CAPTURED, "regret", "predicted", "game_time_s")
-    columns = np.stack([table[name].to_numpy() for name in names], axis=-1)
+    numbers = np.stack([rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")], axis=-1)
     shape = (len(plan.pairs), *(len(key.labels) for key in keys))
-    group = np.ravel_multi_index((table[PAIR].to_numpy(), *(key.places for key in keys)), shape)
+    group = np.ravel_multi_index((rows[PAIR], *(key.places for key in keys)), shape)
     mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
     found: dict[int, list[dict[str, Any]]] = {}
     order = np.argsort(group, kind="stable")
-    numbers, begins = np.unique(group[order], return_index=True)
-    for number, rows in zip(numbers.tolist(), np.split(columns[order], begins[1:]), strict=True):
-        pair, *places = np.unravel_index(number, shape)
-        captures, regrets, predicted, times_s = rows.T
+    groups, begins = np.unique(group[order], return_index=True)
+    for one, members in zip(groups.tolist(), np.split(numbers[order], begins[1:]), strict=True):
+        pair, *places = np.unravel_index(one, shape)
+        captures, regrets, predicted, times_s = members.T
         captures, regrets = known(captures), known(regrets)
         drawn = any(axis.random is not None for axis in plan.axes) or np.unique(known(times_s)).size != 1
         captured, regret = share(int(captures.sum()), captures.size), mean(regrets)
@@ -162,27 +158,25 @@ def _groups(plan: Plan, table: pa.Table, keys: Sequence[Key]) -> dict[int, list[
     return found
 
 
-def _reasons(table: pa.Table) -> list[dict[str, Any]]:
+def _reasons(rows: Columns) -> list[dict[str, Any]]:
     """Return why rows are invalid or failed, with an example of each reason; its numbers differ from row to row."""
-    wrong = table.filter(pc.is_in(table[END], pa.array(["invalid", "failed"])))
+    wrong = (rows[END] == "invalid") | (rows[END] == "failed")
     found: dict[str, dict[str, Any]] = {}
-    for row, reason in zip(wrong[ROW].to_pylist(), wrong["reason"].to_pylist(), strict=True):
+    for row, reason in zip(rows[ROW][wrong].tolist(), rows["reason"][wrong], strict=True):
         kind = re.sub(r"-?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
         found.setdefault(kind, {"rows": 0, "row": row, "reason": reason})["rows"] += 1
     return sorted(found.values(), key=lambda one: -int(one["rows"]))
 
 
-def _written_worst(folder: Folder, table: pa.Table, out: Path, count: int) -> Iterator[dict[str, Any]]:
+def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator[dict[str, Any]]:
     """Write the worst rows of every pair of policies as `worst-001.toml`, `worst-002.toml` …, the worst first.
 
     A game that the pursuer should have won and lost is worse than any regret; the evader's distance from its
     target (TAD) or the pursuer's from the disc (PE) orders it.
     """
-    plan, end, regret = folder.plan, np.array(table[END].to_pylist()), table["regret"].to_numpy()
-    foretold = np.array(table["predicted_winner"].to_pylist()) == "pursuer"
-    lost = foretold & ~np.isin(end, [CAPTURED, "invalid"])
-    row, pair = table[ROW].to_numpy(), table[PAIR].to_numpy()
-    badness = np.nan_to_num(np.where(lost, table["away_m"].to_numpy(), regret))
+    row, pair, end, regret = (rows[name] for name in (ROW, PAIR, END, "regret"))
+    lost = (rows["predicted_winner"] == "pursuer") & (end != CAPTURED) & (end != "invalid")
+    badness = np.nan_to_num(np.where(lost, rows["away_m"], regret))
     order = np.lexsort((row, -badness, ~lost))
     order = order[(lost | np.isfinite(regret))[order]]
     best = np.sort(np.concatenate([np.flatnonzero(pair[order] == number)[:count] for number in range(len(plan.pairs))]))
