@@ -39,9 +39,7 @@ class _LazyCommands(UserDict[str, Any]):
     def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - click's own classes
         command = getattr(import_module(f"guidance.cli.{self.data[name][0]}"), name)
         if isinstance(command, typer.Typer):
-            group = typer.main.get_group(command)
-            group.name = name
-            return group
+            return typer.main.get_group(command)
         alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
         alone.command(name)(command)
         return typer.main.get_command(alone)

@@ -27,16 +27,15 @@ _TEAM: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
 
 
-def host_session(endpoint: str, token: local.ControlToken | None = None) -> Session:
-    """Listen as a router at one endpoint only; without a token every user of this computer may join.
+def host_session(endpoint: str, token: local.ControlToken) -> Session:
+    """Listen as a router at one endpoint only, for those who know the token.
 
     Raises:
         LinkError: If it cannot listen there.
     """
-    auth = {} if token is None else {"auth": token.auth(dictionary_file=str(token.path))}
     there = {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True}
     try:
-        return direct_session("router", {"listen": there}, **auth)
+        return direct_session("router", {"listen": there}, auth=token.auth(dictionary_file=str(token.path)))
     except zenoh.ZError as error:
         who = "another program has the port"
         with contextlib.suppress(GuidanceError):

@@ -2,6 +2,7 @@
 
 import contextlib
 
+from guidance.links.zenoh_wire import direct_session
 from guidance.session import control_bus
 from guidance.session.control_socket import TIMEOUT_S
 
@@ -21,3 +22,8 @@ def ask(order, *, endpoint, name, timeout_s=TIMEOUT_S, **joining):
     """Give an order on a session of its own; more arguments as of `join_session`."""
     with control_bus.join_session(endpoint, **joining) as session:
         return control_bus.ask(session, order, name, endpoint=endpoint, timeout_s=timeout_s)
+
+
+def open_to_all(endpoint):
+    """Host a session at an endpoint that every user of this computer may join."""
+    return direct_session("router", {"listen": {"endpoints": [endpoint]}})

@@ -15,7 +15,8 @@ from guidance.flight import State
 from guidance.links.zenoh_wire import open_session
 from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key, is_watched
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
-from guidance.session.control_bus import free_endpoint, host_session
+from guidance.session.control_bus import free_endpoint
+from tests.harness.bus import open_to_all
 
 ONLOOKER = """
 import signal, sys
@@ -47,7 +48,7 @@ asked.wait()
 def bus():
     """A hosted session, its endpoint, and a broadcast on it."""
     endpoint = free_endpoint()
-    session = host_session(endpoint)
+    session = open_to_all(endpoint)
     broadcast = Broadcast("uav1", session, {"seed": "3"})
     yield broadcast, endpoint
     broadcast.close()

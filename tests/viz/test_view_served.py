@@ -21,8 +21,9 @@ from guidance.errors import ConfigError, LinkError
 from guidance.log import cycles_of, metadata_of
 from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
 from guidance.log.entries import CYCLE, Item
-from guidance.session.control_bus import free_endpoint, host_session, join_session
+from guidance.session.control_bus import free_endpoint, join_session
 from guidance.viz.serving import _Relay, hidden_address, recording_server
+from tests.harness.bus import open_to_all
 
 FREE = ("--port", "0", "--web-port", "0")
 LISTENING = "0A"
@@ -161,7 +162,7 @@ def test_a_port_in_use_is_one_clear_error():
 def bus(record):
     """A daemon's broadcast, without the daemon."""
     endpoint = free_endpoint()
-    session = host_session(endpoint)
+    session = open_to_all(endpoint)
     opened = [Broadcast(name, session, {"scenario": "{}"}) for name in ("uav1", "uav2")]
     yield opened, endpoint
     for one in opened:
