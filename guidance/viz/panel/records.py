@@ -9,7 +9,6 @@ import json
 import os
 import sys
 import tempfile
-from collections import OrderedDict
 from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -53,7 +52,7 @@ class RecordFolder:
         self.folder = folder
         self._temporary = tempfile.TemporaryDirectory(prefix="guidance-panel-")
         self._outcomes: dict[Key, Mapping[str, Any]] = {}
-        self._products: OrderedDict[tuple[Key, str], Path] = OrderedDict()  # the least recently used first
+        self._products: dict[tuple[Key, str], Path] = {}  # the least recently used first
         self._one_at_a_time = asyncio.Lock()
         self._reading: asyncio.Task[None] | None = None
 
@@ -98,12 +97,11 @@ class RecordFolder:
             return None
         key = (_key(name, path), what)
         async with self._one_at_a_time:
-            if key not in self._products:
-                self._products[key] = await self._make(path, what)
-            self._products.move_to_end(key)
+            made = self._products.pop(key, None) or await self._make(path, what)
+            self._products[key] = made
             while len(self._products) > MAX_KEPT:
-                self._products.popitem(last=False)[1].unlink(missing_ok=True)
-        return self._products[key]
+                self._products.pop(next(iter(self._products))).unlink(missing_ok=True)
+        return made
 
     async def _make(self, path: Path, what: str) -> Path:
         folder = Path(tempfile.mkdtemp(dir=self._temporary.name))
