@@ -170,11 +170,12 @@ class Scene:
 
     def of(self, entry: CycleEntry) -> Iterator[Drawn]:
         """Draw one cycle."""
-        for message in entry.inputs.messages:
-            if isinstance(message, GlobalPosition):
-                yield from self._on_map("pursuer", message, math.nan)
-        for report in entry.inputs.reports:
-            yield from self._on_map("evader", report, report.position_sd_m)
+        for seen in (*entry.inputs.messages, *entry.inputs.reports):
+            if isinstance(seen, (GlobalPosition, EvaderReport)):
+                name, sd_m = ("evader", seen.position_sd_m) if isinstance(seen, EvaderReport) else ("pursuer", math.nan)
+                if self._is_due(f"guidance/map/{name}", seen.received_s, EVERY_S):
+                    place = (seen.latitude_deg, seen.longitude_deg, seen.altitude_amsl_m)
+                    yield f"guidance/map/{name}", FIX, _fix(seen.received_s, name, place, sd_m)
         now_s, certificate = entry.now_s, entry.certificate
         if certificate is None:
             return
@@ -187,12 +188,6 @@ class Scene:
             if not certificate.no_game:
                 balls.append(_ball(certificate.meeting_point_game_m, 0.6, _MEETING))
             yield "guidance/scene", SCENE, _scene(now_s, balls, disc(certificate))
-
-    def _on_map(self, name: str, seen: GlobalPosition | EvaderReport, sd_m: float) -> Iterator[Drawn]:
-        topic = f"guidance/map/{name}"
-        if self._is_due(topic, seen.received_s, EVERY_S):
-            place = (seen.latitude_deg, seen.longitude_deg, seen.altitude_amsl_m)
-            yield topic, FIX, _fix(seen.received_s, name, place, sd_m)
 
     def _is_due(self, topic: str, now_s: float, every_s: float) -> bool:
         # A tenth of a period early is accepted, since cycles do not fall on this grid.

@@ -203,11 +203,10 @@ def chase_figure(shapes: Sequence[Shape], fence: Sequence[Array], *, with_whole_
         draw(axes, shapes, dimensions)
         if axes is space or (whole and axes is plan):
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        draw_fence(axes, fence, dimensions, whole=axes in whole)
     label_plan(plan, adjustable="box" if whole else "datalim")
     for axes in whole:
         label_plan(axes, "from above, with the fence")
-    for axes, dimensions in views:
-        draw_fence(axes, fence, dimensions, whole=axes in whole)
     space.set(xlabel="x east, m", zlabel="z up, m", zlim=(min(0.0, low[2] + _MARGIN_M), high[2]))
     space.set_ylabel("y north, m", labelpad=10.0)
     space.locator_params(nbins=5)

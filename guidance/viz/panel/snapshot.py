@@ -79,10 +79,10 @@ _REACH: Final[Mapping[str, Level]] = {"yes": Level.OK, "uncertain": Level.CAUTIO
 _OF_THE_GAME: Final = ("value", "time_needed_s", "vehicle_margin_s", "reachable_speed_m_s", "assured_distance_m")
 _VELOCITIES: Final = ("flown", "commanded", "desired")
 HISTORY: Final = (
-    *("now_s", "pursuer_m", "evader_m", "gap_m", "height_gap_m"),
-    *("game.value", "game.time_needed_s", "game.assured_distance_m"),
-    *("speed_m_s.flown", "speed_m_s.commanded", "speed_m_s.desired", "age_s.position", "age_s.evader"),
-)
+    "now_s", "pursuer_m", "evader_m", "gap_m", "height_gap_m", "game.value", "game.time_needed_s",
+    "game.assured_distance_m", "speed_m_s.flown", "speed_m_s.commanded", "speed_m_s.desired", "age_s.position",
+    "age_s.evader",
+)  # fmt: skip
 """Columns of the charts: where each value is in a snapshot. The page makes further rows by the same table."""
 
 
