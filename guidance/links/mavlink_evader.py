@@ -12,20 +12,22 @@ from typing import Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from guidance.links import codec
 from guidance.links.carriers import Carrier, accepted
 from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.pymavlink_link import own_heartbeat
-from guidance.links.requests import TimesyncPeer
-from guidance.messages import EvaderReport, Timesync
+from guidance.links.requests import RequestQueue, TimesyncPeer
+from guidance.messages import Command, CommandAck, EvaderReport, Timesync
 
 OWN_COMPONENT_ID: Final = 195
 GROUND_STATION_ID: Final = 255
 """Our system id if we ask for reports. The evader's own id would mean a part of the evader."""
 
-ASK_EVERY_S: Final = 1.0
+HEARTBEAT_S: Final = 1.0
 ASK_AGAIN_S: Final = 3.0
-"""Ask for reports after this time without one: the evader may have restarted."""
+"""Ask for reports after this time without one: the evader may have restarted. Not more often once it has acknowledged,
+since an autopilot may begin its interval again with each request."""
 
 _CLOCKS_AGREE_S: Final = 0.1
 _MAX_DELAY_S: Final = 5.0
@@ -56,13 +58,15 @@ class MavlinkEvader:
 
     def __post_init__(self) -> None:
         """Begin with nothing heard."""
-        self._frames = FrameReader((self.carrier.message, "TIMESYNC"))
-        own_id = self.system_id if self.request_rate_hz is None else GROUND_STATION_ID
+        polled = self.request_rate_hz is not None
+        self._frames = FrameReader((self.carrier.message, "TIMESYNC", *(("COMMAND_ACK",) if polled else ())))
+        own_id = GROUND_STATION_ID if polled else self.system_id
         self._station = Station(own_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock)
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
         self._sent_s: float | None = None
-        self._reported_s = self._asked_s = -math.inf
+        self._requests = RequestQueue()
+        self._asked_s = self._beat_s = -math.inf
         self._impostors = 0
         self._counts: Counter[str] = Counter()
 
@@ -84,17 +88,21 @@ class MavlinkEvader:
         """Ask for the evader's clock once it has reported, and for its reports as long as none arrives."""
         if self._counts["reports"] and now_s >= self._timesync.next_ask_s:
             self._send(self._timesync.ask(now_s))
-        if reported:
-            self._reported_s = now_s
-        if self.request_rate_hz is None or now_s - self._asked_s < ASK_EVERY_S:
+        if self.request_rate_hz is None:
             return
-        self._asked_s = now_s
-        self._send(own_heartbeat())
-        if now_s - self._reported_s >= ASK_AGAIN_S:
+        if now_s - self._beat_s >= HEARTBEAT_S:
+            self._beat_s = now_s
+            self._send(own_heartbeat())
+        if reported:
+            self._asked_s = now_s
+        elif now_s - self._asked_s >= ASK_AGAIN_S:
+            self._asked_s = now_s
+            message_id = float(getattr(mavlink, f"MAVLINK_MSG_ID_{self.carrier.message}"))
+            params = (message_id, 1e6 / self.request_rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
+            self._requests.add(Command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, params))
+        for request, attempt in self._requests.due(now_s):
+            self._send(codec.request(request, attempt=attempt, to=(self.system_id, self.component_id or 1)))
             self._counts["requests_sent"] += 1
-            asked = getattr(mavlink, f"MAVLINK_MSG_ID_{self.carrier.message}"), 1e6 / self.request_rate_hz
-            command = self.system_id, self.component_id or 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-            self._send(mavlink.MAVLink_command_long_message(*command, 0, *asked, 0, 0, 0, 0, 0))
 
     def _send(self, message: Fields) -> None:
         self.wire.send(self._station.pack(message))
@@ -104,15 +112,24 @@ class MavlinkEvader:
         foreign = frame.system_id != self.system_id or self.component_id not in (None, frame.component_id)
         check = self._station.check
         problem = "foreign" if foreign else None if check is None else check.problem(frame)
-        if problem is not None:
+        if problem is not None and frame.name != "COMMAND_ACK":  # the vehicle's arrive on a shared wire
             self._counts[problem] += 1
         return problem is None
 
     def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
+        fields = frame.fields
         if frame.name == "TIMESYNC":
-            self._answer = self._timesync.hear(frame.fields, received_s)[0] or self._answer
+            answer, reply = self._timesync.hear(fields, received_s)
+            self._answer = answer or self._answer
+            if reply is not None and self.request_rate_hz is not None:
+                self._send(reply)
             return []
-        report = accepted(self._counts, self.carrier.report, frame.fields, received_s)
+        if frame.name == "COMMAND_ACK":
+            ours = fields.target_system in (0, GROUND_STATION_ID) and fields.target_component in (0, OWN_COMPONENT_ID)
+            if ours and frame.component_id == (self.component_id or 1):
+                self._requests.hear(CommandAck(received_s, fields.command, fields.result))
+            return []
+        report = accepted(self._counts, self.carrier.report, fields, received_s)
         if report is None:
             return []
         impostors, self._impostors = self._impostors, 0

@@ -1,8 +1,12 @@
+import pytest
+from pymavlink.dialects.v20 import common as dialect
+
 from guidance.clock import VirtualClock
 from guidance.links import MemoryWire
 from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import ASK_AGAIN_S, MavlinkEvader
 from sitl_mock import Home, MockVehicle
+from tests.links.peer import Peer
 
 
 class Rover:
@@ -49,3 +53,70 @@ def test_an_evader_that_fell_silent_is_asked_again_until_it_is_back():
     rover.evader.close()
     rover.evader.close()
     assert rover.evader.receive() == []
+
+
+class Slow:
+    """An evader that begins its interval again with each request, as an autopilot may. It can be silent."""
+
+    def __init__(self, rate_hz, *, acks_to=(255, 195), reports=True):
+        self.clock, self.period_s, self.acks_to, self.reports = VirtualClock(), 1.0 / rate_hz, acks_to, reports
+        ours, self._end = MemoryWire.pair(self.clock.now_s)
+        self.peer = Peer(self._end.send, system_id=2)
+        self.peer.answers = False
+        now_s = self.clock.now_s
+        self.evader = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2, clock=now_s, request_rate_hz=rate_hz)
+        self.asked_s, self._due_s = [], None
+
+    def run(self, seconds):
+        got = []
+        for _ in range(round(seconds / 0.02)):
+            self.clock.sleep_until(self.clock.now_s() + 0.02)
+            now_s = self.clock.now_s()
+            for _, frame in self._end.receive():
+                self.peer.hear(frame)
+            for request in self.peer.of("COMMAND_LONG"):
+                assert (request.command, request.param1, request.get_srcSystem()) == (511, 33.0, 255)
+                self.asked_s.append(now_s)
+                self._due_s = now_s + self.period_s
+                if self.acks_to is not None:
+                    self.peer.say(dialect.MAVLink_command_ack_message(511, 0, 0, 0, *self.acks_to))
+            self.heard = list(self.peer.heard)
+            self.peer.heard.clear()
+            if self.reports and self._due_s is not None and now_s >= self._due_s:
+                self._due_s += self.period_s
+                self.peer.say(
+                    dialect.MAVLink_global_position_int_message(
+                        round(now_s * 1e3), 473977418, 85455939, 1, 0, 1, 2, 3, 0
+                    )
+                )
+            got += self.evader.receive()
+        return got
+
+
+@pytest.mark.parametrize("rate_hz", [0.5, 0.7, 1.0, 2.0])
+def test_a_slow_evader_that_begins_its_interval_again_when_asked_does_report(rate_hz):
+    evader = Slow(rate_hz)
+    assert len(evader.run(12.0)) >= round(12.0 * rate_hz) - 1
+    assert len(evader.asked_s) == 1
+
+
+def test_a_request_that_was_acknowledged_is_not_repeated_before_the_next_silence():
+    evader = Slow(20.0, reports=False)
+    evader.run(12.0)
+    assert evader.asked_s == pytest.approx([0.0, 3.0, 6.0, 9.0], abs=0.1)
+
+
+@pytest.mark.parametrize("acks_to", [None, (255, 190), (7, 195)])
+def test_a_request_is_repeated_four_times_until_it_is_acknowledged_to_us(acks_to):
+    evader = Slow(20.0, acks_to=acks_to, reports=False)
+    evader.run(5.5)
+    expected = [begun_s + 0.5 * n for begun_s in (0.0, 3.0) for n in range(4)]
+    assert evader.asked_s == pytest.approx(expected, abs=0.15)
+
+
+def test_an_evader_that_is_asked_gets_answers_to_its_timesync():
+    evader = Slow(20.0)
+    evader.run(0.1)
+    evader.peer.say(dialect.MAVLink_timesync_message(0, 12345))
+    evader.run(0.04)
+    assert [message.ts1 for message in evader.heard if message.get_type() == "TIMESYNC"][:1] == [12345]
