@@ -120,3 +120,10 @@ def test_an_evader_that_is_asked_gets_answers_to_its_timesync():
     evader.peer.say(dialect.MAVLink_timesync_message(0, 12345))
     evader.run(0.04)
     assert [message.ts1 for message in evader.heard if message.get_type() == "TIMESYNC"][:1] == [12345]
+
+
+def test_acknowledgements_of_the_vehicle_on_a_shared_wire_are_not_counted_as_foreign():
+    evader = Slow(20.0)
+    evader.peer.say(dialect.MAVLink_command_ack_message(400, 0), system_id=1)
+    evader.run(0.1)
+    assert evader.evader.counters()["foreign"] == 0
