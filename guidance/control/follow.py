@@ -23,7 +23,7 @@ relative to the evader. It may close only as fast as it can brake (`approach_spe
     v · settle + v² / (2 · braking) = gap − margin − lag · (closing speed now)
 
 An evader that flees is followed at its own speed to the rim. If it stops dead, the vehicle flies past above it at the
-disc's height; below that height `stand_off_constraints` keeps the braking distance. The velocity across the line of
+disc's height; below that height the stand-off's wall keeps the braking distance. The velocity across the line of
 sight is reduced by the same factor as the closing speed, so at the rim the velocity equals the evader's. Inside the
 disc the vehicle backs off slowly. The height is approached by the same law.
 

@@ -182,10 +182,9 @@ class Heard:
             self._home_in = home_ned_m, frame
             envelope = replace(self.cycle.envelope, home_ned_m=home_ned_m)
             self.cycle = replace(self.cycle, envelope=self._settings.limits.about_home(envelope, home_ned_m, frame))
-        if tracking.game_frame is not self._game_frame and self._settings.start_game_m is not None:
-            self._game_frame = tracking.game_frame
-            if tracking.game_frame is not None:
-                self.start_ned_m = tracking.game_frame.position_to_ned(self._settings.start_game_m)
+        game_frame, start_game_m = tracking.game_frame, self._settings.start_game_m
+        if game_frame is not None and game_frame is not self._game_frame and start_game_m is not None:
+            self._game_frame, self.start_ned_m = game_frame, game_frame.position_to_ned(start_game_m)
         if (local := self.vehicle.latest.get(LocalPosition)) is not None:
             here, back = local.position_ned_m, held_back_ned_m
             self.position_ned_m = here if back == NOWHERE else difference(here, back)
