@@ -89,7 +89,7 @@ def solve_accelerating(
         return AcceleratingSolution(0.0, math.atan2(away[1], away[0]), evader_m, (0.0, 0.0))
     step = 2.0 * math.pi / _HEADINGS
     tried = [(number * step, chase.escape(number * step)) for number in range(_HEADINGS)]
-    best, last = tried[0][0], _NONE
+    best, last = tried[0][0], _Escape()
     while later := [(heading, one) for heading, one in tried if one.begin_s <= last.end_s < one.end_s]:
         best, last = max(later, key=lambda one: one[1].end_s)
     low, high, golden = best - step, best + step, 0.5 * (math.sqrt(5.0) - 1.0)
@@ -112,12 +112,9 @@ class _Escape(NamedTuple):
     `acceleration_m_s2`: of the pursuer that reaches it at the end, along and across the direction, at first.
     """
 
-    begin_s: float
-    end_s: float
-    acceleration_m_s2: Point
-
-
-_NONE = _Escape(0.0, 0.0, (0.0, 0.0))
+    begin_s: float = 0.0
+    end_s: float = 0.0
+    acceleration_m_s2: Point = (0.0, 0.0)
 
 
 class _Turn(NamedTuple):
@@ -146,7 +143,7 @@ class _Chase(NamedTuple):
         behind = self.v - along
         square = behind * behind + 2.0 * self.a * gap_m
         if gap_m <= 0.0 and (behind <= 0.0 or square <= 0.0):
-            return _NONE
+            return _Escape()
         begin_s, end_s = (behind - math.sqrt(square)) / self.a, (behind + math.sqrt(square)) / self.a
         if math.hypot(across, along + self.a * end_s) <= self.u:
             return _Escape(begin_s, end_s, (self.a, 0.0))

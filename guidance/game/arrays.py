@@ -8,6 +8,7 @@ sum over the last axis, `hypot`, `sin` or a BLAS dot product would not give the 
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 from functools import partial
 from typing import Any, TypeAlias, TypeVar, cast
 
@@ -231,11 +232,18 @@ def as_reals(array: Array) -> Array:
 
 
 def mapped(function: Callable[..., Any], first: Record, *more: Record) -> Record:
-    """Return a record of what a function makes of the numbers at the same place of each record."""
-    if not isinstance(first, tuple):
-        return cast("Record", function(first, *more))
-    parts = tuple(mapped(function, *each) for each in zip(first, *more, strict=True))
-    return cast("Record", type(first)(*parts) if hasattr(first, "_fields") else parts)
+    """Return a record of what a function makes of the numbers at the same place of each record.
+
+    A record is a tuple, named or not, or a dataclass. It has numbers and records in it.
+    """
+    if isinstance(first, tuple):
+        parts = tuple(mapped(function, *each) for each in zip(first, *more, strict=True))
+        return cast("Record", type(first)(*parts) if hasattr(first, "_fields") else parts)
+    if hasattr(first, "__dataclass_fields__"):
+        names = [part.name for part in fields(first) if part.init]
+        parts = mapped(function, *(tuple(getattr(record, name) for name in names) for record in (first, *more)))
+        return replace(first, **dict(zip(names, parts, strict=True)))
+    return cast("Record", function(first, *more))
 
 
 def component(array: Array, index: int) -> Real:

@@ -7,7 +7,7 @@ A policy is a function of a game and of arrays (..., 3). Strategies with memory,
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 from numpy.typing import ArrayLike
 
@@ -17,7 +17,7 @@ from guidance.game.extent import POINT
 from guidance.game.game import Game
 from guidance.game.pe import fly_to, take_apart, to_target
 from guidance.game.rows import vector_of
-from guidance.game.solution import Solution, solve
+from guidance.game.solution import solve
 from guidance.game.tad import catch_time, guard_time
 
 Known: TypeAlias = ArrayLike | None
@@ -40,25 +40,21 @@ class Policy(Protocol):
         """
 
 
-def _policy(move: Callable[[Game, ArrayLike, ArrayLike, Known, Known], Array]) -> Policy:
-    """Return a policy of a function that gets every argument by position."""
+def _policy(move: Callable[[Game, dict[str, Any]], Array]) -> Policy:
+    """Return a policy of a function of a game and of the other arguments by name."""
 
     def play(
         game: Game, pursuer: ArrayLike, evader: ArrayLike, target: Known = None, evader_velocity_m_s: Known = None
     ) -> Array:
-        return move(game, pursuer, evader, target, evader_velocity_m_s)
+        state = {"pursuer": pursuer, "evader": evader, "target": target, "evader_velocity_m_s": evader_velocity_m_s}
+        return move(game, state)
 
     return play
 
 
-def _solved(game: Game, P: ArrayLike, E: ArrayLike, T: Known, seen: Known) -> Solution:
-    return solve(game, P, E, T, evader_velocity_m_s=seen)
-
-
 def _moving(kernel: Callable[[Library, Game, Space, Space, Space | None, Space | None], Space]) -> Policy:
     """Return the policy of a kernel: a function of the components of P, E, T and the evader's velocity."""
-    names = ("pursuer", "evader", "target", "evader_velocity_m_s")
-    return _policy(lambda game, *state: vector_of(kernel, game, dict(zip(names, state, strict=True))))
+    return _policy(lambda game, state: vector_of(kernel, game, state))
 
 
 def _goal(xp: Library, game: Game, E: Space, T: Space | None) -> Plane:
@@ -101,7 +97,7 @@ def _stay(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Sp
 PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
     {
         # The pursuer's part of `solve`: eq. (20) of the paper in PE, eq. (49) in TAD, straight to T if E wins.
-        "optimal": _policy(lambda *state: _solved(*state).pursuer_velocity_m_s),
+        "optimal": _policy(lambda game, state: solve(game, **state).pursuer_velocity_m_s),
         # Straight at the evader, to the stand-off disc around it.
         "pure_pursuit": _moving(lambda xp, game, P, E, T, seen: _fly(xp, game, P, E, E[:2], seen)),
         # Straight to the target, to the stand-off disc around it.
@@ -116,7 +112,7 @@ PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
 EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
     {
         # The evader's part of `solve`: eq. (20) of the paper in PE, eq. (44) in TAD, straight to T if it wins.
-        "optimal": _policy(lambda *state: _solved(*state).evader_velocity_m_s),
+        "optimal": _policy(lambda game, state: solve(game, **state).evader_velocity_m_s),
         # Straight away from the pursuer, in the plane.
         "pure_evade": _moving(lambda xp, game, P, E, T, seen: _run(xp, game, E, P[:2], away=True)),
         # Straight to the target, and stay there.

@@ -5,7 +5,7 @@ Records are equal, and have the same hash, if their numbers are equal, whatever 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -42,14 +42,7 @@ def _key(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds
 
 def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 - a record, a tuple, a number
     """Return a record of numbers and arrays with the rows that `rows` takes from each array, also in records in it."""
-    if is_array(value):
-        return rows(value)
-    if isinstance(value, tuple):
-        return mapped(lambda part: rows_of(part, rows), value)
-    if is_dataclass(value) and not isinstance(value, type):
-        few = {part.name: rows_of(getattr(value, part.name), rows) for part in fields(value) if part.init}
-        return replace(value, **few)
-    return value
+    return mapped(lambda part: rows(part) if is_array(part) else part, value)
 
 
 def in_rows(wanted: Truth, whole: Record, function: Callable[..., Record], *records: Any) -> Record:  # noqa: ANN401

@@ -10,7 +10,7 @@ Runge-Kutta step of fourth order follows the curve of a pure pursuit.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, NamedTuple, TypeAlias
@@ -29,6 +29,9 @@ from guidance.game.solution import solve
 
 SHARE = {1: 1.0, 4: 0.5}
 """Longest step as a share of the least time to the end, by order; Runge-Kutta must not look past the end."""
+
+STAGES = (0.0, 0.5, 0.5, 1.0)
+"""Places of a Runge-Kutta step of fourth order, as a share of it; the first is that of a step of first order."""
 
 NANOSECOND_S = 1e-9
 
@@ -92,7 +95,10 @@ class Sample(NamedTuple):
 
 EXACT = Exact()
 
-Velocities: TypeAlias = Callable[[Array, Array, Array | None, Array], tuple[Array, Array]]
+Policies: TypeAlias = tuple[Policy, Policy]
+"""The policies of pursuer and evader."""
+
+OPTIMAL: Policies = (PURSUER_POLICIES["optimal"], EVADER_POLICIES["optimal"])
 
 
 class Rollout(NamedTuple):
@@ -150,14 +156,15 @@ def rollout(
     xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
     P, E, T = given["pursuer"], given["evader"], given.get("target")
     shape = leading_shape(game, given)
-    velocities = _velocities(game, pursuer_policy, evader_policy)
+    chase = policy_of("pursuer_policy", pursuer_policy, PURSUER_POLICIES)
+    flee = policy_of("evader_policy", evader_policy, EVADER_POLICIES)
     zero = xp.pack(shape, P, 0.0)
     wide = zero[..., None]
     end = xp.where(zero == 0, int(End.RUNNING), int(End.NO_ANSWER))
     start = Sample(zero, P + wide, E + wide, None if T is None else T + wide, end)
     path = []
     with np.errstate(all="ignore"):
-        for last in _samples(xp, game, start, velocities, stepping, duration_s):
+        for last in _samples(xp, game, start, (chase, flee), stepping, duration_s):
             if keep_path:
                 path.append(last)
         distance = zero * math.nan
@@ -168,22 +175,8 @@ def rollout(
     return Rollout(last.end, last.time_s, last.pursuer_m, last.evader_m, distance, tuple(path))
 
 
-def _velocities(game: Game, pursuer_policy: str | Policy, evader_policy: str | Policy) -> Velocities:
-    """Return both players' velocities as one function; two optimal players are solved once."""
-    chase = policy_of("pursuer_policy", pursuer_policy, PURSUER_POLICIES)
-    flee = policy_of("evader_policy", evader_policy, EVADER_POLICIES)
-
-    def each(P: Array, E: Array, T: Array | None, seen: Array) -> tuple[Array, Array]:
-        if pursuer_policy == evader_policy == "optimal":
-            both = solve(game, P, E, T, evader_velocity_m_s=seen)
-            return both.pursuer_velocity_m_s, both.evader_velocity_m_s
-        return chase(game, P, E, T, seen), flee(game, P, E, T, seen)
-
-    return each
-
-
 def _samples(
-    xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Exact | Paper, duration_s: float
+    xp: Library, game: Game, sample: Sample, policies: Policies, stepping: Exact | Paper, duration_s: float
 ) -> Iterator[Sample]:
     """Yield every sample until all games have ended: `Exact` steps up to the end, `Paper` steps and then checks."""
     seen, last = 0.0 * sample.evader_m, math.ceil(duration_s / stepping.step_s)
@@ -205,7 +198,7 @@ def _samples(
         running = sample.end == End.RUNNING
         if not bool(xp.any(running)):
             return
-        sample, seen = _advance(xp, game, sample, velocities, xp.where(running, h, 0.0), seen, order)
+        sample, seen = _advance(xp, game, sample, policies, xp.where(running, h, 0.0), seen, order)
 
 
 def _located(xp: Library, game: Game, sample: Sample, stepping: Exact, duration_s: float) -> tuple[Array, Array]:
@@ -222,23 +215,28 @@ def _located(xp: Library, game: Game, sample: Sample, stepping: Exact, duration_
 
 
 def _advance(
-    xp: Library, game: Game, sample: Sample, velocities: Velocities, h: Array, seen: Array, order: int
+    xp: Library, game: Game, sample: Sample, policies: Policies, h: Array, seen: Array, order: int
 ) -> tuple[Sample, Array]:
     """Advance every game by its own h; return also the evader's velocity."""
     time, P, E, T, end = sample
     drift, step = xp.constant(P, (*game.target_velocity_m_s, 0.0)), h[..., None]
-
-    def at(share: float, slope: tuple[Array, Array]) -> tuple[Array, Array]:
+    v, w, slopes = 0.0 * P, 0.0 * E, []
+    for share in STAGES[:order]:
         then = None if T is None else T + share * step * drift
-        return velocities(P + share * step * slope[0], E + share * step * slope[1], then, seen)
-
-    first = v, w = velocities(P, E, T, seen)
+        v, w = _velocities(game, policies, P + share * step * v, E + share * step * w, then, seen)
+        slopes.append((v, w))
     if order != 1:
-        second = at(0.5, first)
-        third = at(0.5, second)
-        last = at(1.0, third)
-        v, w = ((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, last, strict=True))
-    return Sample(time + h, P + step * v, E + step * w, None if T is None else T + step * drift, end), first[1]
+        v, w = ((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
+    return Sample(time + h, P + step * v, E + step * w, None if T is None else T + step * drift, end), slopes[0][1]
+
+
+def _velocities(game: Game, played: Policies, P: Array, E: Array, T: Array | None, seen: Array) -> tuple[Array, Array]:
+    """Return both players' velocities; two optimal players are solved once."""
+    if played == OPTIMAL:
+        both = solve(game, P, E, T, evader_velocity_m_s=seen)
+        return both.pursuer_velocity_m_s, both.evader_velocity_m_s
+    chase, flee = played
+    return chase(game, P, E, T, seen), flee(game, P, E, T, seen)
 
 
 class Ahead(NamedTuple):

@@ -157,9 +157,7 @@ def solve_state(
     if reason == Reason.NO_REGION or not _is_sound(game, play, squares, in_pe=target is None):
         return _row_of_one(game, known)
     # Zero is added because a batch has no negative zeros.
-    plain: list[Any] = [
-        tuple([v + 0.0 for v in part]) if isinstance(part, tuple) else part + 0.0 for part in play[1:-1]
-    ]
+    plain: list[Any] = [tuple([v + 0.0 for v in one]) if isinstance(one, tuple) else one + 0.0 for one in play[1:-1]]
     return StateSolution._make((int(play.winner), *plain, int(reason)))
 
 

@@ -62,7 +62,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
     contest = _compare(xp, game, state, to_target, _most_in_danger(xp, game, state, to_target))
     goal, margin, lead = contest.goal, contest.margin, contest.edge
-    edge = _with_falling(xp, game, game.pursuer, state, to_target, lead) if isinstance(game.pursuer, Cylinder) else lead
+    edge = _widened(xp, game, game.pursuer, state, to_target, lead) if isinstance(game.pursuer, Cylinder) else lead
     won, arrived = margin > 0, contest.arrival <= 0
     run = leading = xp.select2(won, edge.run, goal)
     if edge is not lead:
@@ -136,13 +136,10 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     guard = guard_time(xp, game, state, goal)
     margin = arrival - guard
     short = _shortfall(xp, game, state, goal, arrival, margin < 0)
-    if paper is not None and circle is True:
-        return Contest(goal, arrival, guard, margin, short, paper.edge)
-    wanted = margin > 0 if paper is None else (margin > 0) & ~circle
     near = goal
     if not game.target_extent.is_point:  # where it can meet the point of its target that is nearest now
         near = _arrive(xp, game, from_set(centre, nearest(xp, game.target_extent, (-centre[0], -centre[1]))[0]))[1]
-    edge = closest_point(xp, game, state, centre, near, wanted)
+    edge = closest_point(xp, game, state, centre, near, (margin > 0) & (circle == 0))
     found = Contest(goal, arrival, guard, margin, short, edge)
     if paper is None:
         return found
@@ -254,9 +251,7 @@ def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
     return xp.norm2((xp.maximum(beside, 0.0), state.z)) <= capture
 
 
-def _with_falling(
-    xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest
-) -> Closest:
+def _widened(xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest) -> Closest:
     """Add to the planar region the disc that the evader reaches before the pursuer reaches its height."""
     falling, adrift = xp.maximum(pe.level_time(xp, game, pursuer, state.z), 0.0), game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)

@@ -8,14 +8,11 @@ import numpy as np
 from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game, SpeedSet
 from guidance.game.arrays import Array, Real
-from guidance.strategies.course import Course, bounded
+from guidance.strategies.course import COURSES, Course, bounded
 from guidance.strategies.navigation import StrategyMemory, proportional_navigation
 
 OPTIMAL: Final = "optimal"
 PROPORTIONAL: Final = "proportional_navigation"
-
-COURSES: Final = ("waypoints", "random_turns", "recorded")
-"""Courses: they depend on the time and not on the other player."""
 
 PURSUER_STRATEGIES: Final = (*PURSUER_POLICIES, PROPORTIONAL, *COURSES)
 EVADER_STRATEGIES: Final = (*EVADER_POLICIES, *COURSES)

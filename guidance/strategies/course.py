@@ -18,6 +18,9 @@ from guidance.game import Ball, SpeedSet
 
 Array = NDArray[np.float64]
 
+COURSES: Final = ("waypoints", "random_turns", "recorded")
+"""Strategies that follow a course: they depend on the time and not on the other player."""
+
 _BACK_S: Final = 2.0
 """Time constant with which a player returns to its course."""
 

@@ -37,7 +37,7 @@ def proportional_navigation(
     game: Game,
     pursuer: Array,
     evader: Array,
-    evader_velocity_m_s: Array,
+    seen_m_s: Array,
     memory: StrategyMemory,
     *,
     dt_s: Real,
@@ -51,7 +51,7 @@ def proportional_navigation(
         game: The game.
         pursuer: P, (..., 3), m.
         evader: E, (..., 3), m.
-        evader_velocity_m_s: The evader's velocity as observed, (..., 3).
+        seen_m_s: The evader's velocity as observed, (..., 3).
         memory: The last command; without a mean rate of turn since then, that of this state is used.
         dt_s: Time since the last command, (...).
         gain: The navigation constant N, 3 to 5 as a rule; 1 is pure pursuit.
@@ -66,20 +66,18 @@ def proportional_navigation(
             return _in_space(xp, game, game.pursuer, state, before, turn)
         return _in_the_plane(xp, game, state, before, turn)
 
-    given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s}
+    given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
     last = {"previous_m_s": memory.velocity_m_s, "turning_rad_s": memory.turning_rad_s}
     return vector_of(turned, game, given | last)
 
 
-def turning(
-    game: Game, pursuer: Array, evader: Array, evader_velocity_m_s: Array, velocity_m_s: Array, gain: float
-) -> Array:
+def turning(game: Game, pursuer: Array, evader: Array, seen_m_s: Array, velocity_m_s: Array, gain: float) -> Array:
     """Return the rate of turn that the law asks for, (..., 3), rad/s; arguments as of `proportional_navigation`."""
 
     def rate(xp: Library, game: Game, P: Space, E: Space, seen: Space, velocity: Space) -> Space:
         return _rate(xp, game, take_apart(xp, game, P, E, seen), velocity, gain)
 
-    given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s}
+    given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
     return vector_of(rate, game, given | {"velocity_m_s": velocity_m_s})
 
 

@@ -2,14 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array
-from guidance.game.game import Game, Reason, StandOff, parameters
+from guidance.game.arrays import Array, mapped
+from guidance.game.game import Game, Reason, parameters
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting, for_rows, simplified
 
@@ -17,6 +18,10 @@ Answer = TypeVar("Answer", bound=Any)
 
 Games: TypeAlias = "Game | Sequence[Game] | Sequence[Sequence[Game | None]]"
 """One game for all, or lists with one for each pursuer or pair; None where two do not play."""
+
+
+DIFFERENT = ("pursuer", "evader_speed_m_s", "capture_radius_m", "standoff", "information_age_s", "wind_m_s")
+"""What may differ between the games of a team, as numbers."""
 
 
 class TeamGame(NamedTuple):
@@ -55,12 +60,9 @@ def joined(games: Games, shape: str) -> TeamGame:
         raise ConfigError(f"game: the games of a team must have the same {same}, and single numbers")
     rows = table.reshape(len(table), -1)
     alike = [next(filter(None, column), first) for column in rows.T]
-    each = [parameters(game or other) for row in rows for game, other in zip(row, alike, strict=True)]
-    number = {name: np.array([one[name] for one in each]).reshape(table.shape) for name in each[0]}
-    standoff = StandOff(number.pop("radius_m"), number.pop("height_m"))
-    wind = number.pop("wind_x_m_s"), number.pop("wind_y_m_s")
-    pursuer = type(first.pursuer)(**{name: number.pop(name) for name in first.pursuer.__dataclass_fields__})
-    whole = replace(first, pursuer=pursuer, standoff=standoff, wind_m_s=wind, **number)
+    each = [attrgetter(*DIFFERENT)(game or other) for row in rows for game, other in zip(row, alike, strict=True)]
+    numbers = mapped(lambda *every: np.array(every).reshape(table.shape), *each)
+    whole = replace(first, **dict(zip(DIFFERENT, numbers, strict=True)))
     plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
     return TeamGame(_played(simplified(whole)), plays)
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import NUMPY, Array
+from guidance.game.arrays import NUMPY, Array, components
 from guidance.game.extent import Extent, to_set
-from guidance.game.game import STILL, Ball, Game, StandOff
-from guidance.game.pe import steer
+from guidance.game.game import Ball, Game, StandOff
+from guidance.game.pe import Geometry, fly_to, take_apart
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting
 from guidance.game.solution import Solution, solve
@@ -64,7 +64,7 @@ class Team(NamedTuple):
         game: the game; its numbers may be arrays (..., n).
         v: speed of the evader, (...), m/s.
         regions: the points that the evader reaches before each pursuer.
-        height: of the pursuer above the stand-off disc, m.
+        state: the players' places.
         x: the end of each pursuer's own game (of a Cylinder, of the horizontal one), from the evader, m.
         y: the same.
         worth: of that end, larger is better: L, m, in TAD; minus the capture time, s, in PE.
@@ -76,7 +76,7 @@ class Team(NamedTuple):
     game: Game
     v: Array
     regions: Regions
-    height: Array
+    state: Geometry
     x: Array
     y: Array
     worth: Array
@@ -88,9 +88,8 @@ class Team(NamedTuple):
         """Return the velocities, (..., n, 3), m/s, of pursuers that meet the evader at an end of its run, (...)."""
         x, y = (part[..., None] for part in point)
         to = x - self.regions.x, y - self.regions.y
-        gap = NUMPY.norm2(to) - self.game.standoff.radius_m - self.game.capture_radius_m
         time = NUMPY.norm2((x, y)) / self.v[..., None]
-        return NUMPY.pack(self.height.shape, gap, steer(NUMPY, self.game, to, gap, time, self.height, STILL))
+        return NUMPY.pack(self.own.shape, self.own, fly_to(NUMPY, self.game, self.state, to, time))
 
 
 class Meeting(NamedTuple):
@@ -134,8 +133,8 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, seen: Array | None 
     if T is not None:
         to, (drift_x, drift_y) = (T - E)[..., 0, :], game.target_velocity_m_s
         goal = Goal(to[..., 0], to[..., 1], game.target_extent, (drift_x / v[..., None], drift_y / v[..., None]))
-    height = P[..., 2] - E[..., 2] - game.standoff.height_m
-    return Team(game, v, regions, height, end[..., 0], end[..., 1], worth, alone, own, goal)
+    state = take_apart(NUMPY, game, components(P), components(E), None)
+    return Team(game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own, goal)
 
 
 def worth_in(alone: Solution, T: Array | None) -> Array:
@@ -143,15 +142,14 @@ def worth_in(alone: Solution, T: Array | None) -> Array:
     return -alone.value if T is None else np.where(alone.winner > 0, alone.value, 0.0 * alone.value)
 
 
-def together(team: Team, who: Array, index: Any = None) -> Meeting:  # noqa: ANN401 - whatever indexes an array
+def together(team: Team, index: tuple[Any, ...]) -> Meeting:
     """Return what each two pursuers guarantee, by one of them alone or together, (..., k).
 
     Args:
         team: the pursuers.
-        who: numbers of the pursuers, (..., k, 2) or (k, 2).
-        index: what takes them from arrays (..., n), if that is not simply `who` along the last axis.
+        index: what takes both from arrays (..., n); the last part has their numbers, (..., k, 2) or (k, 2).
     """
-    index = (..., who) if index is None else index
+    who = index[-1]
     regions, end = team.regions.pick(index), (team.x[index], team.y[index])
     worth, own = team.worth[index], team.own[index]
     far = NUMPY.norm2(end)
@@ -288,7 +286,7 @@ def pairs_with(table: Table, first: Array) -> Meeting:
     busy = (every == first[..., None]).any(axis=1)[:, None] | (first < 0)[..., None]
     who = np.empty((b, m, n, 2), dtype=first.dtype)
     who[..., 0], who[..., 1] = own, np.where(busy, own, every)
-    return together(table.all, who, place_of(who, 2))
+    return together(table.all, place_of(who, 2))
 
 
 def are(count: int, *who: Array) -> Array:
