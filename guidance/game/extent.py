@@ -99,8 +99,6 @@ def nearest(xp: Library, extent: Extent, place: Plane) -> tuple[Plane, Truth]:
     corners = extent.corners_m
     found: Plane = corners[0]
     flat: Truth = False
-    if len(corners) == 1:
-        return found, flat
     least: Real = math.inf
     inside: Truth = len(corners) > 2
     ends = corners[1:] + (corners[:1] if inside else ())
@@ -130,8 +128,6 @@ def to_set(xp: Library, extent: Extent, place: Plane) -> Plane:
     """Return the vector from a place, which is given from the target's position, to the nearest point of the set."""
     (x, y), _ = nearest(xp, extent, place)
     way = (x - place[0], y - place[1])
-    if extent.radius_m == 0.0:
-        return way
     length = xp.norm2(way)
     outside = length > extent.radius_m
     share = xp.select(outside, 1.0 - extent.radius_m / xp.select(outside, length, 1.0), 0.0 * length)

@@ -177,8 +177,7 @@ def _solve_rows(game: Game, shape: tuple[int, ...], given: dict[str, Array], out
     like = given["pursuer"]
     out = out or _empty(shape, like)
     rows = {name: np.broadcast_to(value, (*shape, 3)).reshape(count, 3) for name, value in given.items()}
-    if game.varies:
-        game = for_rows(game, lambda value: np.broadcast_to(value, shape).reshape(count))
+    game = for_rows(game, lambda value: np.broadcast_to(value, shape).reshape(count))
     whole = out if len(shape) == 1 else _empty((count,), like)
     for start in range(0, count, ROWS):
         part = slice(start, start + ROWS)

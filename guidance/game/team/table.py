@@ -156,8 +156,7 @@ def together(team: Team, index: tuple[Any, ...]) -> Meeting:
     heading = end[0] / far, end[1] / far
     crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
     bind = (crossed < far).all(axis=-1) & (who[..., 0] != who[..., 1])
-    if team.goal is None and not team.game.calm:
-        bind = np.zeros_like(bind)  # no value of two pursuers is proven in wind
+    bind &= team.goal is not None or team.game.calm  # no value of PE with two pursuers is proven in wind
     better = worth[..., 1] > worth[..., 0]
     x, y = (np.where(better, part[..., 1], part[..., 0]) for part in end)
     found = worth.max(axis=-1)
