@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import NUMPY, Library, Plane, Real, Truth, cross2, dot2, in_plane, plus2, times2
+from guidance.game.arrays import Library, Plane, Real, Truth, cross2, dot2, in_plane, plus2, times2
 from guidance.game.game import STILL, Game
 from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, follow, hunt_for, judge, turned
 from guidance.game.pe import Geometry
@@ -71,7 +71,7 @@ def closest_point(xp: Library, game: Game, state: Geometry, target: Plane, goal:
         goal: vector from the evader to the point where it could meet its target, m.
         wanted: which rows to compute; the others have an arbitrary answer.
     """
-    if wanted is False or (xp is NUMPY and not np.any(wanted)):
+    if wanted is False:
         return Closest(target, 0.0, 0.0)
     hunt = hunt_for(xp, game, state, target, goal)
     return in_rows(wanted, Closest(target, 0.0, 0.0), lambda hunt: _closest(xp, hunt), hunt)

@@ -136,10 +136,13 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     guard = guard_time(xp, game, state, goal)
     margin = arrival - guard
     short = _shortfall(xp, game, state, goal, arrival, margin < 0)
+    if paper is not None and circle is True:
+        return Contest(goal, arrival, guard, margin, short, paper.edge)
+    wanted = margin > 0 if paper is None else (margin > 0) & ~circle
     near = goal
     if not game.target_extent.is_point:  # where it can meet the point of its target that is nearest now
         near = _arrive(xp, game, from_set(centre, nearest(xp, game.target_extent, (-centre[0], -centre[1]))[0]))[1]
-    edge = closest_point(xp, game, state, centre, near, (margin > 0) & (circle == 0))
+    edge = closest_point(xp, game, state, centre, near, wanted)
     found = Contest(goal, arrival, guard, margin, short, edge)
     if paper is None:
         return found

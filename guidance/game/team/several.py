@@ -257,8 +257,9 @@ def longest_run(team: Team) -> Meeting:
     count = team.own.shape[-1]
     headings = [team.alone.evader_velocity_m_s[..., axis] / team.v[..., None] for axis in (0, 1)]
     reach = team.alone.value * team.v[..., None]
-    every = np.broadcast_to(np.arange(count), reach.shape)
-    chosen = every if count <= FEW else np.argmin(reach, axis=-1)[..., None]
+    if count <= FEW:
+        return _among(team, headings, reach)
+    chosen = np.argmin(reach, axis=-1)[..., None]
     found = _among(team, headings, reach, chosen)
     while chosen.shape[-1] < count:
         far = NUMPY.norm2((found.x, found.y))
@@ -274,14 +275,16 @@ def longest_run(team: Team) -> Meeting:
     return found
 
 
-def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array) -> Meeting:
-    """Return the longest run before some pursuers, whose numbers are (..., k).
+def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None = None) -> Meeting:
+    """Return the longest run before all pursuers, or before some, whose numbers are (..., k).
 
     It leads to a pursuer's own end of the game, or to one of both crossings of two edges. Of equally long runs the one
     with the larger y, then the larger x is taken.
     """
-    few = place_of(chosen, chosen.ndim - 1)
-    regions, own, reach = team.regions.pick(few), [part[few] for part in own], reach[few]
+    regions = team.regions
+    if chosen is not None:
+        few = place_of(chosen, chosen.ndim - 1)
+        regions, own, reach = regions.pick(few), [part[few] for part in own], reach[few]
     count = reach.shape[-1]
     every, pairs = np.arange(count), pairs_of(count)
     i, j = pairs.T
@@ -309,7 +312,9 @@ def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array) -> Mee
     at = place_of(best)
     run, met = far[at], ends[at].argmin(axis=-1)
     first, second = decide[best, 0], np.where(best < count, met, decide[best, 1])
-    first, second = (taken(chosen, np.where(run > 0, part, met)) for part in (first, second))
+    first, second = (np.where(run > 0, part, met) for part in (first, second))
+    if chosen is not None:
+        first, second = taken(chosen, first), taken(chosen, second)
     time = np.where(first == second, taken(team.alone.value, first), run / team.v)
     return Meeting(run * x[at], run * y[at], -time, first, second)
 
