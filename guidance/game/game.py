@@ -288,6 +288,5 @@ def parameters(game: Game) -> dict[str, Real]:
     names = ("evader_speed_m_s", "capture_radius_m", "information_age_s")
     wind_x, wind_y = game.wind_m_s
     own = {name: getattr(game, name) for name in names} | {"wind_x_m_s": wind_x, "wind_y_m_s": wind_y}
-    return own | {
-        name: getattr(record, name) for record in (game.standoff, game.pursuer) for name in record.__dataclass_fields__
-    }
+    others = (game.standoff, game.pursuer)
+    return own | {name: getattr(record, name) for record in others for name in record.__dataclass_fields__}

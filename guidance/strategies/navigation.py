@@ -34,14 +34,7 @@ class StrategyMemory(NamedTuple):
 
 
 def proportional_navigation(
-    game: Game,
-    pursuer: Array,
-    evader: Array,
-    seen_m_s: Array,
-    memory: StrategyMemory,
-    *,
-    dt_s: Real,
-    gain: float,
+    game: Game, pursuer: Array, evader: Array, seen_m_s: Array, memory: StrategyMemory, *, dt_s: Real, gain: float
 ) -> Array:
     """Turn `gain` times as fast as the line of sight does: (..., 3), m/s.
 
@@ -57,18 +50,16 @@ def proportional_navigation(
         gain: The navigation constant N, 3 to 5 as a rule; 1 is pure pursuit.
     """
 
-    def turned(
-        xp: Library, game: Game, P: Space, E: Space, seen: Space, previous: Space | None, rate: Space | None
-    ) -> Space:
-        state, before = take_apart(xp, game, P, E, seen), previous or (0.0, 0.0, 0.0)
+    def law(xp: Library, game: Game, P: Space, E: Space, seen: Space, last: Space | None, rate: Space | None) -> Space:
+        state, before = take_apart(xp, game, P, E, seen), last or (0.0, 0.0, 0.0)
         turn = times3(dt_s, rate or _rate(xp, game, state, before, gain))
         if isinstance(game.pursuer, Ball):
             return _in_space(xp, game, game.pursuer, state, before, turn)
         return _in_the_plane(xp, game, state, before, turn)
 
     given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
-    last = {"previous_m_s": memory.velocity_m_s, "turning_rad_s": memory.turning_rad_s}
-    return vector_of(turned, game, given | last)
+    remembered = {"previous_m_s": memory.velocity_m_s, "turning_rad_s": memory.turning_rad_s}
+    return vector_of(law, game, given | remembered)
 
 
 def turning(game: Game, pursuer: Array, evader: Array, seen_m_s: Array, velocity_m_s: Array, gain: float) -> Array:

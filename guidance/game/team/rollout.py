@@ -32,7 +32,7 @@ Policies = str | Policy | Sequence[str | Policy]
 """One policy for all players of a side, or one for each."""
 
 
-_Each = Sequence[str | Policy]
+_Sides = tuple[Sequence[str | Policy], Sequence[str | Policy]]
 
 
 class TeamSample(NamedTuple):
@@ -150,9 +150,7 @@ def rollout_teams(
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
 
 
-def _played(
-    game: Game, sides: tuple[_Each, _Each], P: Array, E: Array, T: Array | None, matching: Matching
-) -> tuple[Array, Array]:
+def _played(game: Game, sides: _Sides, P: Array, E: Array, T: Array | None, matching: Matching) -> tuple[Array, Array]:
     """Return the velocities of pursuers against their evaders, (..., n, 3), and of evaders against the nearest pursuer.
 
     Each player moves by its own policy, (..., m, 3).
@@ -175,7 +173,7 @@ def _played(
     return found[0], found[1]
 
 
-def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]) -> _Each:
+def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]) -> list[str | Policy]:
     """Return a policy for each player, "optimal" by its name.
 
     Raises:
