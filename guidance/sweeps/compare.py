@@ -194,14 +194,14 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
         there.print(part)
 
 
-def _known(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:
+def _valued(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:
     """Return name, A, B and difference of the columns with a value."""
     return [(name, *row.values()) for name, row in compared.items() if not row["a"] is row["b"] is None]
 
 
 def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     """Yield a table of numbers, and one of texts, whose cells may be long."""
-    rows = [tuple(map(cell, row)) for row in _known(compared)]
+    rows = [tuple(map(cell, row)) for row in _valued(compared)]
     yield sheet(("column", "A", "B", "B − A"), [row for row in rows if row[3] != "-"])
     yield sheet(("column", "A", "B"), [row[:3] for row in rows if row[3] == "-"], left=range(3), title=" ")
 
@@ -209,7 +209,7 @@ def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
 def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | str]:
     kind = "paired rows" if compared["paired"] else "independent rows (the sweeps vary different values)"
     for group in compared["groups"]:
-        rows = [(name, cell(a, 4), cell(b, 4), spread(apart)) for name, a, b, apart in _known(group["columns"])]
+        rows = [(name, cell(a, 4), cell(b, 4), spread(apart)) for name, a, b, apart in _valued(group["columns"])]
         count = group["rows_a"] if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
         yield f"\n[italic]{_both(group, '')}: {count} {kind}[/italic]"
         yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)

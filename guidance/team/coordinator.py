@@ -135,11 +135,10 @@ class Coordinator:
             return None
 
     def _roles(self, matching: Matching, vehicles: list[str], evaders: list[str]) -> tuple[VehicleRole, ...]:
-        roles = []
+        roles, everybody = [], range(len(vehicles))
         for number, evader in enumerate(evaders):
-            leaders = [int(matching.first[number]), int(matching.second[number])]
-            there = [index for index in range(len(vehicles)) if matching.evader_of[index] == number]
-            there.sort(key=lambda index: (leaders.index(index) if index in leaders else len(leaders), index))
+            leaders_first = dict.fromkeys((int(matching.first[number]), int(matching.second[number]), *everybody))
+            there = [index for index in leaders_first if index in everybody and matching.evader_of[index] == number]
             roles += [
                 VehicleRole(vehicle=vehicles[index], evader=evader, above_m=rank * self._slot_m)
                 for rank, index in enumerate(there)
