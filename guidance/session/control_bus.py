@@ -45,27 +45,22 @@ def host_session(endpoint: str, token: local.ControlToken) -> Session:
         raise LinkError(f"control.endpoint = {endpoint!r}: {words}") from error
 
 
-class OwnerToken:
-    """A claim on a vehicle, by its key on a bus that all possible owners share, until it is closed.
+def owner_token(session: Session, vehicle: str) -> zenoh.LivelinessToken:
+    """Claim a vehicle, by its key on a bus that all possible owners share, until the token is undeclared.
 
     Raises:
         LinkError: If another daemon owns it already.
     """
-
-    def __init__(self, session: Session, vehicle: str) -> None:
-        mine = f"{vehicle}/owner/{session.zid()}"
-        liveliness = session.liveliness()
-        # Claim first, then look: of two that start together at least one sees the other.
-        self._token = liveliness.declare_token(mine)
-        replies = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
-        if others := {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} - {mine}:
-            self.close()
-            owned = f"another daemon owns this vehicle ({', '.join(sorted(others))})"
-            raise LinkError(f"{vehicle}: {owned}; end it first, only one may fly it")
-
-    def close(self) -> None:
-        """Give the vehicle up."""
-        close_all(self._token.undeclare)
+    mine = f"{vehicle}/owner/{session.zid()}"
+    liveliness = session.liveliness()
+    # Claim first, then look: of two that start together at least one sees the other.
+    token = liveliness.declare_token(mine)
+    replies = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
+    if others := {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} - {mine}:
+        close_all(token.undeclare)
+        owned = f"another daemon owns this vehicle ({', '.join(sorted(others))})"
+        raise LinkError(f"{vehicle}: {owned}; end it first, only one may fly it")
+    return token
 
 
 @contextlib.contextmanager
@@ -125,7 +120,7 @@ def control_bus(
         else:
             session = join_session(control.endpoint, control.token_file, credentials)
             closing.callback(close_all, session.close)
-        closing.enter_context(contextlib.closing(OwnerToken(session, f"guidance/{name}")))
+        closing.callback(close_all, owner_token(session, f"guidance/{name}").undeclare)
         closing.callback(close_all, session.declare_queryable(control_key(name, "*"), hear).undeclare)
         yield session
 

@@ -25,11 +25,11 @@ from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
 from guidance.links.zenoh_team import ZenohTeam
-from guidance.links.zenoh_wire import Session, session_to
+from guidance.links.zenoh_wire import Session, close_all, session_to
 from guidance.log.broadcast import Broadcast
 from guidance.log.entries import FLIGHT_OVER
 from guidance.log.writer import Record, Recorder
-from guidance.session.control_bus import OwnerToken, control_bus
+from guidance.session.control_bus import control_bus, owner_token
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import Signals, claim, run
@@ -80,7 +80,7 @@ def open_all(
     if endpoint.scheme == "zenoh":  # claim the vehicle on its own bus: all possible owners are there
         session = closed.enter_context(session_to(endpoint, credentials, _CLAIM_LIMIT_S))
         owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
-        closed.enter_context(closing(OwnerToken(session, owned)))
+        closed.callback(close_all, owner_token(session, owned).undeclare)
     if (
         wire := opened.get(config.name)
     ) is None:  # the evader's reports arrive on it too, unless they have a URL of their own

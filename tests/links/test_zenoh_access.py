@@ -27,7 +27,7 @@ from guidance.links.zenoh_access import (
 )
 from guidance.links.zenoh_wire import open_router, open_session, session_to
 from guidance.log.broadcast import Broadcast, LiveFlight
-from guidance.session.control_bus import OwnerToken, join_session
+from guidance.session.control_bus import join_session, owner_token
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
 from sitl_mock.errors import ConfigError as MockConfigError
@@ -100,7 +100,7 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
         frame=FRAME,
         credentials=mine,
     )
-    owner = OwnerToken(joined("uav1-guidance"), "uav1/guidance")
+    owner = owner_token(joined("uav1-guidance"), "uav1/guidance")
     try:
         evader = joined("evader1").declare_publisher(REPORT)
         heard, told, seen = [], [], []
@@ -117,9 +117,9 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
         assert until(all_arrived)
         assert (set(heard), set(told), set(seen)) == ({b"telemetry"}, {b"setpoint"}, {47.4})
         with pytest.raises(LinkError, match="another daemon owns this vehicle"):
-            OwnerToken(joined("uav1-guidance"), "uav1/guidance")
+            owner_token(joined("uav1-guidance"), "uav1/guidance")
     finally:
-        owner.close()
+        owner.undeclare()
         reports.close()
         wire.close()
         mock.close()
@@ -214,9 +214,9 @@ def test_no_party_uses_keys_that_are_not_its_own(joined):
 
 def test_only_the_daemon_answers_orders_and_claims_the_vehicle(joined):
     mine, operator, forger = joined("uav1-guidance"), joined("operator"), joined("evader1")
-    claimed = OwnerToken(forger, "uav1/guidance")
-    OwnerToken(mine, "uav1/guidance").close()  # the claim of a stranger is none
-    claimed.close()
+    claimed = owner_token(forger, "uav1/guidance")
+    owner_token(mine, "uav1/guidance").undeclare()  # the claim of a stranger is none
+    claimed.undeclare()
     key = "guidance/uav1/ctl/status"
     forged = forger.declare_queryable(key, lambda query: query.reply(key, b"forged"))
     rightful = mine.declare_queryable(key, lambda query: query.reply(key, b"rightful"))

@@ -14,7 +14,7 @@ from guidance.links.keys import Validity, make_keys
 from guidance.links.opening import open_source, open_wire
 from guidance.links.zenoh_access import Credentials, read_credentials
 from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.control_bus import OwnerToken
+from guidance.session.control_bus import owner_token
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
 from tests.harness.bus import ControlBus, ask
@@ -212,4 +212,4 @@ def test_after_a_routers_restart_frames_reports_orders_and_the_claim_are_back(ke
                 open_session(endpoint, credentials=mine) as second,
                 pytest.raises(LinkError, match="another daemon owns this vehicle"),
             ):
-                OwnerToken(second, "guidance/uav1")
+                owner_token(second, "guidance/uav1")

@@ -12,8 +12,9 @@ import pytest
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
+from guidance.links.zenoh_wire import close_all
 from guidance.session import orders
-from guidance.session.control_bus import OwnerToken, answers, control_key, opened
+from guidance.session.control_bus import answers, control_key, opened, owner_token
 from guidance.session.control_bus import join_session as open_session
 from guidance.session.control_socket import TIMEOUT_S, ask_here
 from guidance.session.orders import ANSWER_LIMIT_S, Mailbox
@@ -100,19 +101,19 @@ def test_a_second_daemon_of_the_same_vehicle_is_refused(daemon, endpoint):
 def test_a_vehicle_is_free_again_when_its_owner_is_gone(daemon, endpoint):
     daemon("router")
     first, second = open_session(endpoint), open_session(endpoint)
-    owner = OwnerToken(first, "uav1/guidance")
+    owner = owner_token(first, "uav1/guidance")
     with pytest.raises(LinkError, match="only one may fly it"):
-        OwnerToken(second, "uav1/guidance")
-    OwnerToken(second, "uav2/guidance").close()
+        owner_token(second, "uav1/guidance")
+    owner_token(second, "uav2/guidance").undeclare()
     first.close()  # as when its process ends: nothing was undeclared
     deadline_s = time.monotonic() + 10.0  # on a busy machine the router may hear of it a moment later
     while True:
         try:
-            OwnerToken(second, "uav1/guidance").close()
+            owner_token(second, "uav1/guidance").undeclare()
             break
         except LinkError:
             assert time.monotonic() < deadline_s
-    owner.close()
+    close_all(owner.undeclare)
     second.close()
 
 
