@@ -115,7 +115,8 @@ def control_bus(
             closing.callback(lambda: local.discard_token(token))
             session = host_session(control.endpoint, token)
             closing.callback(close_all, session.close)
-            token = local.publish_token(token, path)  # now that the endpoint is ours
+            # Put it where others look for it, now that the endpoint is ours and no other daemon's.
+            token = token._replace(path=token.path.replace(path))
             closing.enter_context(contextlib.closing(local.ControlSocket(name, mailbox.answer, token)))
         else:
             session = join_session(control.endpoint, control.token_file, credentials)

@@ -85,7 +85,7 @@ def token_path(endpoint: str) -> Path:
 
 
 def draw_token(path: Path) -> ControlToken:
-    """Draw a secret for `path` and write it to a file beside it; `publish_token` renames that file.
+    """Draw a secret for `path` and write it to a file beside it, to be renamed once the endpoint is ours.
 
     An existing file with another mode than 0600 was made by a person for others to read: it is used.
 
@@ -101,12 +101,6 @@ def draw_token(path: Path) -> ControlToken:
         token = ControlToken(path.with_name(f".{path.name}.{os.getpid()}"), secrets.token_hex(32))
         private_file(token.path).write_text(f"{USER}:{token.secret}\n", encoding="ascii")
     return token
-
-
-def publish_token(drawn: ControlToken, path: Path) -> ControlToken:
-    """Put a drawn token where others look for it, once the endpoint is ours and no other daemon's."""
-    drawn.path.replace(path)
-    return drawn._replace(path=path)
 
 
 def discard_token(token: ControlToken) -> None:

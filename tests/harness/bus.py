@@ -4,7 +4,7 @@ import contextlib
 
 from guidance.links.zenoh_wire import direct_session
 from guidance.session import control_bus
-from guidance.session.control_socket import TIMEOUT_S
+from guidance.session.control_socket import TIMEOUT_S, draw_token
 
 
 class ControlBus:
@@ -27,3 +27,9 @@ def ask(order, *, endpoint, name, timeout_s=TIMEOUT_S, **joining):
 def open_to_all(endpoint):
     """Host a session at an endpoint that every user of this computer may join."""
     return direct_session("router", {"listen": {"endpoints": [endpoint]}})
+
+
+def published(path):
+    """Return a new token in its place, as a daemon puts it there when it listens."""
+    drawn = draw_token(path)
+    return drawn._replace(path=drawn.path.replace(path))

@@ -11,9 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from guidance.errors import ConfigError, LinkError
-from guidance.session import control_socket
 from guidance.session.control_socket import ControlSocket, ask_here, socket_path
 from guidance.session.orders import Mailbox
+from tests.harness.bus import published
 
 ENDPOINT = "tcp/127.0.0.1:7448"
 
@@ -47,7 +47,7 @@ def loop():
 
 @pytest.fixture
 def token(tmp_path):
-    return control_socket.publish_token(control_socket.draw_token(tmp_path / "ctl.token"), tmp_path / "ctl.token")
+    return published(tmp_path / "ctl.token")
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_a_socket_left_by_a_killed_daemon_counts_as_none_and_is_replaced(loop, t
 
 
 def test_another_token_another_name_and_an_unknown_order_are_errors(control, token):
-    control_socket.publish_token(control_socket.draw_token(token.path), token.path)
+    published(token.path)
     with pytest.raises(LinkError, match="token is not this daemon's"):
         asked("hold", token)
     token.path.write_text(f"guidance:{token.secret}\n")
@@ -103,7 +103,7 @@ def test_the_socket_has_the_rights_of_the_token_file(loop, token, token_mode, so
 def test_a_path_too_long_for_the_kernel_works(loop, tmp_path):
     folder = tmp_path / ("f" * 120)
     path = folder / "ctl.token"
-    token = control_socket.publish_token(control_socket.draw_token(path), path)
+    token = published(path)
     made = ControlSocket("uav1", loop.mailbox.answer, token)
     assert asked("hold", token)["accepted"]
     made.close()

@@ -14,7 +14,7 @@ from guidance.session import control_socket
 from guidance.session.control_bus import join_session
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
-from tests.harness.bus import ControlBus
+from tests.harness.bus import ControlBus, published
 
 
 @pytest.fixture
@@ -30,11 +30,11 @@ def path(tmp_path):
 
 
 def test_a_token_is_drawn_anew_each_time_and_for_its_owners_eyes(path):
-    first = control_socket.publish_token(control_socket.draw_token(path), path)
+    first = published(path)
     assert path.stat().st_mode & 0o777 == 0o600
     assert path.parent.stat().st_mode & 0o777 == 0o700
     assert control_socket.read_token(path) == first
-    second = control_socket.publish_token(control_socket.draw_token(path), path)
+    second = published(path)
     assert len(second.secret) == 64
     assert second.secret != first.secret
     assert [one.name for one in path.parent.iterdir()] == [path.name]
@@ -44,15 +44,15 @@ def test_a_token_that_a_person_made_for_a_group_is_used_and_stays(path):
     path.parent.mkdir(mode=0o700)
     path.write_text("guidance:" + "ab" * 32)
     path.chmod(0o640)
-    token = control_socket.publish_token(control_socket.draw_token(path), path)
+    token = published(path)
     assert token == (path, "ab" * 32)
     control_socket.discard_token(token)
     assert path.exists()
 
 
 def test_our_token_goes_with_us_and_a_successors_stays(path):
-    first = control_socket.publish_token(control_socket.draw_token(path), path)
-    second = control_socket.publish_token(control_socket.draw_token(path), path)
+    first = published(path)
+    second = published(path)
     control_socket.discard_token(first)
     assert control_socket.read_token(path) == second
     control_socket.discard_token(second)
