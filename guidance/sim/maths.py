@@ -47,8 +47,6 @@ _SHARE_LEFT = 0.75
 _STRAIGHT = 1e-9
 """Change of velocity over the last step, as a share of the speed, up to which players fly straight on."""
 
-_LONG_LOST_S = LIMITS_S[State.PAUSED]
-
 _NAMES = {end: end.name.lower() for end in End} | {End.NO_ANSWER: "failed"}
 LIMITS = ("fence", "floor", "ceiling")
 _EVENTS = (Event.EVADER_LOST, Event.NO_GAME, Event.CAPTURED, Event.ESCAPED)
@@ -166,7 +164,7 @@ def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
 def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
     now = np.where(moment.now_s >= batch.limit_s, End.TIME_UP, End.RUNNING)
-    now = np.where(moment.happened[:, -1] | (moment.lost_s >= _LONG_LOST_S), End.NO_ANSWER, now)
+    now = np.where(moment.happened[:, -1] | (moment.lost_s >= LIMITS_S[State.PAUSED]), End.NO_ANSWER, now)
     now = np.where(ahead.arrival_s <= NANOSECOND_S, End.ARRIVED, now)
     now = np.where(ahead.capture_s <= NANOSECOND_S, End.CAPTURED, now)
     return np.where(moment.end == End.RUNNING, now, moment.end).astype(np.int8)

@@ -13,7 +13,7 @@ from guidance.config import find, parse, read
 from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE
 from guidance.log.reader import record_errors, scan
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import Scenario, TrackRow
 from guidance.sim.teams import TeamScenario
 
 FOLDER = "scenarios"
@@ -84,10 +84,8 @@ _NAMED: Final = ", ".join(_COLUMNS)
 _LEAST_STEP_S: Final = 0.2
 """Rows of a flight's record closer than this are left out: 50 rows a second say no more than 5."""
 
-Rows = list[tuple[float, float, float, float]]
 
-
-def read_track(path: Path, player: str, *, key: str) -> Rows:
+def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:
     """Read rows of (time s, x, y, z m) in the game frame.
 
     Args:
@@ -113,7 +111,7 @@ def read_track(path: Path, player: str, *, key: str) -> Rows:
     return rows
 
 
-def _from_csv(path: Path) -> Rows:
+def _from_csv(path: Path) -> list[TrackRow]:
     with path.open(newline="", encoding="utf-8") as file:
         rows = csv.DictReader(file)
         missing = [name for name in _COLUMNS[:3] if name not in (rows.fieldnames or [])]
@@ -122,8 +120,8 @@ def _from_csv(path: Path) -> Rows:
         return [(float(row["t_s"]), float(row["x_m"]), float(row["y_m"]), float(row.get("z_m") or 0.0)) for row in rows]
 
 
-def _from_record(path: Path, part: str) -> Rows:
-    rows: Rows = []
+def _from_record(path: Path, part: str) -> list[TrackRow]:
+    rows: list[TrackRow] = []
     with record_errors(path):
         for item in scan(path):
             row = json.loads(item.data) if item.topic == CYCLE.topic else {}
