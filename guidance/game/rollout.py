@@ -30,8 +30,8 @@ from guidance.game.solution import solve
 SHARE = {1: 1.0, 4: 0.5}
 """Longest step as a share of the least time to the end, by order; Runge-Kutta must not look past the end."""
 
-STAGES = (0.0, 0.5, 0.5, 1.0)
-"""Places of a Runge-Kutta step of fourth order, as a share of it; the first is that of a step of first order."""
+STAGES = (0.5, 0.5, 1.0)
+"""Places within a Runge-Kutta step of fourth order, as a share of it, behind its begin."""
 
 NANOSECOND_S = 1e-9
 
@@ -220,11 +220,12 @@ def _advance(
     """Advance every game by its own h; return also the evader's velocity."""
     time, P, E, T, end = sample
     drift, step = xp.constant(P, (*game.target_velocity_m_s, 0.0)), h[..., None]
-    v, w, slopes = 0.0 * P, 0.0 * E, []
-    for share in STAGES[:order]:
+    slopes = [_velocities(game, policies, P, E, T, seen)]
+    for share in STAGES[: order - 1]:
+        v, w = slopes[-1]
         then = None if T is None else T + share * step * drift
-        v, w = _velocities(game, policies, P + share * step * v, E + share * step * w, then, seen)
-        slopes.append((v, w))
+        slopes.append(_velocities(game, policies, P + share * step * v, E + share * step * w, then, seen))
+    v, w = slopes[0]
     if order != 1:
         v, w = ((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
     return Sample(time + h, P + step * v, E + step * w, None if T is None else T + step * drift, end), slopes[0][1]
