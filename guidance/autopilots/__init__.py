@@ -3,8 +3,7 @@
 Descriptions:
     PX4, ARDUCOPTER: each an `Autopilot`. ROVER: the protocol of ArduPilot's rover, which plays the evader.
     AUTOPILOTS: every autopilot by name. `autopilot_named`, `autopilots_of`: look one up. AutopilotName: type of a key.
-    AutopilotProfile: protocol (modes, commands, streams). Mode: a mode by its meaning.
-    Bound: a parameter that bounds a key of a new vehicle file.
+    Mode: a mode by its meaning. Bound: a parameter that bounds a key of a new vehicle file.
 
 Preflight:
     Preflight, Wants: requirements of the configuration. Finding: one row of the result, with a `Verdict`.
@@ -16,7 +15,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from guidance.autopilots.arducopter import ARDUCOPTER, ROVER
-from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Mode
+from guidance.autopilots.description import Autopilot, Bound, Mode
 from guidance.autopilots.px4 import PX4
 from guidance.autopilots.rules import Finding, Preflight, Verdict, Wants
 from guidance.errors import ConfigError
@@ -78,7 +77,6 @@ __all__ = [
     "ROVER",
     "Autopilot",
     "AutopilotName",
-    "AutopilotProfile",
     "Bound",
     "Finding",
     "Mode",

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 from guidance.autopilots import description, rules
-from guidance.autopilots.description import Autopilot, AutopilotProfile, Bound, Mode
+from guidance.autopilots.description import Autopilot, Bound, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
 from guidance.control import Acceleration, Approach, Dynamics, Handling, ServoGains
 from guidance.frames import LocalFrame, Projection, wrap_deg
@@ -150,7 +150,7 @@ ARDUCOPTER: Final = Autopilot(
     mock="arducopter",
 )
 
-ROVER: Final[AutopilotProfile] = replace(
+ROVER: Final = replace(
     ARDUCOPTER,
     name="rover",
     custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},

@@ -30,9 +30,18 @@ class Mode(StrEnum):
     OTHER = "other"
 
 
+class Bound(NamedTuple):
+    """A parameter that bounds a key of the vehicle file. Its value times `scale` has the key's unit."""
+
+    section: str
+    key: str
+    parameter: str
+    scale: float = 1.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AutopilotProfile:
-    """An autopilot's protocol: its modes, commands, streams and map.
+class Autopilot:
+    """An autopilot that a flight can use. One module describes each; `guidance.autopilots.register` adds another.
 
     Attributes:
         name: Its name in configuration files.
@@ -49,6 +58,15 @@ class AutopilotProfile:
         prearm_always_told: Whether SYS_STATUS reports the arming checks in `health` even if `present` lacks the bit.
         streams_hz: Requested rate of each message id.
         mode_titles: Name of each mode in a ground station.
+        handling: How its vehicle flies.
+        rules: How its parameters are judged before a flight.
+        bounds: Parameters that bound the keys of a new vehicle file.
+        uploaded_fence_counts: Whether it heeds an uploaded fence, given its parameters.
+        one_inclusion_is_enough: Whether being inside one of several uploaded areas is enough (PX4), or all count.
+        tells_setpoint_always: Whether it sends POSITION_TARGET_LOCAL_NED in every mode, or only in the guided mode.
+        vehicle_types: MAV_TYPEs that may be flown: by default everything that hovers and moves in any direction.
+        mock: Flavour of `sitl-mock` that plays this autopilot in mocked flights.
+        mock_speeds: The mock's parameters for the climb and descent rates of a scenario.
     """
 
     name: str
@@ -64,6 +82,15 @@ class AutopilotProfile:
     prearm_always_told: bool
     streams_hz: Mapping[int, float] = field(default_factory=dict)
     mode_titles: Mapping[Mode, str] = field(default_factory=dict)
+    handling: Handling
+    rules: tuple[Rule, ...]
+    bounds: tuple[Bound, ...]
+    uploaded_fence_counts: Callable[[Parameters], bool]
+    one_inclusion_is_enough: bool
+    tells_setpoint_always: bool
+    mock: str
+    mock_speeds: Callable[[Speeds], Mapping[str, float]] = lambda _: {}
+    vehicle_types: frozenset[int] = MULTICOPTERS
 
     def mode_title(self, mode: Mode) -> str:
         """Return a mode's name in a ground station: OFFBOARD on PX4, GUIDED on ArduCopter."""
@@ -114,42 +141,6 @@ def _command(unused: float, number: int, *params: float) -> Command:
     """Return a command whose other parameters are `unused`."""
     p1, p2, p3, p4, p5, p6, p7 = (*map(float, params), *[unused] * (7 - len(params)))
     return Command(number, (p1, p2, p3, p4, p5, p6, p7))
-
-
-class Bound(NamedTuple):
-    """A parameter that bounds a key of the vehicle file. Its value times `scale` has the key's unit."""
-
-    section: str
-    key: str
-    parameter: str
-    scale: float = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Autopilot(AutopilotProfile):
-    """An autopilot that a flight can use. One module describes each; `guidance.autopilots.register` adds another.
-
-    Attributes:
-        handling: How its vehicle flies.
-        rules: How its parameters are judged before a flight.
-        bounds: Parameters that bound the keys of a new vehicle file.
-        uploaded_fence_counts: Whether it heeds an uploaded fence, given its parameters.
-        one_inclusion_is_enough: Whether being inside one of several uploaded areas is enough (PX4), or all count.
-        tells_setpoint_always: Whether it sends POSITION_TARGET_LOCAL_NED in every mode, or only in the guided mode.
-        vehicle_types: MAV_TYPEs that may be flown: by default everything that hovers and moves in any direction.
-        mock: Flavour of `sitl-mock` that plays this autopilot in mocked flights.
-        mock_speeds: The mock's parameters for the climb and descent rates of a scenario.
-    """
-
-    handling: Handling
-    rules: tuple[Rule, ...]
-    bounds: tuple[Bound, ...]
-    uploaded_fence_counts: Callable[[Parameters], bool]
-    one_inclusion_is_enough: bool
-    tells_setpoint_always: bool
-    mock: str
-    mock_speeds: Callable[[Speeds], Mapping[str, float]] = lambda _: {}
-    vehicle_types: frozenset[int] = MULTICOPTERS
 
 
 HEARTBEAT, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, SYS_STATUS = 0, 30, 32, 33, 1

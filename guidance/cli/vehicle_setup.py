@@ -227,10 +227,10 @@ def keys(
     - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
     """
     require("guidance zenoh keys", "keys")
-    from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
+    from guidance.links.keys import make_keys  # noqa: PLC0415 - cryptography takes a moment
 
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
-    validity = Validity(begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=365))
+    validity = begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=365)
     with writing(out):
         written = make_keys(out, names, ["localhost", "127.0.0.1", *(host or ())], validity)
     for path in written:

@@ -5,12 +5,11 @@ prediction, an `EvaderEstimate`, has position, velocity, speed bound, age and un
 the origin of the local frame moves, all positions move with it (`moved`) and their uncertainty stays the same.
 """
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from guidance.estimation.filters import EvaderEstimate, predict
-from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise, true_at
+from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise
 from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.track import ReportOutcome, Track, update
 from guidance.frames import LocalFrame, Vector, difference, total
@@ -50,12 +49,11 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
     if answer is not None:
         clock = synchronise(clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
     clock = hear(clock, report.sent_s, report.received_s)
-    measurement = measure(report, frame, observer.shift_ned_m, true_at(report, clock), settings)
+    measurement = measure(report, frame, observer.shift_ned_m, clock, settings)
     track = update(observer.track, measurement, settings)
     if track.outcome is ReportOutcome.UNUSABLE:
         return observer._replace(clock=clock, track=track)
-    apart_s = 0.0 if clock is None else report.received_s - clock.ours(report.sent_s)
-    one = Report(report, measurement, _FITS.get(track.outcome), apart_s if math.isfinite(apart_s) else 0.0)
+    one = Report(report, measurement, _FITS.get(track.outcome))
     return Observer(clock, track, listen(observer.rivals, one, settings), observer.shift_ned_m)
 
 

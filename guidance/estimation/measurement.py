@@ -109,24 +109,24 @@ class Measurement(NamedTuple):
 
 
 def measure(
-    report: EvaderReport, frame: LocalFrame, shift_ned_m: Vector, time_s: float, settings: TrackSettings
+    report: EvaderReport, frame: LocalFrame, shift_ned_m: Vector, clock: "ClockOffset | None", settings: TrackSettings
 ) -> Measurement:
     """Convert a plausible report to the frame of the track.
 
-    A velocity is unknown if any part is NaN. A spread that is missing or not positive is taken from the settings; very
-    small ones are raised to 1 cm.
+    It was true by its sender's clock if it has one, else when it arrived. A velocity is unknown if any part is NaN. A
+    spread that is missing or not positive is taken from the settings; very small ones are raised to 1 cm.
 
     Args:
         report: From the source.
         frame: The vehicle's local frame.
         shift_ned_m: Position of the track's frame in it.
-        time_s: When it was true, on our clock.
+        clock: The sender's; None before the first report with a time.
         settings: For missing spreads.
     """
     place_ned_m = frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
     known = not any(map(math.isnan, report.velocity_ned_m_s))
     return Measurement(
-        time_s,
+        report.received_s if clock is None or math.isnan(report.sent_s) else clock.ours(report.sent_s),
         report.received_s,
         difference(place_ned_m, shift_ned_m),
         report.velocity_ned_m_s if known else None,
@@ -209,8 +209,3 @@ def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOff
     agreed = clock._replace(candidate_s=min(sample_s, clock.candidate_s), candidate_reports=clock.candidate_reports + 1)
     lasting = received_s - clock.candidate_since_s >= _LASTING_S and agreed.candidate_reports >= _LASTING_REPORTS
     return ClockOffset(agreed.candidate_s, received_s) if lasting else agreed
-
-
-def true_at(report: EvaderReport, clock: ClockOffset | None) -> float:
-    """Return when a report was true: by its sender's clock if it has one, else when it arrived."""
-    return report.received_s if math.isnan(report.sent_s) or clock is None else clock.ours(report.sent_s)

@@ -51,13 +51,11 @@ class Report(NamedTuple):
         told: As it arrived.
         measured: The same in the local frame, on our clock.
         fits: Whether the estimate accepted it; None if the outcome says nothing about its place.
-        apart_s: Distance of its sender's clock from the believed one.
     """
 
     told: EvaderReport
     measured: Measurement
     fits: bool | None
-    apart_s: float
 
 
 class Rivals(NamedTuple):
@@ -106,7 +104,7 @@ def listen(rivals: Rivals, one: Report, settings: TrackSettings) -> Rivals:
 def _is_odd(before: Report, one: Report) -> bool:
     """Return whether a report, after the one before it, can count as a sign of a second source."""
     told, last = one.told, before.told
-    strange = one.fits is False or abs(one.apart_s) > _CLOCKS_APART_S or bool(told.impostors)
+    strange = one.fits is False or abs(told.received_s - one.measured.time_s) > _CLOCKS_APART_S or bool(told.impostors)
     return (
         strange or math.isnan(told.sent_s) or told.peer != last.peer or (told is not last and _contradict(last, told))
     )
@@ -140,7 +138,8 @@ def _can_follow(one: Report, other: Report, speed_m_s: float, margin_m: float) -
 
 
 def _in_clock(recent: Sequence[Report]) -> bool:
-    runs = [apart for apart, _ in itertools.groupby(abs(one.apart_s) > _CLOCKS_APART_S for one in recent)]
+    ages_s = (one.told.received_s - one.measured.time_s for one in recent)
+    runs = [apart for apart, _ in itertools.groupby(abs(age_s) > _CLOCKS_APART_S for age_s in ages_s)]
     return sum(runs[1:-1]) >= _TURNS
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from guidance.autopilots import AutopilotProfile, Finding, Mode, Verdict
+from guidance.autopilots import Autopilot, Finding, Mode, Verdict
 from guidance.certificate import Certificate
 from guidance.control import Limiter
 from guidance.flight.heard import HOLD_S, Heard
@@ -42,9 +42,7 @@ _TO_DO: Final[Mapping[str, str]] = {
 """Advice for each failed readiness check, by its name."""
 
 
-def checks(
-    vehicle: VehicleState, profile: AutopilotProfile, now_s: float, *, battery_minimum: float
-) -> tuple[Finding, ...]:
+def checks(vehicle: VehicleState, profile: Autopilot, now_s: float, *, battery_minimum: float) -> tuple[Finding, ...]:
     """Evaluate every condition for arming and engaging.
 
     Args:

@@ -152,11 +152,6 @@ def header_of(data: bytes) -> tuple[int, int] | None:
     return (data[5], int.from_bytes(data[7:10], "little")) if len(data) >= 10 and data[0] == MAGIC_V2 else None
 
 
-def is_signed(frame: Frame) -> bool:
-    """Return whether a frame carries a signature, right or wrong."""
-    return bool(frame.data[0] == MAGIC_V2 and frame.data[2] & SIGNED)
-
-
 @dataclass(frozen=True, slots=True)
 class SigningKey:
     """The shared secret. With a key we sign every frame that we send and refuse every frame without a signature.
@@ -215,9 +210,9 @@ class SignatureCheck:
 
     def problem(self, frame: Frame) -> str | None:
         """Return "unsigned", "refused" (wrong or old), or None if the frame is genuine; then remember its timestamp."""
-        if not is_signed(frame):
-            return "unsigned"
         data = frame.data
+        if data[0] != MAGIC_V2 or not data[2] & SIGNED:
+            return "unsigned"
         sent_at = int.from_bytes(data[-12:-6], "little")
         stream = data[-13], frame.system_id, frame.component_id
         last = self._last.get(stream, self.latest - _NEW_STREAM_TICKS - 1)

@@ -30,11 +30,8 @@ class KeyPair(NamedTuple):
     certificate: x509.Certificate
 
 
-class Validity(NamedTuple):
-    """Begin and end of a certificate's validity."""
-
-    begin: datetime.datetime
-    end: datetime.datetime
+Validity = tuple[datetime.datetime, datetime.datetime]
+"""Begin and end of a certificate's validity."""
 
 
 def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validity: Validity) -> list[Path]:
@@ -67,7 +64,9 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
         written += _write(folder, ROUTER, _signed(authority, ROUTER, hosts, ExtendedKeyUsageOID.SERVER_AUTH, validity))
     for name in parties:
         written += _write(folder, name, _signed(authority, name, (), ExtendedKeyUsageOID.CLIENT_AUTH, validity))
-        written.append(_identity(folder, name))
+        keys = f'tls_ca_file = "{AUTHORITY}.pem"\ntls_certificate_file = "{name}.pem"\ntls_key_file = "{name}.key"\n'
+        written.append(folder / f"{name}.toml")
+        written[-1].write_text(keys, encoding="utf-8")
     return written
 
 
@@ -85,7 +84,7 @@ def _certified(
     key, subject = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     issuer = subject if authority is None else authority.certificate.subject
     number = x509.random_serial_number()
-    built = x509.CertificateBuilder(issuer, subject, key.public_key(), number, validity.begin, validity.end)
+    built = x509.CertificateBuilder(issuer, subject, key.public_key(), number, *validity)
     constraints = x509.BasicConstraints(ca=authority is None, path_length=0 if authority is None else None)
     for extension, critical in ((constraints, True), *extensions):
         built = built.add_extension(extension, critical=critical)
@@ -105,13 +104,6 @@ def _write(folder: Path, name: str, pair: KeyPair) -> list[Path]:
     private_file(key).write_bytes(pair.key.private_bytes(pem, serialization.PrivateFormat.PKCS8, plain))
     certificate.write_bytes(pair.certificate.public_bytes(pem))
     return [certificate, key]
-
-
-def _identity(folder: Path, name: str) -> Path:
-    path = folder / f"{name}.toml"
-    files = {"tls_ca_file": f"{AUTHORITY}.pem", "tls_certificate_file": f"{name}.pem", "tls_key_file": f"{name}.key"}
-    path.write_text("".join(f'{key} = "{file}"\n' for key, file in files.items()), encoding="utf-8")
-    return path
 
 
 def _read(folder: Path) -> KeyPair:

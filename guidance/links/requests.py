@@ -29,11 +29,7 @@ _REPEATABLE: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESS
 TIMESYNC_EVERY_S: Final = 1.0
 
 Key = tuple[type[Request], int | str | None]
-
-
-def key_of(request: Request) -> Key:
-    """Return the key that an answer will name: a command's number or a parameter's name. The fence is read in steps."""
-    return type(request), None if isinstance(request, FenceRequest | FenceReceived) else request[0]
+"""What an answer will name: a command's number or a parameter's name. The fence is read in steps."""
 
 
 def is_repeatable(request: Request) -> bool:
@@ -59,7 +55,8 @@ class RequestQueue:
 
     def add(self, request: Request) -> None:
         """Add a request. It is due at once, or after those of its key. A request that already waits is not added."""
-        lane = self.waiting.setdefault(key_of(request), deque())
+        named = None if isinstance(request, FenceRequest | FenceReceived) else request[0]
+        lane = self.waiting.setdefault((type(request), named), deque())
         if not isinstance(request, Command) or not is_repeatable(request):
             lane.clear()
         elif any(waiting.request == request for waiting in lane):

@@ -12,7 +12,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from guidance.autopilots import AUTOPILOTS, Autopilot, AutopilotProfile, autopilot_named, autopilots_of
+from guidance.autopilots import AUTOPILOTS, Autopilot, autopilot_named, autopilots_of
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import config_folder, parse
@@ -95,7 +95,7 @@ def identify(found: Found, url: str, asked: str | None) -> Autopilot:
 
 
 def wait_until_placed(
-    link: VehicleLink, profile: AutopilotProfile, clock: Clock, show: Callable[[Progress], None], vehicle: str = ""
+    link: VehicleLink, profile: Autopilot, clock: Clock, show: Callable[[Progress], None], vehicle: str = ""
 ) -> tuple[Home, LocalFrame]:
     """Wait for the home and the local frame of a vehicle that is disarmed on the ground.
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import AUTOPILOTS, AutopilotProfile, Mode
+from guidance.autopilots import AUTOPILOTS, Autopilot, Mode
 from guidance.links.frames import Frame, FrameReader
 from guidance.links.opening import Found, find_autopilot, open_wire
 from guidance.links.port import Wire
@@ -57,9 +57,7 @@ class Relay:
         self.found: Found = find_autopilot(
             self._wire, clock=time.monotonic, timeout_s=timeout_s, sleep=time.sleep, who=url
         )
-        self.profile: AutopilotProfile = next(
-            one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot
-        )
+        self.profile: Autopilot = next(one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot)
         self._client = UdpWire(time.monotonic, "127.0.0.1", client_port)
         self._down, self._up = FrameReader(), FrameReader()
         self._pilot = mavlink.MAVLink(None, *PILOT)

@@ -23,7 +23,7 @@ from guidance.autopilots import Mode
 from guidance.clock import MonotonicClock
 from guidance.config import config_folder
 from guidance.frames import Amsl, LocalFrame, Vector
-from guidance.links.keys import Validity, make_keys
+from guidance.links.keys import make_keys
 from guidance.links.udp import UdpWire
 from guidance.links.zenoh_access import read_credentials
 from guidance.links.zenoh_team import ZenohTeam
@@ -216,7 +216,7 @@ class Team:
         self.case, self.relays, self._folder = case, relays, folder
         now = datetime.datetime.now(datetime.UTC)
         parties = [*(f"{name}-guidance" for name in NAMES), "operator"]
-        make_keys(folder / "keys", parties, ["127.0.0.1"], Validity(now, now + datetime.timedelta(days=1)))
+        make_keys(folder / "keys", parties, ["127.0.0.1"], (now, now + datetime.timedelta(days=1)))
         port = free_udp_port({"uav1": "px4"})
         self._endpoint = f"tls/127.0.0.1:{port}"
         closing_.enter_context(open_router(config_folder() / "zenoh" / "team.json5", folder / "keys", self._endpoint))

@@ -25,7 +25,6 @@ class Said(NamedTuple):
     true_s: float
     place_m: tuple[float, float]
     fits: bool | None
-    apart_s: float
     sequence: int | None
     peer: str | None
     impostors: int | None = None
@@ -36,15 +35,13 @@ class Said(NamedTuple):
         who = {"sequence": self.sequence, "peer": self.peer, "impostors": self.impostors}
         told = EvaderReport(self.received_s, self.sent_s, "test", *place, UNKNOWN_VELOCITY, **who)
         measured = Measurement(self.true_s, self.received_s, (north_m, east_m, 0.0), None, 0.7, 0.3)
-        return Report(told, measured, self.fits, self.apart_s)
+        return Report(told, measured, self.fits)
 
 
 def own(number, **changes):
     """Return one report of an evader that runs north, reports at 10 Hz and shares our clock."""
     at_s = PERIOD_S * number
-    said = Said(
-        at_s + 0.05, at_s, at_s, (SPEED_M_S * at_s, 0.0), fits=True, apart_s=0.0, sequence=number % 256, peer="a"
-    )
+    said = Said(at_s + 0.05, at_s, at_s, (SPEED_M_S * at_s, 0.0), fits=True, sequence=number % 256, peer="a")
     return said._replace(**changes)
 
 
@@ -94,7 +91,7 @@ TWO_SOURCES = {
     "place, a few metres aside": [
         one._replace(fits=False, place_m=(one.place_m[0], 2.0), sequence=None) for one in second()
     ],
-    "clock": second(apart_s=400.0, fits=None, sequence=None),
+    "clock": [one._replace(true_s=one.true_s - 400.0) for one in second(fits=None, sequence=None)],
     "sequence": second(sequence=0),
     "sender": second(peer="b", sequence=None),
 }

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common
 
-from guidance.autopilots import ARDUCOPTER, PX4, AutopilotProfile, Mode
+from guidance.autopilots import ARDUCOPTER, PX4, Autopilot, Mode
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import (
@@ -34,7 +34,7 @@ PLACE = MockHome(47.397742, 8.545594, 488.0)
 class Flight:
     """A mock and a link that share a clock."""
 
-    def __init__(self, flavour: str, profile: AutopilotProfile, **options) -> None:
+    def __init__(self, flavour: str, profile: Autopilot, **options) -> None:
         self.now_s = 1000.0
         self.profile = profile
         self.mock = MockVehicle(flavour, system_id=1, home=PLACE, noise=False, ready_after_s=1.0)

@@ -15,7 +15,7 @@ from guidance.cli.program import app
 from guidance.config import config_folder
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.keys import Validity, make_keys
+from guidance.links.keys import make_keys
 from guidance.links.opening import open_source, open_wire
 from guidance.links.port import parse
 from guidance.links.zenoh_access import (
@@ -39,7 +39,7 @@ from tests.links.rigs import clock, free_port
 PARTIES = ("uav1", "uav1-guidance", "evader1", "operator", "viewer")
 ROUTER = config_folder() / "zenoh" / "router.json5"
 NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
-CENTURY = Validity(NOON, NOON + datetime.timedelta(days=36_500))
+CENTURY = NOON, NOON + datetime.timedelta(days=36_500)
 OUT, IN, REPORT, LIVE = "uav1/mavlink_raw/out", "uav1/mavlink_raw/in", "evader1/report", "guidance/uav1/live/cycle"
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
 SAID = b'{"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl"}'

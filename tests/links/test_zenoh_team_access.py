@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing
 import pytest
 
 from guidance.config import config_folder
-from guidance.links.keys import Validity, make_keys
+from guidance.links.keys import make_keys
 from guidance.links.zenoh_access import read_credentials
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_router, open_session
@@ -32,7 +32,7 @@ NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
     folder = tmp_path_factory.mktemp("keys")
-    make_keys(folder, PARTIES, ["127.0.0.1"], Validity(NOON, NOON + datetime.timedelta(days=36_500)))
+    make_keys(folder, PARTIES, ["127.0.0.1"], (NOON, NOON + datetime.timedelta(days=36_500)))
     return folder
 
 
