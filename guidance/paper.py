@@ -22,10 +22,9 @@ GAME = Game(Ball(2.0), evader_speed_m_s=1.0)
 PE_PURSUER, PE_EVADER = np.array([8.00, 1.42, 9.41]), np.array([7.92, 9.60, 0.0])
 TAD_PURSUER, TAD_EVADER, TAD_TARGET = np.array([6.97, 5.83, 9.15]), np.array([9.80, 0.33, 0.0]), np.zeros(3)
 
-OPTIMAL, OTHERS = "-", ("--", ":")
-"""Line styles distinguish the plays of a figure; colours, and their darkness, distinguish the players."""
-
 RED, BLUE = "#e8867a", "#123a7a"
+"""Colours, and their darkness, distinguish the players; line styles distinguish the plays of a figure."""
+
 OFFSETS = {"P": (8, 2), "E": (4, 8), "T": (-4, 10), "c": (4, -16), "g*": (-22, -12)}
 """Offset of a label from its point, in points."""
 
@@ -131,9 +130,9 @@ def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
 
 def _plot_tracks(axes: Any, cases: Sequence[Case], dimensions: list[int], unit: str) -> None:  # noqa: ANN401 - matplotlib's
     """Draw every play with its own line. The optimal one is below the others, and wide, so that both remain visible."""
-    dashes = iter(OTHERS)
+    dashes = iter(("--", ":"))
     for case in sorted(cases, key=lambda case: not case.is_optimal):
-        style = {"linestyle": OPTIMAL, "linewidth": 3.0} if case.is_optimal else {"linestyle": next(dashes)}
+        style = {"linestyle": "-", "linewidth": 3.0} if case.is_optimal else {"linestyle": next(dashes)}
         pursuer = np.stack([sample.pursuer_m for sample in case.path])
         evader = np.stack([sample.evader_m for sample in case.path])
         label = f"{' / '.join(case.strategies)}: {case.exact} {unit}"

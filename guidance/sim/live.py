@@ -17,8 +17,7 @@ from sitl_mock.child import RunningFleet, running
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.errors import TransportError
 
-ZENOH: Final = "zenoh"
-UDP: Final = "udp"
+ZENOH, UDP = "zenoh", "udp"
 OVER: Final = (ZENOH, UDP)
 """Transports to the vehicles."""
 

@@ -4,7 +4,7 @@ Faults that count from the start form a script. Faults that count from engagemen
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 from guidance.autopilots import autopilot_named
 from guidance.errors import ConfigError
@@ -12,11 +12,6 @@ from guidance.sim.scenario import EVADER, PURSUER, Flown, Point2, pursuits_of
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.faults import Faulted, parse_script
 from sitl_mock.fleet import build, checked
-
-_WHOLE_FLIGHT_S: Final = 1e9
-
-READY_AFTER_S: Final = 3.0
-"""Shortened boot time of the mocks; a real ArduCopter takes 39 s."""
 
 
 def fleet(flown: Flown) -> dict[str, Any]:
@@ -31,8 +26,8 @@ def fleet(flown: Flown) -> dict[str, Any]:
     return {
         "seed": pursuits[0].scenario.seed,
         "home": {"lat_deg": site.latitude_deg, "lon_deg": site.longitude_deg, "alt_amsl_m": site.altitude_amsl_m},
-        "vehicle": [
-            {"name": name, "system_id": number, **keys, "ready_after_s": READY_AFTER_S}
+        "vehicle": [  # ready sooner than a real ArduCopter, which takes 39 s
+            {"name": name, "system_id": number, **keys, "ready_after_s": 3.0}
             for number, (name, keys) in enumerate(vehicles.items(), start=1)
         ],
     }
@@ -59,7 +54,7 @@ def script(flown: Flown, events: Sequence[str] = ("start",)) -> dict[str, Any]:
     for scenario, vehicle, _ in pursuits_of(flown):
         east, north = scenario.wind.velocity_m_s
         if east or north:
-            wind = {"kind": "wind_gust", "north": north, "east": east, "for_s": _WHOLE_FLIGHT_S}
+            wind = {"kind": "wind_gust", "north": north, "east": east, "for_s": 1e9}  # the whole flight
             faults.append({**wind, "vehicle": vehicle})
     return {"seed": pursuits_of(flown)[0].scenario.seed, "fault": faults}
 

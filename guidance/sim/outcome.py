@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from guidance.game import Winner
 from guidance.sim.expect import WINNERS
@@ -120,15 +120,12 @@ def judged(
         predicted: The game's value at engagement: s in PE, m in TAD.
         promised: Whether the value was the pursuer's; else there is neither regret nor ratio.
     """
-    if game == "pe":
-        achieved = time_s if end == "captured" else math.nan
-        regret = achieved - predicted
-    else:
-        achieved = {"captured": away_m, "arrived": 0.0}.get(end, math.nan)
-        regret = predicted - achieved
+    capture_time_s = time_s if end == "captured" else math.nan
+    achieved = capture_time_s if game == "pe" else {"captured": away_m, "arrived": 0.0}.get(end, math.nan)
+    regret = achieved - predicted if game == "pe" else predicted - achieved
     return achieved, {
         "winner": WINNERS.get(end, "none"),
-        "capture_time_s": time_s if end == "captured" else math.nan,
+        "capture_time_s": capture_time_s,
         "regret": regret if promised else math.nan,
         "ratio": achieved / predicted if promised and predicted else math.nan,
     }
@@ -149,13 +146,12 @@ def winner_name(winner: int) -> str:
     return {int(Winner.PURSUER): "pursuer", int(Winner.EVADER): "evader"}.get(winner, "none")
 
 
-_DIGITS: Final = 9
-"""Decimal places in JSON: nanoseconds and nanometres. Later digits are rounding errors, as in 5.4199999999998845."""
-
-
 def outcome_json(outcome: Any) -> dict[str, Any]:  # noqa: ANN401 - an `Outcome`, or one of teams
-    """Return an outcome for JSON: numbers with nine decimal places, NaN as None."""
+    """Return an outcome for JSON: numbers with nine decimal places, NaN as None.
+
+    Nine are nanoseconds and nanometres. Later digits are rounding errors, as in 5.4199999999998845.
+    """
     return {
-        name: value if not isinstance(value, float) else None if math.isnan(value) else round(value, _DIGITS) + 0.0
+        name: value if not isinstance(value, float) else None if math.isnan(value) else round(value, 9) + 0.0
         for name, value in outcome._asdict().items()
     }

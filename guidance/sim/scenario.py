@@ -5,8 +5,8 @@ Positions are in the game frame: x east, y north, z up, in metres about the site
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Annotated, ClassVar, Final, Literal, NamedTuple
+from collections.abc import Collection, Iterator, Sequence
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, WithJsonSchema
 
@@ -24,9 +24,6 @@ Point3 = tuple[float, float, float]
 PURSUER, EVADER = "pursuer", "evader"
 PURSUER_ID, EVADER_ID = 1, 2
 """Names and MAVLink system ids of the players of a scenario with one of each."""
-
-BESIDE_M: Final = 2.0
-"""Distance from the pursuer's take-off place to its start."""
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_STRATEGIES]})]
 EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_STRATEGIES]})]
@@ -183,9 +180,6 @@ class Fault(Section):
 class AnyScenario(Section):
     """The keys that a scenario of two players and one of teams share."""
 
-    known: ClassVar[Mapping[str, Collection[str]]]
-    """The policies of each player."""
-
     title: str = Field(description="a few words")
     description: str = Field("", description="purpose and choices of the scenario")
     game: Literal["pe", "tad"] = Field(description="pursuit-evasion, or target-attacker-defender")
@@ -193,12 +187,13 @@ class AnyScenario(Section):
     seed: int = Field(0, ge=0, description="seed of all random numbers")
     time_limit_s: float = Field(300.0, gt=0.0, description="longest game, from engagement")
 
-    def _faults(self) -> Iterator[str]:
+    def _shared_faults(self, **policies: Collection[str]) -> Iterator[str]:
+        """Yield what is wrong with the keys of both kinds, from the policies that each player may have."""
         if self.game == "tad" and self.target is None:
             yield 'target.position_m: missing; game = "tad" needs a target'
         if self.game == "pe" and self.target is not None:
             yield 'target: not allowed with game = "pe"; use game = "tad"'
-        for player, known in self.known.items():
+        for player, known in policies.items():
             given = getattr(self, player)
             named = {f"{player}[{number}]": one for number, one in enumerate(given)} if isinstance(given, tuple) else {}
             for key, one in (named or {player: given}).items():
@@ -210,8 +205,6 @@ class AnyScenario(Section):
 
 class Scenario(AnyScenario):
     """A whole scenario file."""
-
-    known: ClassVar = {PURSUER: PURSUER_STRATEGIES, EVADER: EVADER_STRATEGIES}
 
     pursuer: Pursuer
     evader: Evader
@@ -226,9 +219,9 @@ class Scenario(AnyScenario):
 
     @property
     def home_m(self) -> Point2:
-        """The pursuer's take-off place, `BESIDE_M` south of its start."""
+        """The pursuer's take-off place, 2 m south of its start."""
         x, y, _ = self.pursuer.position_m
-        return (x, y - BESIDE_M)
+        return (x, y - 2.0)
 
     @property
     def speed_limits(self) -> Speeds:
@@ -236,7 +229,7 @@ class Scenario(AnyScenario):
         return self.limits.speeds(self.pursuer.speeds, section="pursuer")
 
     def _faults(self) -> Iterator[str]:
-        yield from super()._faults()
+        yield from self._shared_faults(pursuer=PURSUER_STRATEGIES, evader=EVADER_STRATEGIES)
         _ = self.speed_limits
         wind_m_s = math.hypot(*self.wind.velocity_m_s)
         evader, u = self.evader, self.pursuer.speed_m_s

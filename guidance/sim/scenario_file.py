@@ -13,11 +13,10 @@ from guidance.config import find, parse, read
 from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE
 from guidance.log.reader import record_errors, scan
-from guidance.sim.scenario import Scenario, TrackRow
+from guidance.sim.scenario import EVADER, PURSUER, Scenario, TrackRow
 from guidance.sim.teams import TeamScenario
 
 FOLDER = "scenarios"
-PLAYERS = ("pursuer", "evader")
 
 
 def load_scenario(name: str) -> tuple[Path, Scenario]:
@@ -52,7 +51,7 @@ def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamS
 
 def has_teams(document: Mapping[str, Any]) -> bool:
     """Say whether a scenario's document is one of teams."""
-    return any(isinstance(document.get(player), (list, tuple)) for player in PLAYERS)
+    return any(isinstance(document.get(player), (list, tuple)) for player in (PURSUER, EVADER))
 
 
 def load_document(path: Path) -> tuple[str, dict[str, Any]]:
@@ -62,7 +61,7 @@ def load_document(path: Path) -> tuple[str, dict[str, Any]]:
         ConfigError: If a file cannot be read or is none of its kind.
     """
     text, document = read(path)
-    for player in PLAYERS:
+    for player in (PURSUER, EVADER):
         section = document.get(player)
         if isinstance(section, dict) and isinstance(section.get("track"), str):
             section["track"] = read_track(path.parent / section["track"], player, key=f"{path}: {player}.track")

@@ -6,7 +6,7 @@ scatters `count` of them over a disc, so a sweep can vary their number. Every ev
 
 import math
 from collections.abc import Hashable, Iterator, Sequence
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field, WithJsonSchema
@@ -77,8 +77,6 @@ class TeamFlightSection(TeamSection):
 class TeamScenario(AnyScenario):
     """A whole scenario file of teams."""
 
-    known: ClassVar = {"pursuer": PURSUER_POLICIES, "evader": EVADER_POLICIES}
-
     pursuer: tuple[PursuerGroup, ...] = Field(min_length=1, description="a table [[pursuer]] for each group")
     evader: tuple[EvaderGroup, ...] = Field(min_length=1, description="a table [[evader]] for each group")
     capture_m: float = Field(0.0, ge=0.0, le=100.0, description="distance that counts as captured")
@@ -88,7 +86,7 @@ class TeamScenario(AnyScenario):
     expect: TeamExpect = TeamExpect()
 
     def _faults(self) -> Iterator[str]:
-        yield from super()._faults()
+        yield from self._shared_faults(pursuer=PURSUER_POLICIES, evader=EVADER_POLICIES)
         slowest, fastest = min(one.speed_m_s for one in self.pursuer), max(one.speed_m_s for one in self.evader)
         if slowest <= fastest:
             ratio = f"speed ratio of the slowest pursuer to the fastest evader = {slowest:g} / {fastest:g}"

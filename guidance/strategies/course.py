@@ -46,7 +46,10 @@ class Course:
         t = np.asarray(played_s, dtype=np.float64)
         passed = np.sum(self.times_s <= t[..., None], axis=-1) - 1
         leg = np.clip(passed, 0, self.times_s.shape[-1] - 2)
-        (begin_s, begin_m), (end_s, end_m) = self._corner(leg), self._corner(leg + 1)
+        ends, corners = np.stack([leg, leg + 1], axis=-1), (*leg.shape, self.times_s.shape[-1])
+        begin_s, end_s = np.moveaxis(np.take_along_axis(np.broadcast_to(self.times_s, corners), ends, -1), -1, 0)
+        places_m = np.broadcast_to(self.places_m, (*corners, 3))
+        begin_m, end_m = np.moveaxis(np.take_along_axis(places_m, ends[..., None], -2), -2, 0)
         lasts_s = np.maximum(end_s - begin_s, 1e-9)[..., None]
         way = end_m - begin_m
         share = np.clip((t - begin_s)[..., None] / lasts_s, 0.0, 1.0)
@@ -57,14 +60,6 @@ class Course:
         """Return the time, (...), at which the velocity changes next; infinite after the last time."""
         t = np.asarray(played_s, dtype=np.float64)[..., None]
         return np.asarray(np.min(np.where(self.times_s > t, self.times_s, np.inf), axis=-1))
-
-    def _corner(self, index: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Return time and place of one corner of each course."""
-        corners = self.times_s.shape[-1]
-        times = np.broadcast_to(self.times_s, (*index.shape, corners))
-        places = np.broadcast_to(self.places_m, (*index.shape, corners, 3))
-        at = index[..., None]
-        return np.take_along_axis(times, at, -1)[..., 0], np.take_along_axis(places, at[..., None], -2)[..., 0, :]
 
 
 def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
