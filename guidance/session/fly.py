@@ -101,7 +101,7 @@ class MockOptions:
     fast: bool
     link: str = "mavsdk"
     port: int = 0
-    over: str = live.ZENOH
+    over: str = "zenoh"
 
     def __post_init__(self) -> None:
         _check("--link", self.link, KINDS)

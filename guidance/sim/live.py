@@ -17,8 +17,7 @@ from sitl_mock.child import RunningFleet, running
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.errors import TransportError
 
-ZENOH, UDP = "zenoh", "udp"
-OVER: Final = (ZENOH, UDP)
+OVER: Final = ("zenoh", "udp")
 """Transports to the vehicles."""
 
 _ANSWER_LIMIT_S: Final = 2.0
@@ -32,7 +31,7 @@ class LiveWorld(world.World):
         LinkError: If the mock cannot start (the port is in use, say), or cannot be heard.
     """
 
-    def __init__(self, flown: Flown, clock: Clock, *, link: str, port: int, over: str = ZENOH) -> None:
+    def __init__(self, flown: Flown, clock: Clock, *, link: str, port: int, over: str) -> None:
         super().__init__()
         self._clock, self._pursuits = clock, pursuits_of(flown)
         self._sources: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
@@ -90,10 +89,9 @@ def _mock(closing: contextlib.ExitStack, flown: Flown, over: str, port: int) -> 
     """Start the mock; the stack ends it. Its Zenoh session is there over UDP too: faults are injected by it."""
     tables, faults = fleet(flown), script(flown)
     vehicles = tables.pop("vehicle")
+    mock = running(vehicles, over=("udp", "zenoh") if over == "udp" else ("zenoh",), faults=faults, port=port, **tables)
     try:
-        return closing.enter_context(
-            running(vehicles, over=(UDP, ZENOH) if over == UDP else (ZENOH,), faults=faults, port=port, **tables)
-        )
+        return closing.enter_context(mock)
     except MockConfigError as error:
         raise ConfigError(f"the mock autopilot did not start: {error}") from error
     except TransportError as error:
