@@ -145,9 +145,9 @@ def _apply(checkup: Checkup, *, advised: bool, yes: bool, quiet: bool) -> bool:
     _print_table(there, ((one.verdict, one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted))
     if wanted and not yes:
         arguments.agree(f"Set these {len(wanted)} parameters?")
-    for one in checkup.apply(wanted):
-        read = "not read back" if one.read_back is None else f"reads {one.read_back:g}"
-        there.print(f"{'set ' if one.done else 'NOT SET'} {one.name}: {read}", soft_wrap=True)
+    for name, value, done in checkup.apply(wanted):
+        read = "not read back" if value is None else f"reads {value:g}"
+        there.print(f"{'set ' if done else 'NOT SET'} {name}: {read}", soft_wrap=True)
     if not wanted:
         there.print("no parameter needs to be set")
     return bool(wanted)

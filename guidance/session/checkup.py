@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from serial.tools import list_ports
 
@@ -45,14 +45,6 @@ _HEARD: Final = {
     messages.LocalPosition: "LOCAL_POSITION_NED",
 }
 """Messages needed before anything is judged, by their MAVLink names."""
-
-
-class Applied(NamedTuple):
-    """A parameter that was set: the value read back (None without an answer), and whether it is the requested one."""
-
-    name: str
-    read_back: float | None
-    done: bool
 
 
 class Checkup:
@@ -96,8 +88,11 @@ class Checkup:
         wants, facts = self._plan.wants, self._daemon.survey.facts(self._daemon.flight.vehicle, self._clock.now_s())
         return () if wants is None else changes(facts, self._plan.flight.autopilot, wants, advised=advised)
 
-    def apply(self, wanted: Sequence[ParameterChange]) -> Iterator[Applied]:
-        """Set parameters one after another, read each back, and yield the results.
+    def apply(self, wanted: Sequence[ParameterChange]) -> Iterator[tuple[str, float | None, bool]]:
+        """Set parameters one after another, and read each back.
+
+        Yields:
+            Its name, the value read back (None without an answer), and whether that is the requested one.
 
         Raises:
             FlightError: If the vehicle is armed, in the air, or does not say that it is neither; what was set by then
@@ -115,7 +110,7 @@ class Checkup:
             self._read(change.name)  # the announcement after setting is not proof: read the value
             self._link.request(messages.ParameterRequest(change.name))
             value = self._read(change.name)
-            yield Applied(change.name, value, value is not None and single(value) == change.request.value)
+            yield change.name, value, value is not None and single(value) == change.request.value
 
     def _read(self, name: str) -> float | None:
         until_s = self._clock.now_s() + SET_WITHIN_S
@@ -157,7 +152,7 @@ FLIGHT_BYTES: Final = 240_000_000
 
 WARN: Final = Verdict.WARN
 _TIME_ERROR: Final = 5
-_DEFAULT_URLS: Final = ("udpin://127.0.0.1:14540", "udpin://127.0.0.1:14541")
+_USUAL_URLS: Final = (("usual", "udpin://127.0.0.1:14540"), ("usual", "udpin://127.0.0.1:14541"))
 
 
 def examine(config: Config | None = None) -> Sequence[Finding]:
@@ -220,9 +215,8 @@ def _scheduling() -> Finding:
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
-    usual = [("usual", url) for url in _DEFAULT_URLS]
-    own = [] if config is None else [("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url)]
-    for key, url in own or usual:
+    own = () if config is None else (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
+    for key, url in own or _USUAL_URLS:
         if url is not None and (endpoint := parse(url)).scheme in {"udpin", "tcpin"}:
             kind = socket.SOCK_DGRAM if endpoint.scheme == "udpin" else socket.SOCK_STREAM
             yield _port(f"{key} {url}", endpoint.host, endpoint.port, kind, "end what listens there, or take another")

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import zenoh
 
@@ -19,10 +19,9 @@ from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_wire import Session, close_all, direct_session, open_session
 from guidance.session import control_socket as local
-from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
+from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Answer, Mailbox
 from guidance.session.vehicle_file import Control
 
-JOIN_LIMIT_S: Final = 3.0
 _TEAM: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
 
@@ -65,12 +64,7 @@ def owner_token(session: Session, vehicle: str) -> zenoh.LivelinessToken:
 
 @contextlib.contextmanager
 def control_bus(
-    name: str,
-    mailbox: Mailbox,
-    control: Control,
-    credentials: Credentials = NO_CREDENTIALS,
-    team: str = "",
-    mates: Collection[str] = (),
+    name: str, mailbox: Mailbox, control: Control, credentials: Credentials, team: str, mates: Collection[str]
 ) -> Iterator[Session]:
     """Take orders to the mailbox and answers back; on this computer by a socket too.
 
@@ -79,7 +73,7 @@ def control_bus(
         mailbox: Where orders go.
         control: The endpoint, whether to listen there or to connect to a router, and the token's file.
         credentials: For a router that judges certificates.
-        team: Name of its team; orders to another team are not for this vehicle.
+        team: Name of its team, empty without one; orders to another team are not for this vehicle.
         mates: The vehicles of the team.
 
     Yields:
@@ -142,7 +136,7 @@ def opened(
     buses: dict[str, Session] = {}
     with contextlib.ExitStack() as closing:
         for name, mailbox in mailboxes.items() if endpoint is not None else ():
-            bus = partial(control_bus, name, mailbox, team=team, mates=mailboxes)
+            bus = partial(control_bus, name, mailbox, credentials=NO_CREDENTIALS, team=team, mates=mailboxes)
             try:
                 buses[name] = closing.enter_context(bus(Control(endpoint=endpoint, host=not buses)))
             except LinkError:
@@ -163,11 +157,7 @@ def free_endpoint() -> str:
 
 
 def join_session(
-    endpoint: str,
-    token_file: Path | None = None,
-    credentials: Credentials = NO_CREDENTIALS,
-    *,
-    timeout_s: float = JOIN_LIMIT_S,
+    endpoint: str, token_file: Path | None = None, credentials: Credentials = NO_CREDENTIALS, *, timeout_s: float = 3.0
 ) -> Session:
     """Join the control bus of a daemon, with its token where it has one, or by a router that knows our certificate.
 
@@ -191,7 +181,7 @@ def join_session(
 
 def ask(
     session: Session, order: str, name: str | None, *, endpoint: str, by: str = "", timeout_s: float = local.TIMEOUT_S
-) -> dict[str, Any]:
+) -> Answer:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
 
     Args:
@@ -221,7 +211,7 @@ def ask(
 
 def order_team(
     session: Session, order: str, team: str, names: Collection[str], *, by: str = "", timeout_s: float = local.TIMEOUT_S
-) -> list[dict[str, Any]]:
+) -> list[Answer]:
     """Give an order to a team on a session; return an answer for each vehicle.
 
     `start` and `engage` are given only if every one of them would accept it now.
@@ -238,7 +228,7 @@ def order_team(
         LinkError: If no vehicle of the team answers.
     """
 
-    def asked(word: str) -> dict[str, dict[str, Any]]:
+    def asked(word: str) -> dict[str, Answer]:
         found = [one for name in names or "*" for one in answers(session, name, word, timeout_s, by, team)]
         if not found:
             raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
@@ -257,9 +247,7 @@ def order_team(
     return list(asked(order).values())
 
 
-def answers(
-    session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = ""
-) -> list[dict[str, Any]]:
+def answers(session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = "") -> list[Answer]:
     """Ask a daemon, or all for the name "*", and return every answer.
 
     Args:

@@ -52,7 +52,6 @@ _LONGEST_PATH: Final = 100
 
 USER: Final = "guidance"
 _LINE: Final = re.compile(rf"{USER}:([0-9a-f]{{32,}})\n?")
-_OTHERS_WRITE: Final = stat.S_IWGRP | stat.S_IWOTH
 
 
 class ControlToken(NamedTuple):
@@ -136,7 +135,7 @@ def _is_private(path: Path) -> bool:
 def _check_folder(folder: Path, owners: Collection[int]) -> None:
     """Refuse a folder in which another user could put or replace a token file; a sticky bit does not help."""
     found = folder.stat()
-    if found.st_uid not in owners or found.st_mode & _OTHERS_WRITE:
+    if found.st_uid not in owners or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         mend = "run chmod go-w on it, or give another path"
         raise ConfigError(f"control.token_file: others may write to {folder}; {mend}")
 

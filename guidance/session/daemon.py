@@ -16,7 +16,7 @@ from guidance.preflight import PreflightMemory, advice, parameter_names, refusal
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
 from guidance.session.flight_files import Recording
-from guidance.session.observability import SILENT, Logger, Metrics, Notifier, say_outputs
+from guidance.session.observability import Logger, Metrics, Notifier, say_outputs
 from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
 from guidance.team import Member
@@ -46,7 +46,7 @@ class Equipment:
     """
 
     mailbox: Mailbox = field(default_factory=Mailbox)
-    log: Logger = SILENT
+    log: Logger = field(default_factory=Logger)
     metrics: Metrics | None = None
     notifier: Notifier = field(default_factory=Notifier)
     record: Record | None = None
@@ -67,6 +67,7 @@ class Daemon:
     ) -> None:
         used = equipment or Equipment()
         self.name, self._link, self.team, self.mailbox = name, link, used.team, used.mailbox
+        self.mailbox.meanwhile = None  # orders wait for the loop from now on
         self._evaders = evader if isinstance(evader, Mapping) else {"evader": evader}
         self._log, self._notifier, self.metrics = used.log, used.notifier, used.metrics or Metrics(name)
         self.recording = Recording(name, used.record, used.broadcast, required=used.record_required)

@@ -104,7 +104,7 @@ class Recording:
     """
 
     def __init__(
-        self, vehicle: str, record: Record | None, broadcast: Record | None = None, *, required: bool = False
+        self, vehicle: str, record: Record | None, broadcast: Record | None, *, required: bool = False
     ) -> None:
         self._vehicle, self._record, self._required, self.begun = vehicle, record, required, False
         self._each = [one for one in (record, broadcast) if one is not None]

@@ -199,7 +199,7 @@ class Asked:
             onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
             mailbox.meanwhile = startup_answers(name, for_whom, discovery.FOUND_WITHIN_S, clock)
         world = stack.enter_context(closing(World()))
-        configs, radios = self.reach(scenario, pursuits, clock, world)
+        configs, radios = self.reach(scenario, clock, world)
         laid = list[Pursuit]()
         for pursuit in pursuits:
             name = pursuit.vehicle
@@ -216,14 +216,11 @@ class Asked:
         used = {name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()}
         return Opened(laid, world, clock, buses, used, configs, policy, signals)
 
-    def reach(
-        self, scenario: Played, pursuits: Sequence[Pursuit], clock: Clock, world: World
-    ) -> tuple[Mapping[str, Config], Mapping[str, Wire]]:
+    def reach(self, scenario: Played, clock: Clock, world: World) -> tuple[Mapping[str, Config], Mapping[str, Wire]]:
         """Find the vehicles and open their links in a world, and a wire in memory for each evader's reports.
 
         Args:
-            scenario: For the separation of a team.
-            pursuits: Who pursues whom.
+            scenario: Who pursues whom, and the separation of a team.
             clock: Of the process.
             world: Closes what was opened.
 
@@ -234,7 +231,8 @@ class Asked:
             ConfigError: If another autopilot is there.
             LinkError: If there is no vehicle.
         """
-        speeds_m_s, separation, configs = _declared_m_s(pursuits), _separation(scenario), dict[str, Config]()
+        (pursuits, _), separation = _players(scenario), _separation(scenario)
+        speeds_m_s, configs = _declared_m_s(pursuits), dict[str, Config]()
         radios, heard = dict[str, Wire](), dict[str, Iterator[Wire]]()
         for name in speeds_m_s:
             radios[name], ears = MemoryWire.pair(clock.now_s)
@@ -340,7 +338,6 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
             used.record = stack.enter_context(recording(path, metadata, real_time=flight.world.real_time))
         if bus is not None:
             used.broadcast = stack.enter_context(closing(Broadcast(name, bus, metadata)))
-        used.mailbox.meanwhile = None  # orders wait for the loop from now on
 
 
 @contextmanager
@@ -352,7 +349,7 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     """
     clock = MonotonicClock()
     with closing(World()) as world:
-        configs, _ = asked.reach(scenario, (Pursuit(scenario),), clock, world)
+        configs, _ = asked.reach(scenario, clock, world)
         own = configs[PURSUER]
         pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
         yield Checkup(own.name, plan_of(own, scenario.model_copy(update={"pursuer": pursuer})), world, clock)

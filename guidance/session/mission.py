@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Final, NamedTuple
 
+from guidance.autopilots.description import MAV_CMD_COMPONENT_ARM_DISARM
 from guidance.certificate import Certificate
 from guidance.clock import Clock
 from guidance.errors import FlightError
@@ -24,7 +25,7 @@ from guidance.session.daemon import Daemon, Equipment
 from guidance.session.loop import PERIOD_S, CycleHooks, Signals, run
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.result import PLAYING, EvaderResult, FlightResult, MissionResult, begins_game, note
+from guidance.session.result import PLAYING, EvaderResult, FlightResult, MissionResult, begins_game
 from guidance.sim.scenario import Flown, Pursuit, pursuits_of
 from guidance.sim.sensor import SensedEvader
 
@@ -38,7 +39,6 @@ ASK_EVERY_S: Final = 1.0
 SHOWN_EVERY_S: Final = 0.1
 """Period of the live line; events are shown at once."""
 
-_ARM_DISARM: Final = 400
 _WARNING: Final = 4
 """MAV_SEVERITY; lower numbers are more severe."""
 
@@ -321,7 +321,7 @@ class VehicleMission:
             self._engage(now_s)
         result.late_cycles += late_s > PERIOD_S
         result.record_stopped = self.daemon.recording.stopped
-        note(result, now_s, outputs, self.position_game_m, evader_game_m)
+        result.note(now_s, outputs, self.position_game_m, evader_game_m)
         result.duration_s = now_s - self._begun_s
         if self.daemon.judged:
             self._listen()
@@ -379,7 +379,7 @@ class VehicleMission:
         for message in self.daemon.inputs.messages:
             if isinstance(message, StatusText) and message.severity <= _WARNING:
                 self.result.said = message.text
-            elif isinstance(message, CommandAck) and message.command == _ARM_DISARM and message.result != 0:
+            elif isinstance(message, CommandAck) and message.command == MAV_CMD_COMPONENT_ARM_DISARM and message.result:
                 self.result.said = self.result.said or f"arming refused (MAV_RESULT {message.result})"
 
     def _leave(self, now_s: float) -> None:

@@ -53,9 +53,6 @@ class Logger:
         """Show a live line below the log."""
 
 
-SILENT: Final = Logger()
-
-
 class Log(Logger, logging.Handler):
     """Structured logging for one process, as the handler of `LOGGER`.
 
@@ -185,7 +182,6 @@ _GAME_METRICS: Final = (
     "value", "time_needed_s", "assured_distance_m", "margin_s", "vehicle_margin_s", "reachable_speed_m_s",
     "meeting_time_s", "speed_ratio", "evader_age_s", "gap_m", "height_gap_m",
 )  # fmt: skip
-_BUCKETS_S: Final = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)
 
 
 class Metrics:
@@ -206,7 +202,7 @@ class Metrics:
         self._cycles = Counter("cycles", "guidance cycles", **into).labels(name)
         self._setpoints = Counter("setpoints", "setpoints sent", **into).labels(name)
         self._late = Counter("late_cycles", "cycles that began more than one period late", **into).labels(name)
-        into["buckets"] = _BUCKETS_S
+        into["buckets"] = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)  # s
         self._lateness = Histogram("lateness_seconds", "delay of the start of a cycle", **into).labels(name)
         self._work = Histogram("work_seconds", "working time of a cycle", **into).labels(name)
 

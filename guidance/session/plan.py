@@ -29,7 +29,6 @@ from guidance.strategies import Strategy
 if TYPE_CHECKING:
     from guidance.sim.scenario import Scenario
 
-_UNLIMITED_WITH_A_PERSON: Final = (State.CONNECTING, State.CHECKING)
 SIMULATED_URL: Final = "udpin://127.0.0.1:14541"
 """The URL of a simulated evader, and of a mock, in their vehicle file. Nothing opens it."""
 
@@ -71,15 +70,13 @@ def plan_of(config: Config | None = None, scenario: "Scenario | None" = None, te
         config = _as_vehicle_file(scenario, Vehicle(autopilot=scenario.pursuer.autopilot, url=SIMULATED_URL))
         return FlightPlan(flight=_settings(config, scenario, mates, mocked=True), document=scenario.model_dump_json())
     config = config if scenario is None else merged(scenario, config)
-    settings, reserve = _settings(config, scenario, mates), config.flight.reserve
+    settings, reserve = _settings(config, scenario, mates, mocked=False), config.flight.reserve
     needed = None if reserve is None else reserve.needed(settings.farthest_m, settings.takeoff_height_m)
     wants = Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
     return FlightPlan(flight=settings, wants=wants, document=config.model_dump_json())
 
 
-def _settings(
-    config: Config, scenario: "Scenario | None", mates: Mapping[str, Any], *, mocked: bool = False
-) -> FlightSettings:
+def _settings(config: Config, scenario: "Scenario | None", mates: Mapping[str, Any], *, mocked: bool) -> FlightSettings:
     autopilot, own, target = autopilot_named(config.vehicle.autopilot), config.game, config.game.target
     handling, standoff = autopilot.handling, StandOff(own.standoff_radius_m, own.standoff_height_m)
     speeds = Ball(own.speed_m_s) if own.speed_set == "ball" else Cylinder(*own.speeds)
@@ -96,7 +93,8 @@ def _settings(
     elif target is not None:
         target_game_m = (0.0, 0.0, 0.0)  # the game frame's zero is the target; only height differences matter
         site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
-    unlimited, moves_m_s = () if mocked else _UNLIMITED_WITH_A_PERSON, own.target_velocity_m_s
+    # With a person a flight may take any time to begin.
+    unlimited, moves_m_s = () if mocked else (State.CONNECTING, State.CHECKING), own.target_velocity_m_s
     declared_m_s = {} if config.team is None else {config.team.evader: own.evader_speed_m_s}
     declared_m_s |= {} if config.team is None else {name: one.speed_m_s for name, one in config.team.evaders.items()}
     cycle = CycleSettings(

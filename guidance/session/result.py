@@ -70,6 +70,33 @@ class FlightResult:
     said: str = ""
     interrupted: bool = False
 
+    def note(self, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None) -> None:
+        """Add one cycle.
+
+        Args:
+            now_s: The present.
+            outputs: Of the cycle.
+            pursuer_m: Where it is in the game frame; None where that is not known.
+            evader_m: The same of the evader.
+        """
+        self.cycles += 1
+        self.setpoints_sent += outputs.setpoint is not None
+        self.ended = outputs.state
+        self.happenings.extend(outputs.happenings)
+        if any(map(begins_game, outputs.happenings)):
+            self.engaged, self.captured = None, False
+        if outputs.alarm is not None:
+            self.alarms.append((now_s, outputs.alarm))
+        if pursuer_m is not None and evader_m is not None:
+            self.samples.append(FlightSample(now_s, outputs.state, pursuer_m, evader_m))
+        if (certificate := outputs.certificate) is not None:
+            reachable = (self.reachable_speed_m_s, certificate.reachable_speed_m_s)
+            self.reachable_speed_m_s = min((each for each in reachable if not math.isnan(each)), default=math.nan)
+            self.limits.extend(name for name in certificate.active_limits if name not in self.limits)
+            if self.engaged is None or math.isnan(self.engaged.value):
+                self.engaged = certificate
+            self.captured |= certificate.captured
+
 
 @dataclass(slots=True)
 class EvaderResult:
@@ -106,37 +133,6 @@ def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) 
     pairs = ((one[at_s], other[at_s]) for one, other in combinations(tracks, 2) for at_s in one.keys() & other.keys())
     level_m = (math.dist(one[:2], other[:2]) for one, other in pairs if abs(one[2] - other[2]) < height_m)
     return min(level_m, default=math.inf)
-
-
-def note(
-    result: FlightResult, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
-) -> None:
-    """Add one cycle to a result.
-
-    Args:
-        result: Is changed.
-        now_s: The present.
-        outputs: Of the cycle.
-        pursuer_m: Where it is in the game frame; None where that is not known.
-        evader_m: The same of the evader.
-    """
-    result.cycles += 1
-    result.setpoints_sent += outputs.setpoint is not None
-    result.ended = outputs.state
-    result.happenings.extend(outputs.happenings)
-    if any(map(begins_game, outputs.happenings)):
-        result.engaged, result.captured = None, False
-    if outputs.alarm is not None:
-        result.alarms.append((now_s, outputs.alarm))
-    if pursuer_m is not None and evader_m is not None:
-        result.samples.append(FlightSample(now_s, outputs.state, pursuer_m, evader_m))
-    if (certificate := outputs.certificate) is not None:
-        reachable = (result.reachable_speed_m_s, certificate.reachable_speed_m_s)
-        result.reachable_speed_m_s = min((each for each in reachable if not math.isnan(each)), default=math.nan)
-        result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
-        if result.engaged is None or math.isnan(result.engaged.value):
-            result.engaged = certificate
-        result.captured |= certificate.captured
 
 
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:

@@ -10,7 +10,6 @@ import secrets
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -41,8 +40,6 @@ from guidance.team import Member
 
 _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record", "team")
 """Sections that are opened at the start: a change of these needs a restart."""
-
-_CLAIM_LIMIT_S = 5.0
 
 
 def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Session]:
@@ -78,7 +75,7 @@ def open_all(
     credentials, key = credentials_of(config.zenoh), signing_key(vehicle.signing_key_file)
     endpoint = parse(vehicle.url)
     if endpoint.scheme == "zenoh":  # claim the vehicle on its own bus: all possible owners are there
-        session = closed.enter_context(session_to(endpoint, credentials, _CLAIM_LIMIT_S))
+        session = closed.enter_context(session_to(endpoint, credentials, timeout_s=5.0))
         owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
         closed.callback(close_all, owner_token(session, owned).undeclare)
     if (
@@ -111,14 +108,12 @@ def _open_source(
     if evader.kind in ON_ZENOH:
         return open_source(evader.kind, url, clock=now_s, frame=frame, credentials=credentials)
     carrier = carriers.carrier_of(evader.kind, frame, icao_address=evader.icao_address, id_or_mac=evader.id_or_mac)
-    system_id = evader.system_id or 0
     signed, section = (vehicle, "vehicle") if evader.url is None else (evader, "evader")
     key = signing_key(signed.signing_key_file, section)
     if wire is None:
-        wire = open_wire(url, clock=now_s, systems=(system_id,), signing_key=key, credentials=credentials)
-    component_id, rate_hz = evader.component_id, evader.request_rate_hz
-    ids: dict[str, Any] = {"system_id": system_id, "component_id": component_id, "signing_key": key}
-    return MavlinkEvader(wire, carrier, **ids, clock=now_s, request_rate_hz=rate_hz)
+        wire = open_wire(url, clock=now_s, systems=(evader.system_id,), signing_key=key, credentials=credentials)
+    asked = evader.model_dump(include={"system_id", "component_id", "request_rate_hz"})
+    return MavlinkEvader(wire, carrier, **asked, clock=now_s, signing_key=key)
 
 
 def _frame(given: EvaderFrame | None) -> LocalFrame:
@@ -188,17 +183,16 @@ def run_vehicle(path: Path, config: Config) -> None:
         signals = stack.enter_context(Signals(hand_over, lambda: reload(path, config)).installed())
         if config.metrics.port is not None:
             stack.enter_context(closing(MetricsServer(metrics, config.metrics.port)))
-        world, session, opened = open_vehicle(config, clock, stack, tapped=config.record.folder is not None)
+        world, session, used = open_vehicle(config, clock, stack, tapped=config.record.folder is not None)
         metadata = flight_metadata(None, config, clock)
-        record = stack.enter_context(daemon_recording(config, metadata, opened.log))
-        broadcast = stack.enter_context(closing(Broadcast(name, session, metadata)))
-        team, required = _member(config, session, clock, stack), config.record.required
-        used = replace(opened, metrics=metrics, record=record, broadcast=broadcast, record_required=required, team=team)
+        used.metrics, used.record_required = metrics, config.record.required
+        used.record = stack.enter_context(daemon_recording(config, metadata, used.log))
+        used.broadcast = broadcast = stack.enter_context(closing(Broadcast(name, session, metadata)))
+        used.team = _member(config, session, clock, stack)
         daemon = Daemon(name, plan, world.links[name], world.evaders[name], used)
         used.notifier.say("READY=1")
         started = {"name": name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
         used.log.say(logging.INFO, "running", **started, scheduling=claim())
-        used.mailbox.meanwhile = None
         run([daemon], world, clock, signals=signals)
         broadcast.event(clock.now_s(), FLIGHT_OVER, json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}))
         used.log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)

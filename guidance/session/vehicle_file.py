@@ -104,7 +104,6 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 EvaderKind = Literal[
     "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
 ]
-_IN_METRES = ("odometry", "ros_pose", "ros_odometry")
 ON_ZENOH = ("json", "ros_pose", "ros_odometry")
 
 
@@ -163,7 +162,7 @@ class EvaderSection(Section):
         no_url, polled, signed = self.url is None, self.request_rate_hz is not None, self.signing_key_file is not None
         others = "the vehicle's link uses the vehicle's key, Zenoh uses TLS"
         own_url = f"it signs MAVLink reports that have their own url ({others})"
-        in_metres, adsb = self.kind in _IN_METRES, self.kind == "adsb"
+        in_metres, adsb = self.kind in {"odometry", "ros_pose", "ros_odometry"}, self.kind == "adsb"
         faults = {
             f"url: missing; {kind} needs zenoh://host:port/key": zenoh and no_url,
             f"system_id: missing; {kind} accepts one MAVLink system only": not zenoh and self.system_id is None,

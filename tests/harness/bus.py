@@ -2,6 +2,7 @@
 
 import contextlib
 
+from guidance.links.zenoh_access import NO_CREDENTIALS
 from guidance.links.zenoh_wire import direct_session
 from guidance.session import control_bus
 from guidance.session.control_socket import TIMEOUT_S, draw_token
@@ -10,9 +11,10 @@ from guidance.session.control_socket import TIMEOUT_S, draw_token
 class ControlBus:
     """Takes orders until it is closed; arguments as of `control_bus`."""
 
-    def __init__(self, *given, **more):
+    def __init__(self, name, mailbox, control, credentials=NO_CREDENTIALS, team="", mates=()):
         self._open = contextlib.ExitStack()
-        self.session = self._open.enter_context(control_bus.control_bus(*given, **more))
+        bus = control_bus.control_bus(name, mailbox, control, credentials, team, mates)
+        self.session = self._open.enter_context(bus)
 
     def close(self):
         self._open.close()

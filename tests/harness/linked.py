@@ -15,7 +15,7 @@ class FlownByHand:
 
     def __init__(self, flight: Flight, link: VehicleLink, evader: EvaderSource, record: Record | None) -> None:
         self.flight, self._link, self._evader = flight, link, evader
-        self._recording = Recording("pursuer", record)
+        self._recording = Recording("pursuer", record, None)
         self._heartbeat_s = float("-inf")
 
     def run(self, now_s: float, orders: Sequence[Event] = (), timing: Timing | None = None) -> Outputs:

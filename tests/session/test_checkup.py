@@ -71,8 +71,8 @@ def test_what_is_refused_is_set_read_back_and_passes(world, autopilot):
     assert {one.name for one in wanted} == set(refused)
     assert "PARAM_SET" not in there.said
     done = list(there.checkup.apply(wanted))
-    assert [one.name for one in done] == [one.name for one in wanted]
-    assert all(one.done for one in done), done
+    assert [name for name, _, _ in done] == [one.name for one in wanted]
+    assert all(kept for _, _, kept in done), done
     assert all(there.value(one.name) == pytest.approx(one.request.value) for one in wanted)
     assert refusals(there.checkup.rows()) == ()
     assert there.said.count("PARAM_SET") == len(wanted)
@@ -84,7 +84,7 @@ def test_integers_of_px4_are_set_as_integers(world):
     there.checkup.rows()
     done = list(there.checkup.apply(there.checkup.changes(advised=True)))
     assert there.value("COM_OBL_RC_ACT") == 5
-    assert all(one.done for one in done), done
+    assert all(kept for _, _, kept in done), done
 
 
 def test_a_value_that_the_autopilot_does_not_keep_is_said_to_be_so(world):
@@ -93,7 +93,7 @@ def test_a_value_that_the_autopilot_does_not_keep_is_said_to_be_so(world):
     wanted = there.checkup.changes(advised=False)
     there.faulted.inject({"kind": "param_echo", "parameter": "GF_MAX_HOR_DIST", "value": 50.0})
     done = list(there.checkup.apply(wanted))
-    assert [(one.name, one.read_back, one.done) for one in done if not one.done] == [("GF_MAX_HOR_DIST", 50.0, False)]
+    assert [one for one in done if not one[-1]] == [("GF_MAX_HOR_DIST", 50.0, False)]
     assert "GF_MAX_HOR_DIST" in refusals(there.checkup.rows())
 
 
@@ -103,7 +103,7 @@ def test_an_autopilot_that_answers_nothing_is_asked_again_and_then_given_up(worl
     wanted = there.checkup.changes(advised=False)[:1]
     there.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["PARAM_VALUE"], "direction": "out"})
     done = list(there.checkup.apply(wanted))
-    assert [(one.read_back, one.done) for one in done] == [(None, False)]
+    assert done == [(wanted[0].name, None, False)]
     assert there.said.count("PARAM_SET") == 4
 
 

@@ -101,7 +101,7 @@ def test_the_loop_goes_on_after_a_cycle_that_failed():
         name = "uav1"
         finished = False
         flight = SimpleNamespace(vehicle=SimpleNamespace(age_s=lambda *_: math.inf))
-        recording = Recording(name, None)
+        recording = Recording(name, None, None)
 
         def __init__(self):
             self.cycles, self.survived = 0, []

@@ -39,7 +39,7 @@ class ScriptedDaemon:
     name = "uav1"
 
     def __init__(self, clock, works_s, ages_s=None, record=None):
-        self.recording = Recording(self.name, record)
+        self.recording = Recording(self.name, record, None)
         self.clock = clock
         self.ages_s = ages_s or (lambda now_s: math.inf)
         self.works_s = list(works_s)

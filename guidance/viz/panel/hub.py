@@ -23,7 +23,7 @@ from guidance.links.zenoh_wire import close_all, is_over
 from guidance.log import EventEntry, Item
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER
-from guidance.session.control_bus import JOIN_LIMIT_S, answers, join_session, order_team
+from guidance.session.control_bus import answers, join_session, order_team
 from guidance.session.control_socket import ALIVE, STATUS
 from guidance.viz.panel.snapshot import HISTORY, Plain, SnapshotFold, event_row, history_row, level_of, of_operator
 
@@ -44,6 +44,8 @@ STATUS_INTERVAL_S: Final = 0.5
 
 LOCAL_JOIN_LIMIT_S: Final = 1.5
 """Time limit to connect on this computer. An attempt cannot be cancelled, and closing the panel waits for it."""
+
+REMOTE_JOIN_LIMIT_S: Final = 3.0
 
 ANSWER_LIMIT_S: Final = 1.5
 ORDER_LIMIT_S: Final = 4.0
@@ -116,7 +118,7 @@ class DaemonBus:
         self._thread.join()
 
     def _run(self) -> None:
-        limit_s = LOCAL_JOIN_LIMIT_S if self._credentials.tls is None else JOIN_LIMIT_S
+        limit_s = LOCAL_JOIN_LIMIT_S if self._credentials.tls is None else REMOTE_JOIN_LIMIT_S
         while not is_over(self._ended, STATUS_INTERVAL_S):
             try:
                 self._watch(join_session(self.endpoint, self._token_file, self._credentials, timeout_s=limit_s))
