@@ -148,9 +148,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         active_limits=tuple(map(str, limited.active)),
         reason=int(Reason.TOO_OLD) if too_old else certificate.reason,
     )
-    kept = CycleMemory(
-        followed.memory, limited.memory, None, yaw_rad, strategy=played, optimal_game_m_s=optimal, speed=speed
-    )
+    kept = CycleMemory(followed.memory, limited.memory, None, yaw_rad, None, played, optimal, speed)
     return CycleOutput(limited.setpoint, certificate, kept)
 
 

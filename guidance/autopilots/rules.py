@@ -1,7 +1,7 @@
 """Rules that judge the autopilot's parameters before a flight: what a value means, and what to set instead."""
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Container, Mapping
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -126,9 +126,7 @@ def passes(
     return Judgement(Verdict.PASS, wanted) if condition else Judgement(otherwise, wanted, set_to, why)
 
 
-def one_of(
-    good: Collection[int], wanted: str, set_to: int, why: str = "", *, otherwise: Verdict | None = None
-) -> Judge:
+def one_of(good: Container[int], wanted: str, set_to: int, why: str = "", *, otherwise: Verdict | None = None) -> Judge:
     """Judge an enumeration.
 
     Args:

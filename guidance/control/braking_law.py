@@ -136,19 +136,17 @@ def _separation(here: Situation, mate: Separation, *, climbs_back: bool) -> list
     return [Wall(Limiter.SEPARATION, normal, 0.5 * gap_m) for normal in normals]
 
 
-def _cylinder(
-    offset_ned_m: Vector, radius_m: float, above_m: float, downward: float
-) -> tuple[float, Point, list[Vector]]:
+def _cylinder(offset_m: Vector, radius_m: float, above_m: float, downward: float) -> tuple[float, Point, list[Vector]]:
     """Return the distance to an upright cylinder, the direction to its axis, and the normals to it; inside, two.
 
     Args:
-        offset_ned_m: From the vehicle to a point of the axis.
+        offset_m: From the vehicle to a point of the axis, NED.
         radius_m: Of the cylinder.
         above_m: Height above its top, or depth below its bottom.
         downward: 1 above, -1 below, 0 if height does not count.
     """
-    away_m = math.hypot(*offset_ned_m[:2])
-    to_north, to_east = (offset_ned_m[0] / away_m, offset_ned_m[1] / away_m) if away_m > 0.0 else (0.0, 0.0)
+    away_m = math.hypot(*offset_m[:2])
+    to_north, to_east = (offset_m[0] / away_m, offset_m[1] / away_m) if away_m > 0.0 else (0.0, 0.0)
     beside_m = away_m - radius_m
     gap_m, parts = max(beside_m, above_m), [(1.0, 0.0), (0.0, 1.0)]
     if gap_m > 0.0:
@@ -360,18 +358,16 @@ def reduced(vector_ned: Vector, one: Constraint, *, along: bool) -> Vector:
     return (north, east, share * down if vertical > 0.0 else down)
 
 
-def braked(
-    feed_forward_ned_m_s2: Vector | None, here: Situation, walls: tuple[Wall, ...], envelope: Envelope
-) -> Vector | None:
+def braked(fed_ned_m_s2: Vector | None, here: Situation, walls: tuple[Wall, ...], envelope: Envelope) -> Vector | None:
     """Return a feed-forward that decelerates at least as every wall requires; unchanged if none does.
 
     Args:
-        feed_forward_ned_m_s2: Feed-forward without walls; None for none.
+        fed_ned_m_s2: Feed-forward without walls; None for none.
         here: State of the vehicle.
         walls: Of this cycle; the evader's are left to the approach.
         envelope: Braking and reaction of the vehicle.
     """
-    flown, fed, drift_s = here.velocity_ned_m_s, feed_forward_ned_m_s2, 2.0 * envelope.reaction_s
+    flown, fed, drift_s = here.velocity_ned_m_s, fed_ned_m_s2, 2.0 * envelope.reaction_s
     for wall in walls:
         north, east, down = wall.normal_ned
         closing = flown[0] * north + flown[1] * east + flown[2] * down

@@ -105,9 +105,7 @@ def _is_odd(before: Report, one: Report) -> bool:
     """Return whether a report, after the one before it, can count as a sign of a second source."""
     told, last = one.told, before.told
     strange = one.fits is False or abs(told.received_s - one.measured.time_s) > _CLOCKS_APART_S or bool(told.impostors)
-    return (
-        strange or math.isnan(told.sent_s) or told.peer != last.peer or (told is not last and _contradict(last, told))
-    )
+    return strange or math.isnan(told.sent_s) or told.peer != last.peer or _contradict(last, told)
 
 
 def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:

@@ -136,12 +136,6 @@ class Moment(NamedTuple):
     refusals: Sequence[str]
 
     @property
-    def heard_since_entry(self) -> bool:
-        """True if a HEARTBEAT arrived after the state was entered."""
-        heartbeat = self.heard.vehicle.latest.get(Heartbeat)
-        return heartbeat is not None and heartbeat.received_s > self.stage.since_s
-
-    @property
     def in_state_s(self) -> float:
         """Time since the state was entered."""
         return self.now_s - self.stage.since_s
@@ -266,6 +260,15 @@ def _at_start(now: Moment) -> bool:
     return near and math.hypot(*local.velocity_ned_m_s) < _AT_START_M_S
 
 
+def _guided(now: Moment) -> bool:
+    beat = now.heard.vehicle.latest.get(Heartbeat)  # one that is newer than the order
+    return beat is not None and beat.received_s > now.stage.since_s and now.heard.mode is Mode.GUIDED
+
+
+def _in_contact(now: Moment) -> bool:
+    return now.in_state_s >= now.settings.settle_s and not _telemetry_lost(now) and fit(now)
+
+
 def _clear(now: Moment) -> bool:
     settings = now.settings
     waited = now.in_state_s >= settings.settle_s
@@ -310,11 +313,8 @@ _PROGRESS: Final[Mapping[State, tuple[Event, Callable[[Moment], bool]]]] = {
     State.CLIMBING: (Event.AT_HEIGHT, _at_height),
     State.POSITIONING: (Event.AT_START, _at_start),
     State.STANDING_BY: (Event.INVITED, _invited),
-    State.ENTERING: (Event.GUIDED, lambda now: now.heard_since_entry and now.heard.mode is Mode.GUIDED),
+    State.ENTERING: (Event.GUIDED, _guided),
     State.PAUSED: (Event.CLEAR, _clear),
-    State.OUT_OF_CONTACT: (
-        Event.CONTACT,
-        lambda now: now.in_state_s >= now.settings.settle_s and not _telemetry_lost(now) and fit(now),
-    ),
+    State.OUT_OF_CONTACT: (Event.CONTACT, _in_contact),
 }
 """The event that ends a phase, and its condition."""

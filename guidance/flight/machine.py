@@ -193,9 +193,8 @@ class Flight:
             if self._rival and not before:
                 yield Happening(now_s, Event.RIVAL, stage.state, stage.state)
         now = Moment(now_s, self.settings, self.heard, stage, self._playing.certificate, refusals)
-        for event in detection.events(now):
+        if (event := next(detection.events(now), None)) is not None:  # the next cycle judges the new state
             yield self._change(now_s, event, detail=detection.detail_of(event, now))
-            return  # only the most severe event; the next cycle judges the new state
 
     def _meant(self, order: Event, now_s: float, refusals: Sequence[str]) -> Event | None:
         """Return the event of an order in the present situation, None if it must not be followed."""

@@ -23,7 +23,7 @@ NOWHERE: Final[Vector] = (0.0, 0.0, 0.0)
 
 _UNHEARD: Final = Observer()
 
-HARMLESS_M: Final = 0.5
+_SAME_M: Final = 0.5
 """A reported origin within this distance is accepted: it was rounded, or derived from home."""
 
 _JUDGE_AGE_S: Final = 1.0
@@ -45,9 +45,7 @@ class Tracking:
         self._free = {name: TrackSettings(declared_speed_m_s=own, sigmas=sigmas) for name, own in speeds.items()}
         # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
         way_m_s = max(declared_m_s, settings.cycle.game.pursuer.horizontal_m_s)
-        self._bounded = {
-            name: replace(free, jump_m_s=declared_m_s, way_m_s=way_m_s) for name, free in self._free.items()
-        }
+        self._bounded = {name: replace(one, jump_m_s=declared_m_s, way_m_s=way_m_s) for name, one in self._free.items()}
         self._observers: dict[str, Observer] = {}
         self._told: tuple[Message | None, Message | None, LocalFrame | None] = (None, None, None)
         self._jumped_ned_m = NOWHERE
@@ -96,9 +94,7 @@ class Tracking:
         if vehicle.jumped_ned_m != self._jumped_ned_m:
             jump = difference(total(self.held_back_ned_m, vehicle.jumped_ned_m), self._jumped_ned_m)
             self._jumped_ned_m, self.held_back_ned_m = vehicle.jumped_ned_m, jump
-        if held is None or (
-            told is not held and told != held and math.hypot(*told.ned_in(held, NOWHERE)) <= HARMLESS_M
-        ):
+        if held is None or (told is not held and told != held and math.hypot(*told.ned_in(held, NOWHERE)) <= _SAME_M):
             held = told
         if told != held or self.held_back_ned_m != NOWHERE:
             return self._judged(held, told, vehicle)

@@ -172,9 +172,7 @@ FOLLOW_TARGET: Final = Carrier("FOLLOW_TARGET", _follow_target)
 GLOBAL_POSITION: Final = Carrier("GLOBAL_POSITION_INT", _global_position)
 
 
-def carrier_of(
-    kind: str, frame: LocalFrame, *, icao_address: int | None = None, id_or_mac: str | None = None
-) -> Carrier:
+def carrier_of(kind: str, frame: LocalFrame, icao_address: int | None = None, id_or_mac: str | None = None) -> Carrier:
     """Return the carrier of a kind that a vehicle file names.
 
     Args:
