@@ -13,8 +13,7 @@ import numpy as np
 from guidance.files import writing
 from guidance.game import Ball, Game, apollonius_circle, apollonius_sphere, rollout, solve
 from guidance.game.rollout import Paper, Sample
-from guidance.log.scene import Array
-from guidance.log.scene import circle as flat_circle
+from guidance.log.scene import Array, circle
 
 GAME = Game(Ball(2.0), evader_speed_m_s=1.0)
 """δ = 2. The paper gives no speeds; its times are those of v = 1 m/s."""
@@ -143,15 +142,15 @@ def _plot_tracks(axes: Any, cases: Sequence[Case], dimensions: list[int], unit: 
 def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     figure.set_layout_engine(None)
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    sphere, circle = (shape(PE_PURSUER, PE_EVADER, RATIO) for shape in (apollonius_sphere, apollonius_circle))
+    sphere, section = (shape(PE_PURSUER, PE_EVADER, RATIO) for shape in (apollonius_sphere, apollonius_circle))
     longitude, latitude = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(-np.pi / 2, np.pi / 2, 13))
     outward = (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude))
     shell = [centre + sphere.radius_m * part for centre, part in zip(sphere.centre_m, outward, strict=True)]
     axes.plot_wireframe(*shell, color="0.75", linewidth=0.5, zorder=1)
-    ring = flat_circle(circle.centre_m, float(circle.radius_m)).T
+    ring = circle(section.centre_m, float(section.radius_m)).T
     axes.plot(*ring, 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
     _plot_tracks(axes, cases, [0, 1, 2], "s")
-    places = (PE_PURSUER, PE_EVADER, circle.centre_m, solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m)
+    places = (PE_PURSUER, PE_EVADER, section.centre_m, solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m)
     for name, marker, place in zip(("P", "E", "c", "q*"), "^s+*", places, strict=True):
         axes.plot(*place, color="black", marker=marker, linestyle="", markersize=9, zorder=5)
         axes.text(place[0] + 0.9, place[1], place[2] + 0.6, name, zorder=6, fontsize=12)
@@ -164,10 +163,10 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
 
 
 def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: ANN401
-    circle = apollonius_circle(TAD_PURSUER, TAD_EVADER, RATIO)
+    section = apollonius_circle(TAD_PURSUER, TAD_EVADER, RATIO)
     g = solve(GAME, TAD_PURSUER, TAD_EVADER, TAD_TARGET).meeting_point_m
     plan, side = figure.subplots(1, 2)
-    places = (TAD_PURSUER, TAD_EVADER, TAD_TARGET, circle.centre_m, g)
+    places = (TAD_PURSUER, TAD_EVADER, TAD_TARGET, section.centre_m, g)
     for axes, up, height in ((plan, 1, "y"), (side, 2, "z")):
         _plot_tracks(axes, cases, [0, up], "m")
         for (name, offset), marker, place in zip(OFFSETS.items(), "^so+*", places, strict=True):
@@ -177,7 +176,7 @@ def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: 
         axes.set_aspect("equal")
         axes.grid(color="0.9", linewidth=0.5)
         axes.margins(0.12, 0.16)
-    plan.plot(*flat_circle(circle.centre_m, float(circle.radius_m)).T, **_APOLLONIUS)
+    plan.plot(*circle(section.centre_m, float(section.radius_m)).T, **_APOLLONIUS)
     plan.set_title("from above, Apollonius circle dashed", fontsize=10)
     side.set_title("from the side", fontsize=10)
     figure.suptitle(f"{title}; pursuer light, evader dark", fontsize=12)

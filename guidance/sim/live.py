@@ -20,8 +20,6 @@ from sitl_mock.errors import TransportError
 OVER: Final = ("zenoh", "udp")
 """Transports to the vehicles."""
 
-_ANSWER_LIMIT_S: Final = 2.0
-
 
 class LiveWorld(world.World):
     """All players in a child process, reached over Zenoh or UDP.
@@ -103,4 +101,4 @@ def _inject(endpoint: str, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> N
     with zenoh_wire.open_session(endpoint) as session:
         for name, keys in faults:  # they were checked before the start
             order = json.dumps({"do": "inject", **keys})
-            list(session.get(f"{name}/faults", payload=order, timeout=_ANSWER_LIMIT_S))
+            list(session.get(f"{name}/faults", payload=order, timeout=2.0))

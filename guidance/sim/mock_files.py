@@ -54,8 +54,8 @@ def script(flown: Flown, events: Sequence[str] = ("start",)) -> dict[str, Any]:
     for scenario, vehicle, _ in pursuits_of(flown):
         east, north = scenario.wind.velocity_m_s
         if east or north:
-            wind = {"kind": "wind_gust", "north": north, "east": east, "for_s": 1e9}  # the whole flight
-            faults.append({**wind, "vehicle": vehicle})
+            # for the whole flight
+            faults.append({"kind": "wind_gust", "north": north, "east": east, "for_s": 1e9, "vehicle": vehicle})
     return {"seed": pursuits_of(flown)[0].scenario.seed, "fault": faults}
 
 

@@ -200,9 +200,8 @@ class SensedEvader:
         position_m, velocity_m_s = self._sensor.position_noise_m, self._sensor.velocity_noise_m_s
         if position_m == velocity_m_s == 0.0:
             return report
-        draws = (float(normal(self._seed, stream, number)) for stream in _STREAMS.values())
-        spreads = (position_m, position_m, velocity_m_s, velocity_m_s)
-        east_m, north_m, east_m_s, north_m_s = (spread * draw for spread, draw in zip(spreads, draws, strict=True))
+        draws = [normal(self._seed, stream, number) for stream in _STREAMS.values()]
+        east_m, north_m, east_m_s, north_m_s = (np.repeat([position_m, velocity_m_s], 2) * draws).tolist()
         about = LocalFrame(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
         latitude_deg, longitude_deg, _ = about.wgs84_from_ned((north_m, east_m, 0.0))
         north, east, down = report.velocity_ned_m_s

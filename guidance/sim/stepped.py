@@ -1,7 +1,6 @@
 """The mock stepped in this process, by the clock of the flight: whole MAVLink frames are handed to and fro."""
 
 from collections.abc import Sequence
-from typing import Final
 
 from guidance.clock import Clock
 from guidance.frames import Vector
@@ -15,9 +14,6 @@ from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import faulted_fleet, faults_after
 from guidance.sim.scenario import EVADER, EVADER_ID, Flown, Scenario, pursuits_of
 from sitl_mock.faults import Faulted
-
-_REPORTS: Final = frozenset({"GLOBAL_POSITION_INT"})
-"""An evader's own reports, which its pursuers read and its pilot does not."""
 
 
 class SteppedMock:
@@ -61,7 +57,8 @@ class SteppedWorld(World):
         self._mocks = {name: SteppedMock(faulted, clock) for name, faulted in self.faulted.items()}
         chased = {evader: scenario for scenario, _, evader in reversed(self._pursuits)}
         for name, vehicle in self.vehicles.items():
-            unread = _REPORTS if name in chased else frozenset()
+            # an evader's own reports: its pursuers read them, its pilot does not
+            unread = frozenset({"GLOBAL_POSITION_INT"} if name in chased else ())
             self.taps.append(TappedWire(self._mocks[name].wire(), clock.now_s, name))
             self.links[name] = PymavlinkLink(self.taps[-1], clock.now_s, system_id=vehicle.system_id, unread=unread)
         self.players |= {name: EvaderPilot(self.links.pop(name), scenario) for name, scenario in chased.items()}
