@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import zenoh
-from zenoh.handlers import RingChannel
 
 from guidance.errors import ConfigError, LinkError
 from guidance.flight import Inputs
@@ -63,7 +62,7 @@ class Broadcast(Record):
             what: session.declare_publisher(broadcast_key(name, what), encoding=json_of(codec.title), **how)
             for what, codec in _CODECS.items()
         }
-        self._queries = session.declare_queryable(broadcast_key(name, FLIGHT), RingChannel(_MAX_QUERIES))
+        self._queries = session.declare_queryable(broadcast_key(name, FLIGHT), zenoh.handlers.RingChannel(_MAX_QUERIES))
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
@@ -166,7 +165,9 @@ class LiveFlight:
         if not found:
             raise LinkError(f"{name or 'any daemon'}: no answer within {TIMEOUT_S:g} s; is it running?")
         ((self.name, self._flight),) = found.items()
-        self._arriving = session.declare_subscriber(broadcast_key(self.name, "*"), RingChannel(MAX_ARRIVED))
+        self._arriving = session.declare_subscriber(
+            broadcast_key(self.name, "*"), zenoh.handlers.RingChannel(MAX_ARRIVED)
+        )
 
     def metadata(self, _idle: Idle) -> Mapping[str, str]:
         """Return the metadata of the flight, as in its record."""

@@ -40,7 +40,6 @@ from guidance.messages import AltitudeSaid, EvaderReport, GlobalPosition, Home, 
 from guidance.vehicle import VehicleState, observe
 
 EXPORTS: Final = (".tlog", ".csv", ".parquet", ".geojson", ".kml")
-ENCODING: Final = "mavlink"
 _REORDER_S: Final = 1.0
 """Frames are recorded vehicle by vehicle each cycle, so times within this window may be out of order."""
 
@@ -117,7 +116,7 @@ def started_unix_s(survey: Survey) -> float:
 def _frames(path: Path, survey: Survey) -> Iterator[tuple[float, bytes]]:
     readers: dict[str, FrameReader] = {}
     for item in scan(path, survey):
-        if item.encoding != ENCODING:
+        if item.encoding != "mavlink":
             continue
         if len(item.data) >= 8 and frame_length(item.data) == len(item.data):
             yield item.now_s, item.data
@@ -199,8 +198,7 @@ def feature(name: str, shape: str, places: Sequence[Coordinates], **properties: 
     # To 1e-8 degrees and to millimetres; an unknown altitude is left out.
     flat = [([round(longitude_deg, 8), round(latitude_deg, 8)], up_m) for longitude_deg, latitude_deg, up_m in places]
     line = [[*place, round(up_m, 3)] if math.isfinite(up_m) else place for place, up_m in flat]
-    coordinates = {"LineString": line, "Point": line[0], "Polygon": [line]}[shape]
-    geometry = {"type": shape, "coordinates": coordinates}
+    geometry = {"type": shape, "coordinates": {"LineString": line, "Point": line[0], "Polygon": [line]}[shape]}
     return {"type": "Feature", "properties": {"name": name, **properties}, "geometry": geometry}
 
 

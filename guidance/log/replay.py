@@ -126,8 +126,7 @@ def compare(path: Path, settings_of: SettingsOf, *, what_if: bool = False) -> tu
             commanded.append((row.setpoint.velocity_ned_m_s, outputs.setpoint.velocity_ned_m_s))
         if row.certificate is not None and outputs.certificate is not None:
             wanted.append((row.certificate.desired_ned_m_s, outputs.certificate.desired_ned_m_s))
-    apart = difference_of(wanted), difference_of(commanded)
-    return Comparison(cycles, setpoints, differing, first, *apart), survey
+    return Comparison(cycles, setpoints, differing, first, difference_of(wanted), difference_of(commanded)), survey
 
 
 def difference_of(pairs: Sequence[Pair]) -> Difference:

@@ -70,8 +70,7 @@ def isochron(game: Game, pursuer_m: Vector | Array, evader_m: Vector | Array, po
     """
     headings = np.linspace(0.0, 2.0 * np.pi, points)
     far = 1e6 * np.stack([np.cos(headings), np.sin(headings), np.zeros(points)], axis=-1)
-    P, E = (np.tile(place_m, (points, 1)) for place_m in (pursuer_m, evader_m))
-    return np.asarray(solve(game, P, E, E + far).meeting_point_m[:, :2])
+    return np.asarray(solve(game, pursuer_m, evader_m, evader_m + far).meeting_point_m[:, :2])
 
 
 def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:

@@ -35,10 +35,6 @@ CHUNK_S: Final = 0.1
 VIRTUAL_CHUNK_S: Final = 1.0
 """Duration of a chunk without the thread, in virtual time: larger chunks take less time to write."""
 
-ROTATE_S = 600.0
-ROTATE_BYTES = 256_000_000
-"""A new file is begun when the current one reaches this duration or size."""
-
 PART = "part"
 """Metadata key: the number of a file; absent in the first."""
 
@@ -94,8 +90,8 @@ class Recorder(Record):
         path: The first file; further ones are named by `part_path`.
         metadata: Name -> text, written at the start of each file: configuration, versions, seed.
         threaded: Whether a thread writes, every `CHUNK_S` of real time; else the loop does, in virtual time.
-        rotate_s: Maximum duration of a file.
-        rotate_bytes: Maximum size of a file.
+        rotate_s: A new file is begun when the current one reaches this duration.
+        rotate_bytes: The same for its size.
 
     Raises:
         OSError: If the file cannot be opened, before anything flies.
@@ -107,8 +103,8 @@ class Recorder(Record):
         metadata: Mapping[str, str],
         *,
         threaded: bool = False,
-        rotate_s: float = ROTATE_S,
-        rotate_bytes: int = ROTATE_BYTES,
+        rotate_s: float = 600.0,
+        rotate_bytes: int = 256_000_000,
     ) -> None:
         super().__init__()
         self.path, self._metadata = path, dict(metadata)
@@ -128,15 +124,13 @@ class Recorder(Record):
         if not passed or self.failed is not None or self._closed.is_set():
             return
         self._waiting.extend(passed)
-        if self._thread is None:
-            now_s = passed[-1][0]
-            if now_s >= self._chunk_ends_s:
-                self._chunk_ends_s = now_s + VIRTUAL_CHUNK_S
-                self._write()
-        else:
-            while len(self._waiting) > MAX_WAITING:
-                self._waiting.pop()
-                self.dropped += 1
+        now_s = passed[-1][0]
+        if self._thread is None and now_s >= self._chunk_ends_s:
+            self._chunk_ends_s = now_s + VIRTUAL_CHUNK_S
+            self._write()
+        while self._thread is not None and len(self._waiting) > MAX_WAITING:
+            self._waiting.pop()
+            self.dropped += 1
 
     def close(self) -> None:
         """Write what waits and finish the file; may be called twice."""
@@ -207,8 +201,12 @@ def started_utc(now_s: float) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, of the packages that determine the recorded data, and the commit if known."""
-    packages = {name: version(name) for name in _RECORDED}
-    return {"python": platform.python_version(), **packages, **({"commit": found} if (found := commit()) else {})}
+    return versions_of(_RECORDED) | ({"commit": found} if (found := commit()) else {})
+
+
+def versions_of(packages: Sequence[str]) -> dict[str, str]:
+    """Return the versions of Python and of packages."""
+    return {"python": platform.python_version(), **{name: version(name) for name in packages}}
 
 
 def commit() -> str | None:
@@ -237,8 +235,7 @@ def commit_of_checkout(root: Path) -> str | None:
 def commit_of_install() -> str | None:
     """Return the commit of the repository that pip installed, or None."""
     try:
-        noted = distribution(PACKAGE).read_text("direct_url.json")
-        found = str(json.loads(noted or "{}")["vcs_info"]["commit_id"])
+        found = str(json.loads(distribution(PACKAGE).read_text("direct_url.json") or "{}")["vcs_info"]["commit_id"])
     except (PackageNotFoundError, OSError, ValueError, KeyError, TypeError):
         return None
     return found if _HASH.fullmatch(found) else None

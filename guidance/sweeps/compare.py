@@ -104,8 +104,7 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
             groups.append(_group(name_a, name_b, first, second, paired=paired))
     largest.sort(key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"]))))
     means = "Student's t of the paired differences" if paired else "Welch's t"
-    found = {"paired": paired, "intervals": f"95 %: {means}", "groups": groups, "largest": largest[:rows]}
-    return {name: plain(part) for name, part in found.items()}
+    return dict(plain({"paired": paired, "intervals": f"95 %: {means}", "groups": groups, "largest": largest[:rows]}))
 
 
 def _some(rows: Columns, which: NDArray[Any]) -> Columns:

@@ -8,12 +8,10 @@ import fcntl
 import json
 import math
 import os
-import platform
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,7 +22,7 @@ from pyarrow import parquet
 
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, text_of, writing
-from guidance.log.writer import PACKAGE, commit
+from guidance.log.writer import PACKAGE, commit, versions_of
 from guidance.sweeps.plan import ROW, Plan, plan_of
 from guidance.sweeps.rows import refuse_without_games
 
@@ -44,6 +42,8 @@ Columns = dict[str, NDArray[Any]]
 """Columns of some rows, by name, (n,) each; texts are objects."""
 
 _FORMAT: Final = 1
+_DETERMINING: Final = (PACKAGE, "numpy", "pyarrow")
+"""Packages that determine the rows."""
 
 _CHUNKS_A_WORKER: Final = 4
 _LARGEST_CHUNK: Final = {"maths": 4096, "teams": 512, "fast": 1}
@@ -128,8 +128,7 @@ class Folder:
         table = parquet.read_table(self.parts, columns=[ROW, END, *names])
         read = {name: table[name].to_numpy() for name in table.column_names}
         placed = dict(zip((PAIR, POINT, SEED), self.plan.places(read[ROW]), strict=True))
-        captured = np.where(read[END] == "invalid", math.nan, read[END] == CAPTURED)
-        return read | placed | {CAPTURED: captured}
+        return read | placed | {CAPTURED: np.where(read[END] == "invalid", math.nan, read[END] == CAPTURED)}
 
 
 def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:
@@ -156,7 +155,7 @@ def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> F
         fair = plan.rows if workers == 1 else math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers))
         rows = chunk_rows or min(fair, _LARGEST_CHUNK["teams" if plan.teams else plan.way])
         manifest = {"format": _FORMAT, "digest": plan.digest, "rows": plan.rows, "chunk_rows": rows}
-        manifest |= {"versions": _versions(), "commit": commit(), **plan.document}
+        manifest |= {"versions": versions_of(_DETERMINING), "commit": commit(), **plan.document}
         write_whole(path / MANIFEST, json.dumps(manifest, indent=1).encode())
     return Folder(path, plan, rows)
 
@@ -199,7 +198,7 @@ def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     if differing := [name for name in {**was, **now} if was.get(name) != now.get(name)]:
         differ = f"{', '.join(differing)} differ{'s' * (len(differing) == 1)}"
         raise ConfigError(f"--out {path}: holds another sweep ({differ}); choose another folder")
-    if (there := manifest["versions"]) != (here := _versions()):
+    if (there := manifest["versions"]) != (here := versions_of(_DETERMINING)):
         changed = "; ".join(f"{one} {there.get(one)}, now {here[one]}" for one in here if there.get(one) != here[one])
         raise ConfigError(f"--out {path}: was begun with {changed}: rows could differ; choose another folder")
     if chunk_rows not in {None, manifest["chunk_rows"]}:
@@ -227,8 +226,3 @@ def read_json(path: Path) -> dict[str, Any]:
     except ValueError as error:
         raise ConfigError(f"{path}: not valid JSON ({error})") from error
     return found if isinstance(found, dict) else {}
-
-
-def _versions() -> dict[str, str]:
-    """Versions of the packages that determine the rows."""
-    return {"python": platform.python_version(), **{name: version(name) for name in (PACKAGE, "numpy", "pyarrow")}}

@@ -104,7 +104,7 @@ def summed_up(plan: Plan, rows: Columns, keys: Sequence[Key], worst: Sequence[di
     by_key = {key.column: _groups(plan, rows, [key]) for key in keys}
     by_point = _groups(plan, rows, grid) if len(grid) == 2 else {}
     whole = _groups(plan, rows, [])
-    report = {
+    return dict(plain({
         "title": plan.title or plan.scenario["title"],
         "scenario": plan.scenario["title"],
         "as": plan.way,
@@ -123,8 +123,7 @@ def summed_up(plan: Plan, rows: Columns, keys: Sequence[Key], worst: Sequence[di
         ],
         "invalid": _reasons(rows),
         "worst": worst,
-    }
-    return {name: plain(part) for name, part in report.items()}
+    }))  # fmt: skip
 
 
 def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:

@@ -10,8 +10,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
@@ -143,7 +142,7 @@ def _spread(folder: Folder, on_kept: Callable[[int], None], size: int, start: Ca
                     folder.keep(running[future], _content(future, running[future]))
                     on_kept(len(folder.rows(running.pop(future))))
                 on_kept(0)
-        except BrokenProcessPool:  # the death of one worker breaks the pool: repeat everything that was running
+        except BrokenExecutor:  # the death of one worker breaks the pool: repeat everything that was running
             deaths.update(running.values())
             if max(deaths.values(), default=0) >= _DEATHS:
                 raise _deadly(deaths.most_common(1)[0][0]) from None

@@ -221,8 +221,7 @@ def _column(chunk: pa.Table, name: str) -> Array:
     column = chunk.column(name)
     if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
         raise ConfigError(f"--states: the column {name} holds {column.type}; it must hold numbers")
-    numbers: Array = column.cast(pa.float64()).to_numpy()
-    return numbers
+    return np.asarray(column.cast(pa.float64()).to_numpy())
 
 
 def _flat(column: str, field: Array) -> Iterator[tuple[str, Any]]:

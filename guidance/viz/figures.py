@@ -354,14 +354,13 @@ def _draw_region(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  
     shade = {"facecolor": to_rgba(colour, 0.14), "edgecolor": colour, "linewidth": 1.6}
     axes.fill(*region(teams, [i for i, _ in team.values()], j).T, **shade, label="before both: the intersection")
     x, y, _ = matching.meeting_point_m[j]
-    if goal is not None and "first" in team:
+    if goal is not None:
         axes.plot([x, goal[0]], [y, goal[1]], color=colour, linewidth=1.0, alpha=0.6, label="L, guaranteed")
     for role, (i, style) in team.items():
         line = {"color": "0.2", "linewidth": 1.4, "linestyle": style, "zorder": 4}
         axes.plot([teams.pursuers_m[i, 0], x], [teams.pursuers_m[i, 1], y], **line, label=f"matched, {role}")
-    if "first" in team:
-        star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
-        axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
+    star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
+    axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
 
 
 def _draw_players(axes: Any, teams: Teams, played: TeamRollout) -> None:  # noqa: ANN401

@@ -364,7 +364,6 @@ def team_summary(team: TeamStory) -> Iterator[Row]:
         captured = [f"captured {evader}" for evader, one in team.captures.items() if one.vehicle == name]
         replayed = team.replays[name]
         same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"
-        ended = f"ended {flight.rows[-1].state}", f"{len(flight.alarms)} alarms"
-        words = f"against {against}", *captured, *ended, f"{replayed.setpoints} setpoints replay {same}"
-        yield name, "; ".join(words)
+        counted = f"{len(flight.alarms)} alarms", f"{replayed.setpoints} setpoints replay {same}"
+        yield name, "; ".join((f"against {against}", *captured, f"ended {flight.rows[-1].state}", *counted))
     yield from ((name, team.verdict(name)) for name in team.evaders)

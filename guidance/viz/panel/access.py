@@ -35,9 +35,6 @@ MAX_CONNECTIONS: Final = 256
 LOGIN_DEADLINE_S: Final = 10.0
 """Time from a connection's first packet to a request with the cookie, including the TLS handshake."""
 
-DEFAULT_TILES: Final = "tiles"
-"""Folder of map tiles; it need not exist."""
-
 PAGE: Final = Path(__file__).with_name("page")
 _PUBLIC: Final = frozenset({"/", "/login", "/door.css"})
 _RETRY_S: Final = 0.1
@@ -162,9 +159,7 @@ class Access:
 
 def _network(address: str) -> str:
     """Return an IPv4 address as it is, and the /64 network of an IPv6 address, which usually is one computer."""
-    if ":" not in address:
-        return address
-    return str(ipaddress.ip_interface(f"{address.partition('%')[0]}/64").network)
+    return str(ipaddress.ip_interface(f"{address.partition('%')[0]}/64").network) if ":" in address else address
 
 
 def remote_access(host: str, certificate: Path | None, key: Path | None, password_file: Path | None) -> Remote | None:
@@ -212,7 +207,7 @@ def map_of(tiles: str) -> tuple[str, str]:
     """
     if tiles and Path(tiles).is_dir():
         return "tiles/{z}/{x}/{y}.png", ""
-    if tiles in {"", DEFAULT_TILES}:
+    if tiles in {"", "tiles"}:
         return "", ""
     parts = urlsplit(tiles)
     host = re.fullmatch(r"[A-Za-z0-9.-]+(:\d+)?", parts.netloc)

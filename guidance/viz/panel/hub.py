@@ -20,9 +20,8 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.links.zenoh_access import Credentials
 from guidance.links.zenoh_wire import close_all, is_over
-from guidance.log import EventEntry, Item
 from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
-from guidance.log.entries import BEGUN, FLIGHT_OVER
+from guidance.log.entries import BEGUN, FLIGHT_OVER, EventEntry, Item
 from guidance.session.control_bus import answers, join_session, order_team
 from guidance.session.control_socket import ALIVE, STATUS
 from guidance.viz.panel.snapshot import HISTORY, Plain, SnapshotFold, event_row, history_row, level_of, of_operator
