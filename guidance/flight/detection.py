@@ -42,7 +42,7 @@ _TO_DO: Final[Mapping[str, str]] = {
 """Advice for each failed readiness check, by its name."""
 
 
-def checks(vehicle: VehicleState, profile: Autopilot, now_s: float, *, battery_minimum: float) -> tuple[Finding, ...]:
+def checks(vehicle: VehicleState, profile: Autopilot, now_s: float, battery_minimum: float) -> tuple[Finding, ...]:
     """Evaluate every condition for arming and engaging.
 
     Args:
@@ -199,7 +199,7 @@ def detail_of(event: Event, now: Moment) -> str:
 
 def fit(now: Moment) -> bool:
     """Whether every readiness check passes and preflight refuses nothing."""
-    rows = checks(now.heard.vehicle, now.settings.autopilot, now.now_s, battery_minimum=now.heard.battery_needed)
+    rows = checks(now.heard.vehicle, now.settings.autopilot, now.now_s, now.heard.battery_needed)
     return not now.refusals and all(row.verdict is Verdict.PASS for row in rows)
 
 

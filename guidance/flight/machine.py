@@ -91,8 +91,7 @@ class Flight:
 
     def checks(self, now_s: float) -> tuple[Finding, ...]:
         """Return the readiness checks."""
-        needed = self.heard.battery_needed
-        return detection.checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=needed)
+        return detection.checks(self.vehicle, self.settings.autopilot, now_s, self.heard.battery_needed)
 
     def evader_refusal(self, now_s: float) -> str:
         """Return why this evader may not be engaged now; empty if it may."""

@@ -47,8 +47,7 @@ def degrees(latitude_e7: int, longitude_e7: int) -> tuple[float, float]:
 
 
 def _system_status(m: Fields, received_s: float) -> messages.Message:
-    percent = m.battery_remaining
-    remaining = percent / 100.0 if 0 <= percent <= 100 else math.nan  # -1: not sent
+    remaining = m.battery_remaining / 100.0 if 0 <= m.battery_remaining <= 100 else math.nan  # -1: not sent
     present, health = m.onboard_control_sensors_present, m.onboard_control_sensors_health
     voltage_v = math.nan if m.voltage_battery in {0, _UNKNOWN_U16} else m.voltage_battery / 1e3
     return messages.SystemStatus(received_s, present, health, remaining, voltage_v)

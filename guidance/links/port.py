@@ -157,10 +157,6 @@ def taken_apart(url: str) -> Endpoint:
         if not device or not baud.isdecimal() or int(baud) == 0:
             raise ValueError("a device and a baud rate are needed, as in serial:///dev/ttyACM0:57600")
         return Endpoint(scheme, device, int(baud))
-    return _host_and_port(url, scheme)
-
-
-def _host_and_port(url: str, scheme: str) -> Endpoint:
     parts = urlsplit(url)
     host, port = parts.hostname, parts.port
     namespace = parts.path.strip("/")
@@ -168,6 +164,6 @@ def _host_and_port(url: str, scheme: str) -> Endpoint:
         raise ValueError(f"a host and a port are needed, as in {scheme}://127.0.0.1:14540")
     if namespace and scheme != "zenoh":
         raise ValueError("only zenoh:// takes a path (its namespace)")
-    if any(character in namespace for character in "*$#?") or "//" in namespace:
+    if set(namespace) & set("*$#?") or "//" in namespace:
         raise ValueError("a namespace is a plain key such as uav1, without wildcards")
     return Endpoint(scheme, host, port, namespace)

@@ -54,8 +54,7 @@ class Uploaded(NamedTuple):
     def words(self) -> str:
         """Short description."""
         if self.areas is None:
-            why = "" if self.refused is None else f" (MISSION_ACK {self.refused})"
-            return f"not read{why}"
+            return "not read" if self.refused is None else f"not read (MISSION_ACK {self.refused})"
         return ", ".join(area.words for area in self.areas) or "none"
 
 

@@ -27,7 +27,7 @@ EVERY_S: Final = 0.5
 SENT_EVERY_S: Final = 0.1
 """Period of sending the assignment: losses are then no silence."""
 
-_ROUNDING_S: Final = 1e-6
+ROUNDING_S: Final = 1e-6
 
 SLOT_MARGIN_M: Final = 1.0
 """Vehicles at one evader are stacked by the vertical separation and this."""
@@ -100,8 +100,8 @@ class Coordinator:
         """
         players = sorted(scene.vehicles), sorted(scene.evaders)
         last = self._board.roles if self.leading else None
-        due = last is None or players != self._players or now_s - self._matched_s >= EVERY_S - _ROUNDING_S
-        if last is not None and not due and now_s - self._board.roles_s < SENT_EVERY_S - _ROUNDING_S:
+        due = last is None or players != self._players or now_s - self._matched_s >= EVERY_S - ROUNDING_S
+        if last is not None and not due and now_s - self._board.roles_s < SENT_EVERY_S - ROUNDING_S:
             return None
         roles, matching = () if last is None else last.roles, None
         if due:

@@ -13,7 +13,7 @@ from guidance.frames import Amsl
 from guidance.game import Cylinder
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board
-from guidance.team.coordinator import SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
+from guidance.team.coordinator import ROUNDING_S, SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
 from guidance.team.messages import EvaderMessage, RolesMessage, StateMessage, Transport, encode
 
 EVERY_S: Final = 0.1
@@ -25,7 +25,6 @@ STAYS_S: Final = 2.0
 _RELAYED_S: Final = 0.5
 """A mate's report of an evader is used if the vehicle has not heard the evader itself for so long."""
 
-_ROUNDING_S: Final = 1e-6
 _PLAYING: Final = frozenset({State.ENGAGED, State.PAUSED, State.ON_STATION})
 _READY: Final = frozenset({State.STANDING_BY, State.ENTERING})
 
@@ -137,7 +136,7 @@ class Member:
         ended = any(one.event in ends and one.after is not one.before for one in outputs.happenings)
         if ended and flight.heard.role is not None:
             self.board.close((flight.heard.role.evader,), now_s)
-        if now_s - self._told_s >= EVERY_S - _ROUNDING_S:
+        if now_s - self._told_s >= EVERY_S - ROUNDING_S:
             self._told_s = now_s
             self._publish(flight, outputs)
         elif not ended:
