@@ -27,7 +27,7 @@ from guidance.links.port import parse
 from guidance.links.world import World
 from guidance.preflight import COUNTED_S, ParameterChange, another_autopilot, changes, single
 from guidance.session.control_socket import token_path
-from guidance.session.daemon import Daemon
+from guidance.session.daemon import Daemon, Equipment
 from guidance.session.loop import PERIOD_S, PRIORITY
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.service import open_all
@@ -52,7 +52,7 @@ class Checkup:
 
     def __init__(self, name: str, plan: FlightPlan, world: World, clock: Clock) -> None:
         self._plan, self._link, self._clock, self._due_s = plan, world.links[name], clock, clock.now_s()
-        self._daemon = Daemon(name, plan, self._link, world.evaders[name])
+        self._daemon = Daemon(name, plan, self._link, world.evaders[name], Equipment())
 
     def rows(self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None) -> Sequence[Finding]:
         """Wait for all inputs, and return preflight's rows and the flight's own checks.

@@ -55,29 +55,26 @@ class Equipment:
     team: Member | None = None
 
 
-Evaders = EvaderSource | Mapping[str, EvaderSource]
-"""The source of reports of the only evader, or one for each evader by name."""
+Evaders = Mapping[str, EvaderSource]
+"""The source of reports of each evader, by name."""
 
 
 class Daemon:
     """One vehicle's guidance, in real or virtual time, against one evader or, in a team, several by name."""
 
-    def __init__(
-        self, name: str, plan: FlightPlan, link: VehicleLink, evader: Evaders, equipment: Equipment | None = None
-    ) -> None:
-        used = equipment or Equipment()
-        self.name, self._link, self.team, self.mailbox = name, link, used.team, used.mailbox
+    def __init__(self, name: str, plan: FlightPlan, link: VehicleLink, evaders: Evaders, used: Equipment) -> None:
+        self.name, self._link, self._evaders = name, link, evaders
+        self.team, self.mailbox, self.metrics = used.team, used.mailbox, used.metrics or Metrics(name)
         self.mailbox.meanwhile = None  # orders wait for the loop from now on
-        self._evaders = evader if isinstance(evader, Mapping) else {"evader": evader}
-        self._log, self._notifier, self.metrics = used.log, used.notifier, used.metrics or Metrics(name)
+        self._log, self._notifier = used.log, used.notifier
         self.recording = Recording(name, used.record, used.broadcast, required=used.record_required)
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
         self._refused: tuple[str, ...] = ()
         self.inputs = Inputs()
-        self.outputs: Outputs | None = None
         self.finished = False
         self._begin(plan)
+        self.outputs = Outputs(self.flight.state, None, (), (), None)
 
     def _begin(self, plan: FlightPlan) -> None:
         self._plan = plan

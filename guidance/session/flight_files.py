@@ -186,8 +186,7 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
         return plan_of(parse(Config, document, source=source)).flight
-    own = metadata.get(CONFIG)
-    config = None if own is None else parse(Config, json.loads(own), source="the record's config")
+    config = parse(Config, json.loads(metadata[CONFIG]), source="the record's config") if CONFIG in metadata else None
     from guidance.sim.scenario import Scenario  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
     return plan_of(config, parse(Scenario, document, source=source), metadata.get(TEAM)).flight

@@ -195,8 +195,7 @@ class Mission(CycleHooks):
             one.after(now_s, late_s, evader_m)
             if evader_m is not None and (not evader.track or evader.track[-1][0] < now_s):  # others may chase it too
                 evader.track.append((now_s, evader_m))
-            outputs = one.daemon.outputs
-            captures = outputs is not None and any(each.event is Event.CAPTURED for each in outputs.happenings)
+            captures = any(each.event is Event.CAPTURED for each in one.daemon.outputs.happenings)
             if captures and evader.captured_by is None:
                 evader.captured_by, evader.captured_s = one.pursuit.vehicle, now_s
 
@@ -232,7 +231,7 @@ class VehicleMission:
 
     def __init__(self, mission: Mission, pursuit: Pursuit) -> None:
         scenario, vehicle, evader = self.pursuit = pursuit
-        plan, equipment = mission.plans.get(vehicle), mission.equipment.get(vehicle)
+        plan, used = mission.plans.get(vehicle), mission.equipment.get(vehicle, Equipment())
         self._mission, self._policy, world = mission, mission.policy, mission.world
         self.result, self.over = FlightResult(scenario, State.CONNECTING), False
         self.engaged_s: float | None = None
@@ -240,9 +239,9 @@ class VehicleMission:
         self._heard = {
             name: SensedEvader(source, scenario.sensor, scenario.seed, mission.clock.now_s)
             for name, source in world.evaders[vehicle].items()
-            if (equipment is not None and equipment.team is not None) or name == evader
+            if used.team is not None or name == evader
         }
-        self.daemon = Daemon(vehicle, plan or plan_of(scenario=scenario), world.links[vehicle], self._heard, equipment)
+        self.daemon = Daemon(vehicle, plan or plan_of(scenario=scenario), world.links[vehicle], self._heard, used)
         self._begun_s = mission.clock.now_s()
         self._limit_from_s, self._refused_s, self._asked_s, self._shown_s = 0.0, math.inf, -math.inf, -math.inf
 
@@ -313,8 +312,6 @@ class VehicleMission:
                 is outside of its fence; on the ground, all of them.
         """
         outputs, result = self.daemon.outputs, self.result
-        if outputs is None:
-            return
         if self.daemon.flight.ordered_by_operator or result.cycles == 0:
             self._limit_from_s = now_s
         if any(map(begins_game, outputs.happenings)):

@@ -235,10 +235,9 @@ class Metrics:
         """
         for state in State:
             self._state.labels(self._name, str(state)).set(state is outputs.state)
-        heartbeat_s, position_s = (flight.vehicle.age_s(kind, now_s) for kind in (Heartbeat, LocalPosition))
-        ages_s = {"heartbeat": heartbeat_s, "position": position_s, "evader": flight.tracking.silence_s(now_s)}
-        for what, age_s in ages_s.items():
-            self._ages.labels(self._name, what).set(age_s)
+        for what, kind in (("heartbeat", Heartbeat), ("position", LocalPosition)):
+            self._ages.labels(self._name, what).set(flight.vehicle.age_s(kind, now_s))
+        self._ages.labels(self._name, "evader").set(flight.tracking.silence_s(now_s))
         certificate = outputs.certificate
         for what in _GAME_METRICS:
             self._game.labels(self._name, what).set(math.nan if certificate is None else getattr(certificate, what))

@@ -85,9 +85,8 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
         found = f"{len(polygons)} polygons ({excluded} of them not for inclusion) and {len(circles)} circles"
         allowed = "exactly one inclusion polygon (a circle about home is limits.fence_radius_m)"
         raise ConfigError(f"{said}: its fence has {found}; must be {allowed}")
-    corners: Any = polygons[0].get("polygon")
     try:
-        return [(float(latitude), float(longitude)) for latitude, longitude in corners]
+        return [(float(latitude), float(longitude)) for latitude, longitude in polygons[0].get("polygon")]
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{said}: its polygon is not a list of latitude and longitude ({error})") from error
 
@@ -281,10 +280,6 @@ class RecordSection(Section):
     rotate_mb: float = Field(256.0, ge=1.0, description="a new file begins at this size")
 
 
-EVADER: Final = "evader"
-"""Name of the one evader of a vehicle without a team."""
-
-
 class TeamEvader(EvaderSection):
     """An evader besides `[evader]`. On the vehicle's link only that one may report."""
 
@@ -321,7 +316,7 @@ class Config(Section):
     @property
     def evaders(self) -> dict[str, EvaderSection]:
         """All evaders by name, the vehicle's first one first."""
-        return {EVADER: self.evader} if self.team is None else {self.team.evader: self.evader, **self.team.evaders}
+        return {"evader": self.evader} if self.team is None else {self.team.evader: self.evader, **self.team.evaders}
 
     @property
     def speed_limits(self) -> Speeds:

@@ -228,7 +228,7 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
         page = Page(config.name, clock, {CONFIG_KEY: config.model_dump_json()})
         link, evader = world.links["bench"], world.evaders["bench"]["evader"]
         used = Equipment(record=record, broadcast=page)
-        flown = Daemon(config.name, plan_of(config), link, evader, used)
+        flown = Daemon(config.name, plan_of(config), link, {"evader": evader}, used)
         person = Person(flown, page, path, hours, within_s)
         run([flown], world, clock, mission=person)
         record.close()

@@ -30,7 +30,6 @@ from guidance.log.writer import Recorder
 from guidance.session.control_bus import answers, join_session
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.mission import Mission
-from guidance.session.orders import Mailbox
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
 from guidance.session.vehicle_file import Control, load_vehicle
@@ -139,7 +138,7 @@ def daemon_on_the_ground() -> Iterator[tuple[Daemon, Path, str]]:
         path = Path(folder) / "bench.toml"
         text = CONFIG.format(link="pymavlink", url="udpin://127.0.0.1:1", evader_port=2, control_port=port)
         path.write_text(text)
-        yield Daemon("bench", plan_of(load_vehicle(path)), Silent(), Silent(), mailbox=Mailbox()), path, str(port)
+        yield Daemon("bench", plan_of(load_vehicle(path)), Silent(), {"evader": Silent()}, Equipment()), path, str(port)
 
 
 def orders(wanted: int, within_s: float) -> bool:

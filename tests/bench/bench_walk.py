@@ -27,7 +27,7 @@ from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.udp import AddressPins, UdpWire
-from guidance.session.daemon import Daemon
+from guidance.session.daemon import Daemon, Equipment
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from sitl_mock.vehicle import MockVehicle
@@ -147,7 +147,7 @@ def walk(autopilot: str) -> Walk:
         theirs.connect(wire._socket.getsockname())
         theirs.setblocking(False)
         link, runner = PymavlinkLink(wire, clock.now_s, system_id=1), Runner(scenario, plan.flight)
-        daemon, engaged_s = Daemon("walk", plan, link, runner), float("inf")
+        daemon, engaged_s = Daemon("walk", plan, link, {"evader": runner}, Equipment()), float("inf")
         while not walked.arrived:
             now_s, state = clock.now_s(), daemon.flight.state
             frames = vehicle.step(now_s, _datagrams(theirs))

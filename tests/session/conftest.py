@@ -100,7 +100,7 @@ class Ordered(Sortie):
             broadcast=broadcast,
             record_required=record_required,
         )
-        self.daemon = Daemon(config.name, plan_of(config), self.link, self.evader, used)
+        self.daemon = Daemon(config.name, plan_of(config), self.link, {"evader": self.evader}, used)
         super().__init__(clock, self.daemon)
 
     def report(self, frame):

@@ -19,7 +19,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.preflight import refusals
 from guidance.session.checkup import Checkup
 from guidance.session.plan import plan_of
-from guidance.session.vehicle_file import EVADER, Config
+from guidance.session.vehicle_file import Config
 from sitl_mock import MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
@@ -43,7 +43,7 @@ class World(VirtualClock):
         self.autopilot = autopilot_named(autopilot)
         self.said = []
         evader = MavlinkEvader(silence, GLOBAL_POSITION, system_id=2)
-        world = worlds.World({"uav1": self.link}, {"uav1": {EVADER: evader}})
+        world = worlds.World({"uav1": self.link}, {"uav1": {"evader": evader}})
         self.checkup = Checkup("uav1", plan, world, self)
 
     def sleep_until(self, moment_s):

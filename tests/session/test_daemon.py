@@ -34,7 +34,7 @@ ENDED_BY = [
 def test_a_daemon_restarted_in_the_air_does_not_say_that_its_vehicle_is_ready(base):
     base = base.standing_by()
     used = Equipment(mailbox=base.mailbox, log=base.log)
-    base.daemon = base.pilot = Daemon(base.config.name, plan_of(base.config), base.link, base.evader, used)
+    base.daemon = base.pilot = Daemon(base.config.name, plan_of(base.config), base.link, {"evader": base.evader}, used)
     base.until(State.READY)
     assert base.order("status")["state"] == "not taken over"
     refused = base.order("engage")

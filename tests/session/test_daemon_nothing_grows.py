@@ -64,7 +64,7 @@ def grounded(tmp_path, vehicle_document):
         if isinstance(keys, dict):
             text += [f"[{section}]", *(f"{key} = {json.dumps(value)}" for key, value in keys.items())]
     path.write_text("\n".join(text))
-    daemon = Daemon(config.name, plan_of(config), Silent(), Silent())
+    daemon = Daemon(config.name, plan_of(config), Silent(), {"evader": Silent()}, Equipment())
     return daemon, lambda: reload(path, config)
 
 
