@@ -98,7 +98,7 @@ def _sphere(pursuer: ArrayLike, evader: ArrayLike, ratio: Array) -> tuple[Librar
 
 
 def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> StateSolution:
-    """StateSolution the game of an evader in space; see `solve` for the meaning of the answer.
+    """Solve the game of an evader in space; see `solve` for the meaning of the answer.
 
     Args:
         xp: array library.

@@ -46,8 +46,6 @@ class Library:
 
     differentiates = False
     """Whether it traces or differentiates: then every row takes every step, and derivatives must be finite."""
-    sqrt: Any
-    maximum: Any
 
     def __init__(self, module: Any) -> None:  # noqa: ANN401 - a module has no type of its own
         self.module = module

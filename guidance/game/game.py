@@ -7,16 +7,14 @@ arrays. Two games are equal if their numbers are, whatever type they were given 
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Literal, TypeAlias, TypeVar
+from typing import Literal, TypeAlias
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Plane, Real, is_array, less_length, pair_length
+from guidance.game.arrays import Plane, Real, Record, is_array, less_length, pair_length
 from guidance.game.extent import POINT, Extent
 from guidance.game.records import Numbers, is_zero, require, require_kind, take, take_pair
 
 STILL = (0.0, 0.0)
-
-Record = TypeVar("Record", "StandOff", "Game", "Ball | Cylinder")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ lies less than 90° off that direction (‖X − E‖ ≤ 2 n·(T − E)), so |s
 from typing import NamedTuple
 
 from guidance.game.arrays import Library, Plane, Real, Truth, along2, cross2, dot2, in_plane, plus2, times2
-from guidance.game.extent import Extent, from_set, nearest
+from guidance.game.extent import ORIGIN, Extent, from_set, nearest
 from guidance.game.game import STILL, Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import Geometry, ball_time
 from guidance.game.records import is_zero
@@ -153,13 +153,11 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     return Way(n, t, rho, left, flat_edge, air, flown, disc, to, bent, hand, delta)
 
 
-def aimed_at(xp: Library, hunt: Hunt, t: Real, place: Plane) -> tuple[Plane, Truth]:
-    """Return the vector from E to the target's point nearest to a place after t, and whether that is on a line."""
-    x, y = hunt.target if hunt.drift is None else plus2(hunt.target, t, hunt.drift)
-    if len(hunt.extent.corners_m) == 1:
-        return from_set((x, y), hunt.extent.corners_m[0]), False
-    near, flat = nearest(xp, hunt.extent, (place[0] - x, place[1] - y))
-    return (x + near[0], y + near[1]), flat
+def aimed_at(xp: Library, hunt: Hunt, t: Real, place: Plane = ORIGIN) -> tuple[Plane, Truth]:
+    """Return the vector from E to the target's point nearest to a place (E) after t, and whether that is on a line."""
+    target = hunt.target if hunt.drift is None else plus2(hunt.target, t, hunt.drift)
+    near, flat = nearest(xp, hunt.extent, plus2(place, -1.0, target))
+    return from_set(target, near), flat
 
 
 def left_over(xp: Library, hunt: Hunt, n: Plane, rho: Real, t: Real) -> tuple[Plane, Truth]:
@@ -208,11 +206,6 @@ def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
     turns = square if way.flat is False else square * (1.0 - 1.0 * way.flat)  # seen from a line it keeps its direction
     rate = turns + before * cross2(bend, edge) / square
     return -slope / rate, slope, (rate > 0) & (before <= 0)
-
-
-def turned(aim: Aim, way: Way, turn: Real) -> Aim:
-    """Turn a heading by a small angle, rad."""
-    return Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), way.to)
 
 
 def bounded(xp: Library, s: Real) -> Real:

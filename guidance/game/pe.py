@@ -259,7 +259,7 @@ def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Pla
 
 
 def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
-    """StateSolution PE; see `solve` for the meaning of the answer."""
+    """Solve PE; see `solve` for the meaning of the answer."""
     v, age = game.evader_speed_m_s, game.information_age_s
     t, direction, distance = escape(xp, game, state)
     gap = (distance if game.calm else xp.norm2(state.to_evader)) + (v * age - game.standoff.radius_m)

@@ -15,7 +15,7 @@ import numpy as np
 
 from guidance.game.arrays import Library, Plane, Real, Truth, cross2, dot2, in_plane, plus2, times2
 from guidance.game.game import STILL, Game
-from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, follow, hunt_for, judge, turned
+from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, follow, hunt_for, judge
 from guidance.game.pe import Geometry
 from guidance.game.records import in_rows, is_zero
 
@@ -36,10 +36,6 @@ DISC_STEPS = 5
 
 TRACED_STEPS = 12
 """Steps for libraries that trace and cannot stop early."""
-
-
-HERE = (0.0, 0.0)
-"""The evader's own place."""
 
 
 class Closest(NamedTuple):
@@ -79,7 +75,7 @@ def closest_point(xp: Library, game: Game, state: Geometry, target: Plane, goal:
 
 def _closest(xp: Library, hunt: Hunt) -> Closest:
     """Find it, by Newton's method unless the pursuer's height alone ends the run."""
-    met, _ = aimed_at(xp, hunt, hunt.met_s, HERE)
+    met, _ = aimed_at(xp, hunt, hunt.met_s)
     far = xp.norm2(met)
     straight = xp.unit2(met, far)
     rho = hunt.v * hunt.met_s + hunt.lag
@@ -115,7 +111,7 @@ def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: i
     for _ in range(steps):
         way = follow(xp, hunt, aim)
         turn, _, sound = judge(hunt, way)
-        aim = turned(aim, way, turn)
+        aim = Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), way.to)
     there = there | (sound & (abs(turn) <= xp.half_of_digits(turn)))
     if steps == most:
         return aim, there
@@ -137,7 +133,7 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     the closest point of its own circle, which is found in rounds.
     """
     hand = (hunt.u - hunt.v) * (hunt.u + hunt.v)
-    to_target, _ = aimed_at(xp, hunt, 0.0, HERE)
+    to_target, _ = aimed_at(xp, hunt, 0.0)
     end = plus2(hunt.to_evader, 1.0, to_target)
     disc = xp.unit2(end, xp.norm2(end))
     if _is_bare(hunt):

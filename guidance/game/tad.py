@@ -51,7 +51,7 @@ class Contest(NamedTuple):
 
 
 def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSolution:
-    """StateSolution TAD; see `solve` for the meaning of the answer.
+    """Solve TAD; see `solve` for the meaning of the answer.
 
     Args:
         xp: array library.

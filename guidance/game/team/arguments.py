@@ -52,10 +52,8 @@ def joined(games: Games, shape: str) -> TeamGame:
     nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(known) == table.size)
     if not nested or not known or not all(isinstance(game, Game) for game in known):
         raise ConfigError(f"game = {games!r}: must be one Game, or lists {shape} of games, None where two do not play")
-    first, varied = known[0], any(game.varies for game in known)
-    for name in ("evader_space", "target_velocity_m_s", "target_extent"):
-        varied |= any(getattr(game, name) != getattr(first, name) for game in known)
-    if varied or len({type(game.pursuer) for game in known}) > 1:
+    first, shared = known[0], attrgetter("varies", "evader_space", "target_velocity_m_s", "target_extent")
+    if first.varies or len({(type(game.pursuer), *shared(game)) for game in known}) > 1:
         same = "speed set (Ball or Cylinder), target_velocity_m_s, target_extent and evader_space"
         raise ConfigError(f"game: the games of a team must have the same {same}, and single numbers")
     rows = table.reshape(len(table), -1)

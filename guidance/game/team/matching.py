@@ -125,8 +125,7 @@ def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
         return _assigned(np.where(table.beats, profit, -np.inf))
     promised = (kept.first >= 0)[..., None]
     old = promised & (every == kept.first[..., None])
-    needed = kept.second >= 0
-    needed &= taken(table.worth, kept.first) < kept.worth
+    needed = (kept.second >= 0) & (taken(table.worth, kept.first) < kept.worth)
     partner = needed[..., None] & (every == kept.second[..., None])
     as_good = ~promised | (table.worth >= kept.worth[..., None] + hysteresis)
     free = ~partner.any(axis=1)[:, None] | partner

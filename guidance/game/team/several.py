@@ -181,7 +181,7 @@ def _best_pair(team: Team) -> Meeting:
     """Return what the best two pursuers guarantee, or the best one."""
     pairs = together(team, (..., pairs_of(team.own.shape[-1])))
     best = place_of(np.argmax(pairs.worth, axis=-1))
-    return Meeting(*(np.broadcast_to(part, pairs.worth.shape)[best] for part in pairs))
+    return Meeting(*(part[best] for part in pairs))
 
 
 def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
