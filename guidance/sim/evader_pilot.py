@@ -37,8 +37,7 @@ class EvaderPilot:
         self._target_m = None if target is None else np.array(target)
         start_m, speeds = np.array((*scenario.evader.position_m, 0.0)), Ball(scenario.evader.speed_m_s)
         self._strategy = strategy_of(scenario, EVADER, start_m, speeds, scenario.seed)
-        self._began_s: float | None = None
-        self._requested_s = self._stood_s = float("-inf")
+        self._began_s, self._requested_s, self._stood_s = math.inf, -math.inf, -math.inf
         self.vehicle, self.ready = VehicleState(), False
         self.position_game_m: Vector | None = None
         self._told: tuple[Home | None, Origin | None, GameFrame | None] = (None, None, None)
@@ -61,12 +60,12 @@ class EvaderPilot:
         if not guided or position is None:
             self._make_ready(now_s)
         elif playing and pursuers_game_m:
-            self._began_s = now_s if self._began_s is None else self._began_s
+            self._began_s = min(self._began_s, now_s)
             P = np.array(min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position)))
             E, memory = np.array((*position[:2], 0.0)), StrategyMemory(None, now_s - self._began_s)
             x, y, _ = evade(self._strategy, self._game, P, E, self._target_m, memory).tolist()
             self._link.send_setpoint(Setpoint(ned_from_game((x, y, 0.0))))
-            self._stood_s = float("-inf")
+            self._stood_s = -math.inf
         elif now_s - self._stood_s >= REPEAT_S:
             self._stood_s = now_s
             self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))

@@ -101,8 +101,7 @@ def listen(sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m
         report[:, place] += np.broadcast_to(spread, now_s.shape)[rows] * normal(noise.seed[rows], stream, number)
     ring[rows, number % ring.shape[1]] = report
     heard.measurements[rows] += 1
-    here = (heard.arrivals < heard.measurements) & (heard.arrivals * period_s + sensor.latency_s <= near_s)
-    rows = np.flatnonzero(here)
+    rows = np.flatnonzero(heard.arrivals * period_s + sensor.latency_s <= near_s)  # each of these has been measured
     number = heard.arrivals[rows]
     comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= np.broadcast_to(noise.dropout, now_s.shape)[rows]
     for begin_s, end_s in sensor.outages_s:

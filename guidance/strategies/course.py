@@ -64,9 +64,8 @@ class Course:
 
 def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
     """Go from a start (..., 3) through points (k, 3) as fast as the speeds (...) allow, and stay at the last."""
-    given = np.asarray(points_m, dtype=np.float64)
-    points = np.broadcast_to(given, (*start_m.shape[:-1], *given.shape))
-    places = np.concatenate([start_m[..., None, :], points], axis=-2)
+    points = np.asarray(points_m, dtype=np.float64)
+    places = np.concatenate([start_m[..., None, :], np.broadcast_to(points, (*start_m.shape[:-1], *points.shape))], -2)
     lasts = np.cumsum(_durations_s(np.diff(places, axis=-2), speeds), axis=-1)
     return Course(np.concatenate([0.0 * lasts[..., :1], lasts], axis=-1), places)
 

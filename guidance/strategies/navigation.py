@@ -91,11 +91,10 @@ def _sight(xp: Library, game: Game, state: Geometry) -> Space:
 
 def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous: Space, turn: Space) -> Space:
     """Turn a Ball's velocity."""
-    sight = _sight(xp, game, state)
+    sight, wind = _sight(xp, game, state), game.wind_m_s
     course = _turned(xp, sight, previous, turn)
-    headwind = course[0] * game.wind_m_s[0] + course[1] * game.wind_m_s[1]
-    wind = dot2(game.wind_m_s, game.wind_m_s)
-    pace = headwind + xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - wind + headwind * headwind)
+    headwind = dot2(course[:2], wind)
+    pace = headwind + xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - dot2(wind, wind) + headwind * headwind)
     met = xp.norm3(sight) <= game.capture_radius_m
     level = xp.select2(met, state.hold, (pace * course[0], pace * course[1]))
     return *level, xp.select(met, 0.0, pace * course[2])
