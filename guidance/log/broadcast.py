@@ -27,8 +27,6 @@ MAX_WAITING: Final = 256
 FLIGHT: Final = "flight"
 """Query of viewers that join late: the metadata, and the last message of each kind."""
 
-_LOOK_EVERY_S: Final = 0.05
-_MAX_QUERIES: Final = 16
 
 MAX_ARRIVED: Final = 4096
 TIMEOUT_S: Final = 4.0
@@ -62,7 +60,7 @@ class Broadcast(Record):
             what: session.declare_publisher(broadcast_key(name, what), encoding=json_of(codec.title), **how)
             for what, codec in _CODECS.items()
         }
-        self._queries = session.declare_queryable(broadcast_key(name, FLIGHT), zenoh.handlers.RingChannel(_MAX_QUERIES))
+        self._queries = session.declare_queryable(broadcast_key(name, FLIGHT), zenoh.handlers.RingChannel(16))
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
@@ -84,7 +82,7 @@ class Broadcast(Record):
     def _run(self) -> None:
         over = False
         while not over:
-            over = is_over(self._stop, _LOOK_EVERY_S)  # the last entries are published after the end
+            over = is_over(self._stop, 0.05)  # the last entries are published after the end
             with contextlib.suppress(zenoh.ZError, ValueError, TypeError):  # an entry that cannot be encoded is dropped
                 self._publish()
                 self._answer()

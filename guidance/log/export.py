@@ -43,7 +43,6 @@ EXPORTS: Final = (".tlog", ".csv", ".parquet", ".geojson", ".kml")
 _REORDER_S: Final = 1.0
 """Frames are recorded vehicle by vehicle each cycle, so times within this window may be out of order."""
 
-_ROWS_AT_ONCE: Final = 4096
 _AXES: Final = {"_ned": ("north", "east", "down"), "_game": ("east", "north", "up")}
 _EVADER: Final = "received_s sent_s source latitude_deg longitude_deg altitude_amsl_m velocity_ned_m_s"
 _EXPORTED: Final[tuple[tuple[str, type, str], ...]] = (
@@ -257,7 +256,7 @@ def write_table(path: Path, out: Path) -> int:
     schema = pa.schema([("now_s", pa.float64()), ("state", pa.string()), *named, ("alarm", pa.string())])
     rows, count = _rows(path), 0
     with (parquet.ParquetWriter if out.suffix == ".parquet" else csv.CSVWriter)(out, schema) as writer:
-        while some := list(islice(rows, _ROWS_AT_ONCE)):
+        while some := list(islice(rows, 4096)):
             writer.write_batch(pa.RecordBatch.from_pylist(some, schema=schema))
             count += len(some)
     return count

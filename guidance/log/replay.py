@@ -141,9 +141,8 @@ def difference_of(pairs: Sequence[Pair]) -> Difference:
 def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
     present = cycle_entry(row.now_s, row.inputs, outputs)
-    present = present if row.by is not None else present._replace(by=None)
-    same: dict[str, Any] = dict.fromkeys(("certificate", "alarm", "timing", "vehicle"))
-    same["inputs"] = Inputs()
+    same: dict[str, Any] = dict.fromkeys(("certificate", "alarm", "timing", "vehicle")) | {"inputs": Inputs()}
+    same |= {"by": None} if row.by is None else {}
     recorded_json, present_json = (CYCLE.encode(one._replace(**same)) for one in (row, present))
     if recorded_json == present_json:
         return []

@@ -44,7 +44,6 @@ MAX_WAITING: Final = 4096
 PACKAGE: Final = "pursuit-guidance"
 _RECORDED: Final = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
 _HASH: Final = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
-_GIT_LIMIT_S: Final = 5.0
 
 
 Entry = tuple[float, str, bytes | CycleEntry | EventEntry]
@@ -226,7 +225,7 @@ def commit_of_checkout(root: Path) -> str | None:
     words = ["git", "-c", "safe.directory=*", f"--git-dir={root / '.git'}", "rev-parse", "--verify", "HEAD"]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
     try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=_GIT_LIMIT_S, check=True, env=environment)
+        done = subprocess.run(words, capture_output=True, text=True, timeout=5.0, check=True, env=environment)
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip()

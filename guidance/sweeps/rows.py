@@ -26,7 +26,6 @@ from guidance.sweeps.axes import Axis
 from guidance.sweeps.plan import FOLDER, Cases, Pair, Plan, policy_in
 
 _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
-_SAMPLE: Final = 1000
 
 
 def bases_of(plan: Plan, source: str = "") -> list[dict[str, Any]]:
@@ -144,7 +143,7 @@ def refuse_without_games(plan: Plan) -> None:
     Raises:
         ConfigError: With the most common reason.
     """
-    spread = np.unique(np.linspace(0, plan.rows - 1, _SAMPLE).round().astype(np.int64))
+    spread = np.unique(np.linspace(0, plan.rows - 1, 1000).round().astype(np.int64))
     found = list(scenarios_of(plan, plan.cases(spread)))
     reasons = Counter(one for one in found if isinstance(one, str))
     if reasons.total() == len(found):

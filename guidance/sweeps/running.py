@@ -25,7 +25,6 @@ from guidance.sweeps.folder import Folder, alone, begun
 from guidance.sweeps.rows import computed, planned, uncollected
 
 CONNECT_S = 10.0
-_SHOW_S: Final = 0.5
 _AHEAD: Final = 3
 """Chunks submitted for each worker."""
 _DEATHS: Final = 5
@@ -138,7 +137,7 @@ def _spread(folder: Folder, on_kept: Callable[[int], None], size: int, start: Ca
                 while pending and len(running) < _AHEAD * size:
                     future = executor.submit(computed, folder.plan, folder.rows(pending[0]))
                     running[future] = pending.popleft()
-                for future in wait(running, timeout=_SHOW_S, return_when=FIRST_COMPLETED).done:
+                for future in wait(running, timeout=0.5, return_when=FIRST_COMPLETED).done:
                     folder.keep(running[future], _content(future, running[future]))
                     on_kept(len(folder.rows(running.pop(future))))
                 on_kept(0)

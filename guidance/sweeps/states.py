@@ -42,7 +42,6 @@ _NUMBERS: Final = re.compile(rf"{_RATIO}|target_[xy]_m|pursuer_(\d+_)?[xyz]_m|ev
 
 _NUMBER_FORM: Final = r"^([+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?inf(inity)?|nan)$"
 _KINDS: Final = (".csv", ".parquet")
-_NOT_A_NUMBER: Final = "not_a_number"
 _SHOWN: Final = 5
 """How many cells without a number are listed."""
 
@@ -193,7 +192,7 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool)
         raise ConfigError(f"--states: {fault}: rename it (only a complete earlier answer is replaced)")
     for name, values in columns.items():
         if name.endswith("reason"):
-            values = [_NOT_A_NUMBER if row in lost else word for row, word in enumerate(values)]  # noqa: PLW2901
+            values = ["not_a_number" if row in lost else word for row, word in enumerate(values)]  # noqa: PLW2901
         chunk = (chunk.drop_columns([name]) if name in names else chunk).append_column(name, pa.array(values))
     return chunk
 

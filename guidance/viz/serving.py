@@ -32,7 +32,6 @@ MEMORY_LIMIT: Final = "512MB"
 """Memory limit of the server, for late viewers; the oldest data are dropped first."""
 
 START_LIMIT_S: Final = 30.0
-_LIMIT_S: Final = 20.0
 _PIECE_BYTES: Final = 65_536
 _HTTP_2: Final = b"PRI * HTTP/2.0\r\n"
 """First line of native viewers. Browsers use HTTP/2 with TLS only."""
@@ -89,7 +88,7 @@ class _Connection(socketserver.BaseRequestHandler):
         """Check the first request, then forward."""
         outer: socket.socket = self.request
         with contextlib.suppress(OSError):
-            outer.settimeout(_LIMIT_S)
+            outer.settimeout(20.0)
             head = _head_from(outer)
             native = head.startswith(_HTTP_2) and not self.server.headers
             if not (native or host_of(head) in self.server.hosts):

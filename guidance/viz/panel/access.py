@@ -37,7 +37,6 @@ LOGIN_DEADLINE_S: Final = 10.0
 
 PAGE: Final = Path(__file__).with_name("page")
 _PUBLIC: Final = frozenset({"/", "/login", "/door.css"})
-_RETRY_S: Final = 0.1
 _MAX_ADDRESSES: Final = 1024
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -254,7 +253,7 @@ class Listener:
             try:
                 accepted, _ = await loop.sock_accept(listening)
             except OSError:  # out of file descriptors, or the peer has gone
-                await asyncio.sleep(_RETRY_S)
+                await asyncio.sleep(0.1)
                 continue
             self.close_late()
             if len(self._strangers.keys() | self._server.connections) >= MAX_CONNECTIONS:

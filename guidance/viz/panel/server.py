@@ -31,7 +31,6 @@ KEEPALIVE_S: Final = 15.0
 
 _MAX_BYTES: Final = 4096
 _MAX_NAME_LENGTH: Final = 24
-_MAX_ORDERS_AT_ONCE: Final = 16
 
 
 class PanelServer:
@@ -51,7 +50,7 @@ class PanelServer:
     def __init__(self, hub: Hub, access: Access, *, look: bool, records: Path | None, tiles: str) -> None:
         self._hub, self._access, self._look, self._records, self._tiles = hub, access, look, records, tiles
         self._pages: dict[web.WebSocketResponse, tuple[asyncio.Queue[str], asyncio.Task[None]]] = {}
-        self._order_threads = ThreadPoolExecutor(_MAX_ORDERS_AT_ONCE, thread_name_prefix="order")
+        self._order_threads = ThreadPoolExecutor(16, thread_name_prefix="order")
         self._tile_url, tile_origin = map_of(tiles)
         images = f"img-src 'self' data: {tile_origin}".rstrip()
         policy = f"default-src 'none'; script-src 'self'; style-src 'self'; {images}; connect-src 'self'"
