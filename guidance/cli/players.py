@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 _ROLES: Final = ("first", "second")
 _NUMBERS: Final = ("game_time_s", "predicted", "achieved", "regret")
-_FLOWN: Final = ("ended", "alarms", "limits")
 
 
 def rows_json(scenario: Scenario | TeamScenario, rows: Sequence[Any]) -> str:
@@ -43,7 +42,7 @@ def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "Mission
         one = None if result is None else result.vehicles[name]
         flown = [] if one is None else [str(one.ended), str(len(one.alarms)), ", ".join(one.limits) or "-"]
         cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flown])
-    headings = ("vehicle", "assigned", "captured", *(() if result is None else _FLOWN))
+    headings = ("vehicle", "assigned", "captured", *(() if result is None else ("ended", "alarms", "limits")))
     console.print(sheet(headings, cells, left=range(len(headings))))
     if not rows:
         return

@@ -36,9 +36,6 @@ scenario = typer.Typer(
 
 _GAMES: Final = {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}
 _LISTED: Final = ("name", "game", "title", "expected")
-_WIDE: Final = 120
-"""Columns from which on the list shows the expectations."""
-
 _WAYS: Final = ("maths", "fast", "live", "vehicle")
 _BELONGING: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
     ("vehicle",): ("--config", "--vehicle", "--engage", "--yes"),
@@ -219,7 +216,7 @@ def listed() -> Iterator[tuple[str, str, str, str]]:
 
 def listing(width: int) -> Table:
     """Return the table of `guidance scenario list`; expectations are shown from 120 columns on."""
-    shown = len(_LISTED) if width >= _WIDE else len(_LISTED) - 1
+    shown = len(_LISTED) if width >= 120 else len(_LISTED) - 1
     return sheet(_LISTED[:shown], (row[:shown] for row in listed()), left=range(shown))
 
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 HEARTBEAT_EVERY_S: Final = 1.0
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
-_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 
 
 @dataclass(slots=True, kw_only=True)
@@ -274,7 +273,7 @@ class Daemon:
         A mission asks every second: a refusal for the same reason is logged once.
         """
         order, accepted = question.order, not reason
-        known, words = order if order in WORDS else "unknown", _NUMBER.sub("", reason)
+        known, words = order if order in WORDS else "unknown", re.sub(r"\d+(\.\d+)?", "", reason)
         self.metrics.order(known, accepted=accepted)
         repeated = not accepted and question.authority is Authority.MISSION and words == self._refused_for.get(known)
         self._refused_for[known] = words

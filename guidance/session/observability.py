@@ -176,7 +176,6 @@ class Notifier:
 
 
 MAX_CONNECTIONS: Final = 16
-REQUEST_DEADLINE_S: Final = 5.0
 _MAX_REQUEST_BYTES: Final = 8192
 _GAME_METRICS: Final = (
     "value", "time_needed_s", "assured_distance_m", "margin_s", "vehicle_margin_s", "reachable_speed_m_s",
@@ -268,7 +267,7 @@ class MetricsServer:
         LinkError: If the port is in use.
     """
 
-    def __init__(self, metrics: Metrics, port: int, deadline_s: float = REQUEST_DEADLINE_S) -> None:
+    def __init__(self, metrics: Metrics, port: int, deadline_s: float = 5.0) -> None:
         try:
             listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:

@@ -78,9 +78,8 @@ def open_all(
         session = closed.enter_context(session_to(endpoint, credentials, timeout_s=5.0))
         owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
         closed.callback(close_all, owner_token(session, owned).undeclare)
-    if (
-        wire := opened.get(config.name)
-    ) is None:  # the evader's reports arrive on it too, unless they have a URL of their own
+    if (wire := opened.get(config.name)) is None:
+        # The evader's reports arrive on it too, unless they have a URL of their own.
         both = (vehicle.system_id, evader.system_id if evader.url is None else None)
         wire = open_wire(vehicle.url, clock=clock.now_s, systems=both, signing_key=key, credentials=credentials)
     closed.callback(wire.close)
