@@ -174,8 +174,7 @@ def certify(
     P, E, T, seen = players.pursuer_m, players.evader_m, players.target_m, players.evader_m_s
     here, u = solve_state(game, P, E, T, evader_velocity_m_s=seen), game.pursuer.horizontal_m_s
     optimal = here.pursuer_velocity_m_s
-    optimal_m_s = optimal if before_m_s is None else before_m_s
-    late = late_start(P, optimal_m_s, players.pursuer_m_s, vehicle.acceleration)
+    late = late_start(P, before_m_s or optimal, players.pursuer_m_s, vehicle.acceleration)
     (ground_m, height_m, *_), tolerance_m = players.gaps, vehicle.tolerance_m
     farthest_m = max(ground_m, abs(height_m))
     certificate = without_game(players, here)._replace(

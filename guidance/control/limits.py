@@ -178,8 +178,7 @@ class Limits(Section):
     @property
     def reach_m(self) -> float:
         """Greatest distance from home inside the fence; infinite for corners in degrees, until home is known."""
-        corners = self.fence_polygon_ne_m or ()
-        farthest_m = max((math.hypot(*corner) for corner in corners), default=math.inf)
+        farthest_m = max((math.hypot(*corner) for corner in self.fence_polygon_ne_m or ()), default=math.inf)
         return min(farthest_m, math.inf if self.fence_radius_m is None else self.fence_radius_m)
 
     def speeds(self, game: Speeds, *, section: str) -> Speeds:
@@ -238,8 +237,7 @@ class Limits(Section):
         """Return an envelope with the polygon fence in metres, if it is given in degrees."""
         if self.fence_polygon_deg is None:
             return envelope
-        corners_m = corners_about_home(self.fence_polygon_deg, home_ned_m, frame)
-        return replace(envelope, fence_polygon=Polygon(corners_m))
+        return replace(envelope, fence_polygon=Polygon(corners_about_home(self.fence_polygon_deg, home_ned_m, frame)))
 
 
 def _corner_faults(corners_deg: tuple[tuple[float, float], ...]) -> Iterator[str]:

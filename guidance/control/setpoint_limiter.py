@@ -133,8 +133,7 @@ def limit(
 
     wanted = command.acceleration_ned_m_s2
     if wanted is not None:
-        jerk_m_s2 = envelope.jerk_m_s3 * dt_s
-        wanted = slew(clamp(wanted, *accelerations), memory.feed_forward_ned_m_s2, jerk_m_s2)
+        wanted = slew(clamp(wanted, *accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
     feed_forward = braked(wanted, situation, walls, envelope)
     if feed_forward is not None:
         # Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag,
@@ -145,8 +144,7 @@ def limit(
             for one in closed[: len(holding)]
         )
         feed_forward, _ = obey(clamp(feed_forward, *accelerations), (*at_walls, *at_speed))
-        asked_for = command.acceleration_ned_m_s2 or STILL
-        _note(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, asked_for)
+        _note(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, command.acceleration_ned_m_s2 or STILL)
     turned_rad = None if command.yaw_rad is None else _turn(command.yaw_rad, memory.yaw_rad, envelope, dt_s, active)
     gained, _ = obey(acceleration, closed)
     heading_rad = yaw_rad if turned_rad is None else turned_rad

@@ -118,7 +118,6 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
     (nn, en, xn, yn, wn), (_, ee, xe, ye, we), (_, _, xx, yx, wx), (*_, yy, wy), (*_, ww) = rows
     noise = settings.turning_noise_m2_s3
     place, shared, rate = noise * dt_s**3 / 3.0, noise * dt_s**2 / 2.0, noise * dt_s
-    turning = settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)
     return Normal(
         (
             north + along * was_north_rate - across * was_east_rate,
@@ -127,7 +126,7 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
         ),
         (
             *(nn + place, en, ee + place, xn + shared, xe, xx + rate, yn, ye + shared, yx, yy + rate),
-            *(wn, we, wx, wy, ww + turning),
+            *(wn, we, wx, wy, ww + settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)),
         ),
     )
 

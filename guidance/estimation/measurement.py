@@ -124,12 +124,11 @@ def measure(
         settings: For missing spreads.
     """
     place_ned_m = frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
-    known = not any(map(math.isnan, report.velocity_ned_m_s))
     return Measurement(
         report.received_s if clock is None or math.isnan(report.sent_s) else clock.ours(report.sent_s),
         report.received_s,
         difference(place_ned_m, shift_ned_m),
-        report.velocity_ned_m_s if known else None,
+        None if any(map(math.isnan, report.velocity_ned_m_s)) else report.velocity_ned_m_s,
         max(_LEAST_SD, report.position_sd_m) if report.position_sd_m > 0.0 else settings.position_sd_m,
         max(_LEAST_SD, report.velocity_sd_m_s) if report.velocity_sd_m_s > 0.0 else settings.velocity_sd_m_s,
     )

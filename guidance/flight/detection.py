@@ -143,8 +143,7 @@ class Moment(NamedTuple):
 
 def events(now: Moment) -> Iterator[Event]:
     """Yield the events of this cycle, the most severe first; only those that are in the table for this state."""
-    state = now.stage.state
-    return (event for event, happens in _conditions(now) if happens and (state, event) in TRANSITIONS)
+    return (event for event, happens in _conditions(now) if happens and (now.stage.state, event) in TRANSITIONS)
 
 
 def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:

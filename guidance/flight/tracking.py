@@ -151,5 +151,4 @@ def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> 
     """Distance between the vehicle's local and global positions in this frame."""
     step_s = place.time_boot_s - local.time_boot_s
     then = [at + step_s * rate for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)]
-    altitude = Amsl(place.altitude_amsl_m)
-    return math.dist(then, frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, altitude))
+    return math.dist(then, frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m)))

@@ -83,8 +83,7 @@ def _certified(
     """Return a new key and its certificate, self-signed without an authority. Extensions may be critical (True)."""
     key, subject = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     issuer = subject if authority is None else authority.certificate.subject
-    number = x509.random_serial_number()
-    built = x509.CertificateBuilder(issuer, subject, key.public_key(), number, *validity)
+    built = x509.CertificateBuilder(issuer, subject, key.public_key(), x509.random_serial_number(), *validity)
     constraints = x509.BasicConstraints(ca=authority is None, path_length=0 if authority is None else None)
     for extension, critical in ((constraints, True), *extensions):
         built = built.add_extension(extension, critical=critical)

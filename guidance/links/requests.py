@@ -114,7 +114,7 @@ class TimesyncPeer:
     def hear(self, message: Fields, received_s: float) -> tuple[Timesync | None, Fields | None]:
         """Return an answer to our question or None, and the reply to theirs or None."""
         if message.tc1 == 0:
-            return None, mavlink.MAVLink_timesync_message(_nanoseconds(received_s), message.ts1)
+            return None, mavlink.MAVLink_timesync_message(round(received_s * 1e9), message.ts1)
         if message.ts1 in self.asked_ns:
             self.asked_ns.remove(message.ts1)
             return Timesync(received_s, remote_ns=message.tc1, local_ns=message.ts1), None
@@ -123,9 +123,5 @@ class TimesyncPeer:
     def ask(self, now_s: float) -> Fields:
         """Return a question; the next is due at `next_ask_s`. Its time is never 0, which would mark an answer."""
         self.next_ask_s = now_s + TIMESYNC_EVERY_S
-        self.asked_ns.append(_nanoseconds(now_s) or 1)
+        self.asked_ns.append(round(now_s * 1e9) or 1)
         return mavlink.MAVLink_timesync_message(0, self.asked_ns[-1])
-
-
-def _nanoseconds(now_s: float) -> int:
-    return round(now_s * 1e9)

@@ -103,8 +103,7 @@ class AddressPins:
         pins = self._pins
         if system_id not in pins and self._systems is None and len(pins) >= MAX_SYSTEMS:
             del pins[self._silent_longest()]
-        first = pins[system_id].first if system_id in pins else address
-        pins[system_id] = _Pin(address, now_s, first)
+        pins[system_id] = _Pin(address, now_s, pins[system_id].first if system_id in pins else address)
         self.addresses = tuple({pin.address: None for pin in pins.values()})
         return None
 

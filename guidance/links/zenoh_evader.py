@@ -144,13 +144,11 @@ def rmw_key(topic: str, dds_type: str) -> str:
     return f"*/{topic.strip('/')}/{dds_type}/*"
 
 
-def read_ros(
-    payload: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = "map"
-) -> EvaderReport:
+def read_ros(data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = "map") -> EvaderReport:
     """Convert a geometry_msgs/PoseStamped, or a nav_msgs/Odometry.
 
     Args:
-        payload: Plain CDR version 1 (OMG DDS-RTPS 2.x): four bytes of encapsulation, then values aligned to their own
+        data: Plain CDR version 1 (OMG DDS-RTPS 2.x): four bytes of encapsulation, then values aligned to their own
             size, counted from after those four. A string is its length with the closing zero, then its bytes.
         received_s: By our clock.
         frame: The frame that ROS calls `frame_id`.
@@ -160,7 +158,7 @@ def read_ros(
     Raises:
         Refused: If the bytes end early or are not one, or it is in another frame.
     """
-    order, body, strings = _ORDERS.get(payload[:2]), payload[4:], 2 if moves else 1
+    order, body, strings = _ORDERS.get(data[:2]), data[4:], 2 if moves else 1
     if order is None:
         raise Refused("encoding")
     layout = f"{order}iI"

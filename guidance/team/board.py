@@ -123,8 +123,7 @@ class Board:
             self.close(state.over, arrived_s)
         place, velocity = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m), state.velocity_ned_m_s
         top_m_s = max(math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s)), math.hypot(*velocity))
-        doubt_m = math.hypot(*mate.doubt_ned_m)
-        return MateState(state.vehicle, at_s, *place, velocity, top_m_s, doubt_m, state.airborne)
+        return MateState(state.vehicle, at_s, *place, velocity, top_m_s, math.hypot(*mate.doubt_ned_m), state.airborne)
 
     def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
         """Add what of a step no motion explains."""
