@@ -176,7 +176,6 @@ class Notifier:
 
 
 MAX_CONNECTIONS: Final = 16
-_MAX_REQUEST_BYTES: Final = 8192
 _GAME_METRICS: Final = (
     "value", "time_needed_s", "assured_distance_m", "margin_s", "vehicle_margin_s", "reachable_speed_m_s",
     "meeting_time_s", "speed_ratio", "evader_age_s", "gap_m", "height_gap_m",
@@ -289,7 +288,7 @@ class MetricsServer:
             runner.run(self._serve(listener))
 
     async def _serve(self, listener: socket.socket) -> None:
-        server = await asyncio.start_server(self._answer, sock=listener, limit=_MAX_REQUEST_BYTES)
+        server = await asyncio.start_server(self._answer, sock=listener, limit=8192)  # bytes of a request
         await self._ended.wait()
         server.close()
 
