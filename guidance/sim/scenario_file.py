@@ -80,8 +80,6 @@ def json_schema() -> dict[str, Any]:
 
 _COLUMNS: Final = ("t_s", "x_m", "y_m", "z_m")
 _NAMED: Final = ", ".join(_COLUMNS)
-_LEAST_STEP_S: Final = 0.2
-"""Rows of a flight's record closer than this are left out: 50 rows a second say no more than 5."""
 
 
 def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:
@@ -125,7 +123,8 @@ def _from_record(path: Path, part: str) -> list[TrackRow]:
         for item in scan(path):
             row = json.loads(item.data) if item.topic == CYCLE.topic else {}
             certificate = row.get("certificate")
-            if certificate is not None and not (rows and row["now_s"] - rows[-1][0] < _LEAST_STEP_S - 1e-6):
+            # 50 rows a second say no more than 5
+            if certificate is not None and not (rows and row["now_s"] - rows[-1][0] < 0.2 - 1e-6):
                 x, y, z = certificate[part]
                 rows.append((float(row["now_s"]), float(x), float(y), float(z)))
     return rows
