@@ -69,8 +69,7 @@ class Extent:
 
     def distance_m(self, target: Sequence[float], place: Sequence[float]) -> float:
         """Return the horizontal distance of a place from the set about a target's position, m; zero inside."""
-        offset = (place[0] - target[0], place[1] - target[1])
-        return float(FLOATS.norm2(to_set(FLOATS, self, offset)))
+        return float(FLOATS.norm2(to_set(FLOATS, self, (place[0] - target[0], place[1] - target[1]))))
 
     def outline_m(self) -> list[tuple[float, float]]:
         """Return points around the set's edge, for pictures: x and y from the target's position; of a point none."""
@@ -110,8 +109,7 @@ def nearest(xp: Library, extent: Extent, place: Plane) -> tuple[Plane, Truth]:
         foot = (a_x + held * way_x, a_y + held * way_y)
         apart = (place[0] - foot[0]) * (place[0] - foot[0]) + (place[1] - foot[1]) * (place[1] - foot[1])
         closer = apart < least
-        within = (share > 0.0) & (share < 1.0)
-        flat = xp.select(closer, within, flat)
+        flat = xp.select(closer, (share > 0.0) & (share < 1.0), flat)
         found, least = xp.select2(closer, foot, found), xp.select(closer, apart, least)
         inside = inside & (way_x * y - way_y * x >= 0.0)
     return xp.select2(inside, place, found), flat

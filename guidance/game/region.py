@@ -100,8 +100,7 @@ def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
     start = _touch(xp, hunt)
     if xp.differentiates:
         return _bracket(xp, hunt, start, TRACED_STEPS)
-    steps = 1 if _is_bare(hunt) else STEPS
-    aim, there = _newton(xp, hunt, start, within, steps, NEWTON_STEPS)
+    aim, there = _newton(xp, hunt, start, within, 1 if _is_bare(hunt) else STEPS, NEWTON_STEPS)
     there = within | (there & (abs(aim.s - start.s) <= 2.0))
     return in_rows(there == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start)
 

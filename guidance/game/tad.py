@@ -72,8 +72,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     v, age, time = game.evader_speed_m_s, game.information_age_s, xp.select(won, edge.time, contest.arrival)
     length = v * (time + age)
     moves = length > 0
-    length = xp.select(moves, length, v * (contest.arrival + age))
-    heading = xp.unit2(xp.select2(moves, run, goal), length)
+    heading = xp.unit2(xp.select2(moves, run, goal), xp.select(moves, length, v * (contest.arrival + age)))
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
     flown = pe.fly_to(xp, game, state._replace(hold=hold), to, xp.select(won, lead.time, contest.guard))

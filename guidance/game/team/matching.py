@@ -109,8 +109,7 @@ def match_teams(
         else:
             pairs = kept.pairs if kept is not None and np.array_equal(first, kept.asked) else None
             pairs = pairs or pairs_with(table, first)
-            second = _seconds(table, pairs, first, kept, hysteresis)
-            answer = _defended(table, table.target, pairs, first, second)
+            answer = _defended(table, table.target, pairs, first, _seconds(table, pairs, first, kept, hysteresis))
     worst = table.all.alone.reason.max(axis=(1, 2)).reshape(table.shape)
     whole = Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer))
     return judged(whole, np.where(worst < int(Reason.NOT_FINITE), 0, worst), lambda: "pursuers, evaders: have")
