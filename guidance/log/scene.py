@@ -29,7 +29,6 @@ SCENE_EVERY_S: Final = 0.2
 """Periods of the map and pose messages, and of the scene."""
 
 GAME_FRAME: Final = "game"
-_CORNERS: Final = 37
 _UNKNOWN, _DIAGONAL_KNOWN, _CLOSED_LINE = 0, 2, 1  # of Foxglove's enumerations
 _ZERO: Final[Vector] = (0.0, 0.0, 0.0)
 _UNUSED: Final = ("metadata", "arrows", "cubes", "cylinders", "triangles", "texts", "models")
@@ -201,4 +200,4 @@ def disc(certificate: Certificate) -> Sequence[Vector]:
     evader, above = certificate.evader_game_m, certificate.pursuer_game_m
     radius_m = math.dist(above[:2], evader[:2]) - certificate.gap_m
     height_m = above[2] - certificate.height_gap_m
-    return [(float(x), float(y), height_m) for x, y in circle(evader, radius_m, _CORNERS)[:-1]]
+    return [(float(x), float(y), height_m) for x, y in circle(evader, radius_m, 37)[:-1]]

@@ -30,7 +30,6 @@ FRAMES: Final = 90
 FRAME_MS: Final = 80
 """Frames of a moving picture, spread over the game, and how long each is shown."""
 
-LAST_FRAME_MS: Final = 1600
 _TAIL_S: Final = 2.0
 """Time after the capture that is shown."""
 
@@ -275,7 +274,7 @@ def write_animation(story: Story, path: Path) -> None:
         title.set_text(f"{story.title}: {max(0.0, now_s[shown[number]] - begun_s):.1f} s")
         figure.canvas.draw()
         images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
-    times_ms = [FRAME_MS] * (len(images) - 1) + [LAST_FRAME_MS]
+    times_ms = [FRAME_MS] * (len(images) - 1) + [20 * FRAME_MS]
     images[0].save(path, save_all=True, append_images=images[1:], duration=times_ms, loop=0, quality=55, method=4)
 
 

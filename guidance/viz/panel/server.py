@@ -30,7 +30,6 @@ KEEPALIVE_S: Final = 15.0
 """Idle time of a connection between two requests; then it is closed."""
 
 _MAX_BYTES: Final = 4096
-_MAX_NAME_LENGTH: Final = 24
 
 
 class PanelServer:
@@ -148,7 +147,7 @@ class PanelServer:
             send = partial(self._hub.order, team=bool(form.get("team")))
         except (ValueError, KeyError, TypeError, RecursionError):
             return web.Response(status=400)
-        by = f"panel, {name[:_MAX_NAME_LENGTH]} at {request.remote}"
+        by = f"panel, {name[:24]} at {request.remote}"
         loop = asyncio.get_running_loop()
         try:
             answers: Any = await loop.run_in_executor(self._order_threads, send, daemon, order, by)

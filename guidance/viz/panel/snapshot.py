@@ -48,7 +48,6 @@ LINK_WINDOW_S: Final = 5.0
 
 _LINK_CAUTION, _LINK_WARNING = 0.8, 0.5
 _FIX_3D: Final = 3
-_POINTS: Final = 49
 _CENTIMETRES: Final = 2
 
 MAX_FRAMES: Final = 2500
@@ -243,7 +242,7 @@ class SnapshotFold:
         self._shown = dict(plain(snapshot))
         if certificate is not None and not certificate.no_game:
             if not 0.0 <= row.now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:  # seldom: it solves a batch of games
-                curve = isochron_at(self._flight.settings.cycle, certificate, _POINTS)
+                curve = isochron_at(self._flight.settings.cycle, certificate, 49)
                 curve = curve[np.isfinite(curve).all(axis=-1)]
                 self._isochron = row.now_s, np.round(curve, _CENTIMETRES).tolist()
             self._shown["game"]["isochron_m"] = self._isochron[1]  # plain already, and long
