@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from guidance.frames import Amsl, Vector
 from guidance.game import Ball, Cylinder, Extent, Game, SpeedSet, StandOff
 from guidance.game.arrays import Real
-from guidance.sim.scenario import EVADER, PURSUER, Player, Scenario
+from guidance.sim.scenario import EVADER, PURSUER, Player, Scenario, Wind
 from guidance.sim.sensor import PERFECT, Noise
 from guidance.strategies import Strategy, random_turns, recorded, waypoints
 
@@ -143,7 +143,8 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
 
 def game(scenario: Scenario) -> Game:
     """Return the game with the evader's true speed, as the evader plays it in flight: in still air, to the disc."""
-    return replace(stack([scenario]).game, wind_m_s=(0.0, 0.0), capture_radius_m=0.0)
+    still = scenario.model_copy(update={"wind": Wind()})  # with the wind there may be no game at all
+    return replace(stack([still]).game, capture_radius_m=0.0)
 
 
 def target_game_m(scenario: Scenario) -> Vector | None:
